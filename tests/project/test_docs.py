@@ -118,9 +118,10 @@ def test_the_outlines_calibrate(folder):
 
 
 def test_the_outlines_of_the_photograph_calibrate_it(folder):
-    ((_, outlines),) = blocks(page("targets.md"), "json")
+    text = page("targets.md")
+    ((_, outlines),) = blocks(text, "json")
     Path("squares.json").write_text(outlines)
-    (command,) = re.findall(r"`(trisquare calibrate .* --outline squares\.json)`", page("targets.md"))
+    (command,) = re.findall(r"`(trisquare calibrate .* --outline squares\.json)`", text)
     run_line(f"{command} -o outlined.json")
     assert ts.Calibration.load("outlined.json").camera.fx == pytest.approx(902.4, abs=1)
     corners = [np.array(square["corners"]) for square in json.loads(outlines)["squares"]]

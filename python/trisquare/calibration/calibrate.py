@@ -40,6 +40,9 @@ from trisquare.results.scene_line import SceneLine
 LARGE_SIDE = 10.0
 """Metres from which on a side that is a number alone is doubted: it may be of millimetres."""
 
+NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
+"""Added to what speaks against the squares that were found."""
+
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
 
@@ -397,7 +400,10 @@ def _calibration(
     }
     if text := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
-    warnings += [CalibrationWarning(*warning) for warning in found.warnings]
+    by_picture = bool(images) and {figure.kind for figure in gathered.figures} == {"square"}
+    for text, code, severity, plane in found.warnings:
+        hint = NO_SQUARES_HINT if by_picture and code == "planes_contradict" else ""
+        warnings.append(CalibrationWarning(text + hint, code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation
     return Calibration(

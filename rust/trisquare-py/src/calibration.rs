@@ -436,13 +436,14 @@ fn message(warning: &Warning) -> String {
     let Some(advised) = warning.alternative() else {
         return text;
     };
-    let keyword = match advised.setting {
-        Setting::Model(name) => format!("model={name:?}"),
-        Setting::AspectHeld => "fix=\"aspect\"".into(),
-        Setting::PrincipalPointHeld => "fix=\"principal_point\"".into(),
+    let setting = match advised.setting {
+        Setting::Model(name) => format!("With model={name:?}"),
+        Setting::AspectHeld => "With fix=\"aspect\"".into(),
+        Setting::PrincipalPointHeld => "With fix=\"principal_point\"".into(),
+        Setting::DistortionFree(name) => format!("Without fix=\"distortion\" (model={name:?})"),
         _ => return text,
     };
-    let own = format!("With {keyword} fx is {:.1}", advised.focal);
+    let own = format!("{setting} fx is {:.1}", advised.focal);
     text.replace(&advised.to_string(), &own)
 }
 

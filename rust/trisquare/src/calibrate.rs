@@ -16,8 +16,8 @@ use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, NestedOptima, Work, reject_outliers};
 use crate::uncertainty::{
-    LensVerdict, check_plane_count, contradicted_relations, extrapolated_lens, poorly_known,
-    unlikely_camera,
+    LensVerdict, assumed_centre, check_plane_count, contradicted_relations, extrapolated_lens,
+    poorly_known, unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -212,6 +212,7 @@ fn run<L: Lens>(
         solution = found;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
+    let at_edges = (&solution.refined.view.lens, calibration.rms);
     let fitted = match (stage, photographs) {
         (Stage::Edges, Some(photographs)) => {
             improve(edges, &problem, &solution, photographs, &mut calibration)
@@ -234,6 +235,17 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
+        let assumed = assumed_centre(&calibration, at_edges, options, |lens| {
+            let initial = Some(lens);
+            let options = Options {
+                initial,
+                ..*options
+            };
+            let held =
+                calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()?;
+            Some((held.camera, held.rms))
+        });
+        calibration.warnings.splice(0..0, assumed);
         // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);
         calibration.warnings.extend(poorly_known);

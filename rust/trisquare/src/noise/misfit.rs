@@ -23,6 +23,10 @@ pub(crate) struct Misfit {
     pub curved_freedom: f64,
     /// What errors of the sides that were known beforehand add to `straight` by its freedom.
     pub expected: f64,
+    /// Sum of the squared displacements behind `straight`, px^2, ...
+    pub displaced: f64,
+    /// ... and of how many sides.
+    pub sides: f64,
 }
 
 impl Misfit {
@@ -33,6 +37,8 @@ impl Misfit {
         straight_freedom: 1.0,
         curved_freedom: 1.0,
         expected: 0.0,
+        displaced: 0.0,
+        sides: 0.0,
     };
 
     /// Of one side, in units of the noise.
@@ -50,13 +56,16 @@ impl Misfit {
         };
         let orders = ORDERS.min(moments.places.len());
         let to_noise = (noise.summed_at / noise.scale).powi(2);
-        let straight = power(STRAIGHT.min(orders)) * to_noise;
+        let displaced = power(STRAIGHT.min(orders));
+        let straight = displaced * to_noise;
         Self {
             straight,
             curved: (power(orders) * to_noise - straight).max(0.0),
             straight_freedom: STRAIGHT.min(orders) as f64,
             curved_freedom: orders.saturating_sub(STRAIGHT) as f64,
             expected: 0.0,
+            displaced: displaced / gram[(0, 0)].max(f64::MIN_POSITIVE),
+            sides: 1.0,
         }
     }
 
@@ -110,6 +119,13 @@ impl Misfit {
         self.curved += other.curved;
         self.straight_freedom += other.straight_freedom;
         self.curved_freedom += other.curved_freedom;
+        self.displaced += other.displaced;
+        self.sides += other.sides;
+    }
+
+    /// Root mean square distance, px, of the sides from the lines that the optimum asks for.
+    pub fn displacement(&self) -> f64 {
+        (self.displaced / self.sides.max(1.0)).sqrt()
     }
 
     pub fn total(&self) -> f64 {

@@ -18,6 +18,9 @@ pub struct ResidualCorrelation {
     /// Variance between the planes over what their sides' curvature lets
     /// expect; 1 where they agree.
     pub between_plane_variance_ratio: f64,
+    /// Root mean square distance of the sides, as straight lines, from those of one camera, px.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(crate) line_displacement: f64,
     /// Variance between groups of planes (the pictures, or the planes of one) over what all that
     /// lets expect; 1 where they agree, or are too few to tell.
     pub group_variance_ratio: f64,
@@ -39,6 +42,7 @@ impl ResidualCorrelation {
             probability: 0.0,
             displacements: vec![0.0; planes],
             between_plane_variance_ratio: 1.0,
+            line_displacement: 0.0,
             group_variance_ratio: 1.0,
             heights: vec![0.0; planes],
             added: DMatrix::zeros(parameters, parameters),

@@ -83,10 +83,13 @@ pub enum Warning {
         distance: f64,
     },
     /// The planes cannot all be true squares seen by one camera.
-    #[error("{}", contradiction(*.factor, *.planes, .held))]
+    #[error("{}", contradiction(*.factor, *.displacement, *.planes, .held))]
     PlanesContradict {
         /// How far the sides are from where one camera would show them, over what is expected.
         factor: f64,
+        /// Root mean square distance of the sides from there, px.
+        #[cfg_attr(feature = "serde", serde(default))]
+        displacement: f64,
         /// How many planes there are.
         #[cfg_attr(feature = "serde", serde(default = "several"))]
         planes: usize,
@@ -142,11 +145,12 @@ pub enum Warning {
     },
     /// The lens does what its model cannot.
     #[error(
-        "the lens {} beyond its model: residuals depend on the place in the picture, alike on all \
-         planes{}.{}",
+        "the lens {} beyond its model{}: residuals depend on the place in the picture, alike on \
+         all planes{}.{}",
         if *.certain { "is" } else { "may be" },
+        if *.held { ", or the held distortion is wrong" } else { "" },
         raised(.parameter, *.factor),
-        richer_focal(.cure.as_ref())
+        richer_focal(.cure.as_ref(), *.held)
     )]
     LensBeyondModel {
         /// Whether nothing else explains that as well.
@@ -157,6 +161,9 @@ pub enum Warning {
         factor: f64,
         /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
         cure: Option<(String, f64)>,
+        /// Whether the distortion is held, and may be what is wrong; `cure` then has it free.
+        #[cfg_attr(feature = "serde", serde(default))]
+        held: bool,
     },
     /// A lens of another family does what the asked one cannot.
     #[error(
@@ -194,7 +201,8 @@ pub enum Warning {
     #[error(
         "fy / fx is {}, but nearly every camera's pixels are square: are the targets rectangles, or \
          was the picture stretched?{}",
-        with_its_std(*.ratio, *.std), held_focal(Setting::AspectHeld, *.held)
+        with_its_std(*.ratio, *.std),
+        held_focal(Setting::AspectHeld, *.held, "which is wrong if it was stretched")
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -208,7 +216,8 @@ pub enum Warning {
     #[error(
         "the principal point is {} px from the centre of the picture, farther than nearly every \
          camera's: was the picture cropped, or are the targets no squares?{}",
-        with_its_std(*.distance, *.std), held_focal(Setting::PrincipalPointHeld, *.held)
+        with_its_std(*.distance, *.std),
+        held_focal(Setting::PrincipalPointHeld, *.held, "which is wrong if it was cropped")
     )]
     PrincipalPointOffCentre {
         /// From the principal point to the centre of the picture, pixels.
@@ -217,6 +226,22 @@ pub enum Warning {
         std: f64,
         /// `fx` with the principal point held, pixels; `None` where that has no answer.
         held: Option<f64>,
+    },
+    /// The planes do not tell the principal point, which is held at the picture's centre.
+    #[error(
+        "fx is uncertain by {added:.1} px, and not by {} px as stated: the principal point is held \
+         at the picture's centre, cameras have it some {scatter:.0} px from there (1.2 % of the \
+         width), and the planes cannot tell. Hold it at a known value, or show three planes tilted \
+         in different directions",
+        two_digits(*.std)
+    )]
+    PrincipalPointAssumed {
+        /// Standard deviation of principal points about the centre, of each coordinate, pixels.
+        scatter: f64,
+        /// What that makes of `fx`, pixels.
+        added: f64,
+        /// The stated standard deviation of `fx`, pixels.
+        std: f64,
     },
     /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
     #[error(
@@ -319,6 +344,8 @@ pub enum Setting<'a> {
     AspectHeld,
     /// The principal point held.
     PrincipalPointHeld,
+    /// The distortion free where it is held, with the lens model of this name.
+    DistortionFree(&'a str),
 }
 
 /// What the focal length would be with another setting: it has been tried.
@@ -337,15 +364,18 @@ impl fmt::Display for Alternative<'_> {
             Setting::Model(name) => write!(f, "With the lens model {name}")?,
             Setting::AspectHeld => write!(f, "With the aspect held")?,
             Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
+            Setting::DistortionFree(name) => {
+                write!(f, "With the distortion free (lens model {name})")?;
+            }
         }
         write!(f, " fx is {:.1}", self.focal)
     }
 }
 
-/// What the focal length is where something is held.
-fn held_focal(setting: Setting<'_>, held: Option<f64>) -> String {
+/// What the focal length is where something is held, and when that is wrong.
+fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -> String {
     held.map_or_else(String::new, |focal| {
-        format!(" {}", Alternative { setting, focal })
+        format!(" {}, {wrong}", Alternative { setting, focal })
     })
 }
 
@@ -359,11 +389,22 @@ fn part_of_whole(part: f64) -> String {
 
 /// A value and its standard deviation, with two significant digits of the latter.
 fn with_its_std(value: f64, std: f64) -> String {
-    let decimals = match std > 0.0 {
-        true => (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize,
-        false => 6,
-    };
+    let decimals = decimals_of(std);
     format!("{value:.decimals$} +- {std:.decimals$}")
+}
+
+/// A number with two significant digits.
+fn two_digits(value: f64) -> String {
+    let decimals = decimals_of(value);
+    format!("{value:.decimals$}")
+}
+
+/// How many decimals show two significant digits.
+fn decimals_of(value: f64) -> usize {
+    match value > 0.0 {
+        true => (1.0 - value.log10().floor()).clamp(0.0, 12.0) as usize,
+        false => 6,
+    }
 }
 
 /// By how much a standard deviation was raised; nothing where that rounds to once.
@@ -400,15 +441,24 @@ fn several() -> usize {
 }
 
 /// What planes contradict, and what may be wrong: one plane contradicts what is held alone.
-fn contradiction(factor: f64, planes: usize, held: &[Text]) -> String {
+fn contradiction(factor: f64, displacement: f64, planes: usize, held: &[Text]) -> String {
     let (what, which) = match planes {
         1 => ("the plane contradicts the camera", "it"),
         _ => ("the planes contradict each other", "one of them"),
     };
     let suspected = or_held(held);
+    let more = format!("{factor:.1} times more than");
+    // What was stored before does not say how far.
+    let off = match displacement {
+        0.0 => format!("{more} the sides'"),
+        _ => format!(
+            "sides lie {} px off, {more} their",
+            two_digits(displacement)
+        ),
+    };
     format!(
-        "{what}: {factor:.1} times more than the sides' own straightness lets expect; {which} may \
-         be no true, flat square{suspected}"
+        "{what}: {off} own straightness lets expect; {which} may be no true, flat \
+         square{suspected}"
     )
 }
 
@@ -429,13 +479,21 @@ fn cause_of_errors(height: Option<f64>) -> String {
 }
 
 /// What holds a lens beyond its model.
-fn richer_focal(cure: Option<&(String, f64)>) -> String {
+fn richer_focal(cure: Option<&(String, f64)>, held: bool) -> String {
     match cure {
         Some((model, focal)) => {
-            let (setting, focal) = (Setting::Model(model), *focal);
+            let (setting, focal) = (cured_by(model, held), *focal);
             format!(" {}", Alternative { setting, focal })
         }
         None => " No model here fits it either: is it a fisheye?".into(),
+    }
+}
+
+/// The setting under which a model holds a lens.
+fn cured_by(model: &str, held: bool) -> Setting<'_> {
+    match held {
+        true => Setting::DistortionFree(model),
+        false => Setting::Model(model),
     }
 }
 
@@ -456,6 +514,7 @@ impl Warning {
             Self::LinesNotUsed { .. } => "lines_not_used",
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
+            Self::PrincipalPointAssumed { .. } => "principal_point_assumed",
             Self::BarelyDetermined { .. } => "barely_determined",
             Self::LensEndsInPicture { .. } => "lens_ends_in_picture",
             Self::LensExtrapolated { .. } => "lens_extrapolated",
@@ -465,17 +524,16 @@ impl Warning {
         }
     }
 
-    /// The setting that it advises, if it does; its message ends with that.
+    /// The setting that it tried, if it did; its message has that.
     #[must_use]
     pub fn alternative(&self) -> Option<Alternative<'_>> {
         let (setting, focal) = match self {
             Self::LensBeyondModel {
                 cure: Some((model, focal)),
+                held,
                 ..
-            }
-            | Self::LensOfAnotherFamily { model, focal, .. } => {
-                (Setting::Model(model), Some(*focal))
-            }
+            } => (cured_by(model, *held), Some(*focal)),
+            Self::LensOfAnotherFamily { model, focal, .. } => (Setting::Model(model), Some(*focal)),
             Self::PixelsNotSquare { held, .. } => (Setting::AspectHeld, *held),
             Self::PrincipalPointOffCentre { held, .. } => (Setting::PrincipalPointHeld, *held),
             _ => return None,
@@ -493,6 +551,7 @@ impl Warning {
             | Self::NoSquares { .. }
             | Self::RelationContradicted { .. }
             | Self::BarelyDetermined { .. }
+            | Self::PrincipalPointAssumed { .. }
             | Self::OutsidePicture { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
@@ -539,23 +598,27 @@ mod tests {
         let (factor, planes) = (12.34, 1);
         let warning = Warning::PlanesContradict {
             factor,
+            displacement: 0.0123,
             planes,
             held,
         };
         assert_eq!(
             warning.to_string(),
-            "the plane contradicts the camera: 12.3 times more than the sides' own straightness \
-             lets expect; it may be no true, flat square, or what is held (principal point, \
-             aspect) is wrong"
+            "the plane contradicts the camera: sides lie 0.012 px off, 12.3 times more than their \
+             own straightness lets expect; it may be no true, flat square, or what is held \
+             (principal point, aspect) is wrong"
         );
         let (planes, held) = (3, Vec::new());
         let warning = Warning::PlanesContradict {
             factor,
+            displacement: 0.0,
             planes,
             held,
         };
         let text = warning.to_string();
-        assert!(text.starts_with("the planes contradict each other: 12.3 times"));
+        assert!(
+            text.starts_with("the planes contradict each other: 12.3 times more than the sides'")
+        );
         assert!(
             text.ends_with("one of them may be no true, flat square"),
             "{text}"
@@ -612,7 +675,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_ends_with_the_setting_that_it_advises() {
+    fn a_message_has_the_setting_that_was_tried() {
         let held = Some(901.25);
         let cure = Some(("radial3".to_owned(), 901.25));
         let (ratio, distance, std) = (1.01, 60.0, 0.001);
@@ -635,9 +698,20 @@ mod tests {
                     certain,
                     parameter: parameter.into(),
                     factor,
-                    cure,
+                    cure: cure.clone(),
+                    held: false,
                 },
                 "With the lens model radial3 fx is 901.2",
+            ),
+            (
+                Warning::LensBeyondModel {
+                    certain,
+                    parameter: parameter.into(),
+                    factor,
+                    cure,
+                    held: true,
+                },
+                "With the distortion free (lens model radial3) fx is 901.2",
             ),
             (
                 Warning::LensOfAnotherFamily {
@@ -650,8 +724,13 @@ mod tests {
             ),
         ] {
             assert_eq!(warning.alternative().unwrap().to_string(), expected);
-            assert!(warning.to_string().ends_with(expected), "{warning}");
+            assert!(warning.to_string().contains(expected), "{warning}");
         }
+        let text = Warning::PixelsNotSquare { ratio, std, held }.to_string();
+        assert!(
+            text.ends_with(" fx is 901.2, which is wrong if it was stretched"),
+            "{text}"
+        );
         let untried = Warning::PixelsNotSquare {
             ratio,
             std,

@@ -22,12 +22,12 @@ struct LensDoubt {
 }
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// What the residuals say of the lens. Where its focal lengths, principal point or coefficients
-    /// are held, they may be what is wrong.
+    /// What the residuals say of the lens. Where its focal lengths or principal point are held, they
+    /// may be what is wrong.
     pub fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
         let fixed = &self.options.fixed;
         let noise = solution.noise.as_ref()?;
-        if fixed.focal || fixed.principal_point || fixed.distortion {
+        if fixed.focal || fixed.principal_point {
             return None;
         }
         let refined = &solution.refined;
@@ -56,7 +56,8 @@ impl<L: Lens> JointProblem<'_, L> {
         }
         if let Some(doubt) = doubt {
             let certain = is_cured || matches!(verdict, LensVerdict::Beyond(_));
-            first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain));
+            let held = self.options.fixed.distortion;
+            first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain, held));
         }
         if no_squares.is_some_and(|found| found.lens_is_likelier) {
             first.reverse();
@@ -89,9 +90,14 @@ impl<L: Lens> JointProblem<'_, L> {
             lens: solution.refined.view.lens,
             free: self.free.clone(),
         };
-        for &model in self.options.model.richer() {
+        // Where the distortion is held, its own model with other coefficients may do.
+        let (own, mut fixed) = (self.options.model, self.options.fixed);
+        let freed = fixed.distortion.then_some(own);
+        fixed.distortion = false;
+        for model in freed.into_iter().chain(own.richer().iter().copied()) {
             let options = Options {
                 model,
+                fixed,
                 ..*self.options
             };
             let work = Rc::new(Work::for_planes(&planes));

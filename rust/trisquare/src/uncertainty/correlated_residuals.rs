@@ -68,6 +68,7 @@ impl ResidualCorrelation {
         if self.between_plane_variance_ratio > WORTH_TELLING {
             warnings.push(Warning::PlanesContradict {
                 factor: self.between_plane_variance_ratio.sqrt(),
+                displacement: self.line_displacement,
                 planes: self.displacements.len(),
                 held: free.held().into_iter().map(Into::into).collect(),
             });
@@ -190,8 +191,8 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let independent = covariance(&refined.system.leading(free.len()), white)?;
     let errors = SideErrors::gather(planes, (free, None), &refined.view, noise, white)?;
     let strength = errors.strength()?;
-    let between_plane_variance_ratio =
-        Misfit::of(planes, &refined.view, free, noise).between_plane_variance_ratio();
+    let misfit = Misfit::of(planes, &refined.view, free, noise);
+    let between_plane_variance_ratio = misfit.between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
     // Boards with an out-of-plane shape have been fitted by generalised least squares, all others
     // at weights that take the noise for white.
@@ -229,6 +230,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let displacements = strength.if_any().into_iter();
     let residual_correlation = ResidualCorrelation {
         between_plane_variance_ratio,
+        line_displacement: misfit.displacement(),
         group_variance_ratio,
         heights: planes
             .iter()

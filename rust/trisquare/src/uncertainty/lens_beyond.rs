@@ -226,6 +226,7 @@ impl<L: Lens> Calibration<L> {
         change: &DVector<f64>,
         cure: Option<(String, f64)>,
         certain: bool,
+        held: bool,
     ) -> Option<Warning> {
         let (parameter, factor) = self.raise(&(change * change.transpose()))?;
         Some(Warning::LensBeyondModel {
@@ -233,6 +234,7 @@ impl<L: Lens> Calibration<L> {
             parameter: parameter.into(),
             factor,
             cure,
+            held,
         })
     }
 

@@ -1,0 +1,60 @@
+"""What is held where it is not known: the answer says how much depends on it."""
+
+import re
+
+import numpy as np
+import pytest
+from scenes import IMAGE_SIZE, edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+
+NOISE = 0.02
+
+
+def scene_off_centre(seed):
+    """Three squares seen by a camera whose principal point is usual, and that camera."""
+    rng = np.random.default_rng(seed)
+    cx, cy = rng.normal([639.5, 479.5], 0.012 * 1280)
+    camera = simulate.TrueCamera(1100, 1100, cx, cy, (-0.1, 0.02, 0, 0, 0), IMAGE_SIZE)
+    scene = squares(seed, camera)
+    return scene, ts.Camera(camera.K, camera.distortion, IMAGE_SIZE)
+
+
+def warnings_of(code, result):
+    return [warning for warning in result.warnings if warning.code == code]
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_one_plane_says_what_a_principal_point_at_the_centre_is_worth(seed):
+    scene, truth = scene_off_centre(seed)
+    (edges, *others) = edges_of(scene, NOISE, seed)
+    held = ts.calibrate_edges([edges], IMAGE_SIZE, fix="principal_point")
+    (warning,) = warnings_of("principal_point_assumed", held)
+    assert warning.severity == "high"
+    said = r"fx is uncertain by ([\d.]+) px, and not by ([\d.]+) px as stated"
+    added, stated = (float(number) for number in re.match(said, warning).groups())
+    assert stated == pytest.approx(held.std["fx"], rel=0.05)
+    assert added > stated
+    assert abs(held.camera.fx - 1100) < 4 * added
+    # Where it is known, and where three planes tell it, there is nothing to say.
+    known = ts.calibrate_edges([edges], IMAGE_SIZE, fix="principal_point", initial=truth)
+    assert not warnings_of("principal_point_assumed", known)
+    assert abs(known.camera.fx - 1100) < 5 * known.std["fx"]
+    three = ts.calibrate_edges([edges, *others], IMAGE_SIZE, fix="principal_point")
+    assert not warnings_of("principal_point_assumed", three)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_distortion_that_is_held_wrongly_is_told(seed):
+    scene, truth = scene_off_centre(seed)
+    edges = edges_of(scene, NOISE, seed)
+    wrong = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion")
+    (warning,) = warnings_of("lens_beyond_model", wrong)
+    assert "the lens is beyond its model, or the held distortion is wrong: " in warning
+    focal = re.search(r'Without fix="distortion" \(model="radial2"\) fx is ([\d.]+)$', warning)[1]
+    assert float(focal) == pytest.approx(ts.calibrate_edges(edges, IMAGE_SIZE).camera.fx, rel=1e-3)
+    # The doubt is in the standard deviation.
+    assert abs(wrong.camera.fx - 1100) < 4 * wrong.std["fx"]
+    known = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion", initial=truth)
+    assert not warnings_of("lens_beyond_model", known)
