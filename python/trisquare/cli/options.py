@@ -15,6 +15,9 @@ from trisquare.images.limits import parse_amount
 KEYWORD = re.compile(r"""\b(fix|free|model|method|targets|tone)=["']([^"'\s]+)["']""")
 """A keyword of `calibrate` with its value; the option has the same name."""
 
+NAME_ALONE = re.compile(r"\b(fix|free|initial|orthogonal|parallel|targets|tone)=(?=[\s,;:.)]|$)")
+"""A keyword without a value, as messages name it."""
+
 
 def argument(default: Any, metavar: str, text: str) -> Any:
     """Describe an argument, as the default of the parameter that takes it; ``...`` for none."""
@@ -117,7 +120,8 @@ def parse_size(text: str) -> tuple[int, int]:
 
 def as_options(message: str) -> str:
     """Write what a message advises as options: ``--fix aspect`` for ``fix="aspect"``."""
-    return KEYWORD.sub(r"--\1 \2", message)
+    message = KEYWORD.sub(r"--\1 \2", message)
+    return NAME_ALONE.sub(r"--\1", message.replace("lines=True", "--lines"))
 
 
 def listed_names(fix: Iterable[str] | None) -> tuple[str, ...]:

@@ -1,0 +1,19 @@
+"""What messages advise, as options of the command line."""
+
+import pytest
+
+from trisquare.cli.options import as_options
+
+
+@pytest.mark.parametrize(
+    ("message", "expected"),
+    [
+        ('With fix="aspect" fx is 1', "With --fix aspect fx is 1"),
+        ('lines=True needs method="ml"', "--lines needs --method ml"),
+        ("hold it at a known value (initial=)", "hold it at a known value (--initial)"),
+        ("free= names it", "--free names it"),
+        ("f = 3, side=84 is 84 m", "f = 3, side=84 is 84 m"),
+    ],
+)
+def test_keywords_are_written_as_options(message, expected):
+    assert as_options(message) == expected
