@@ -241,6 +241,7 @@ pub fn heed_opencv_lens<L: Lens>(
             parameter: "fx".into(),
             factor: 1.0,
             cure: Some(cure),
+            held: false,
         };
         calibration.warnings.insert(0, warning);
     }
