@@ -316,7 +316,7 @@ def test_the_tables_name_what_was_not_used():
         lines = [line for line in console.export_text().splitlines() if "not used" in line]
         assert len(lines) == min(count, 11)
     assert lines[0].strip() == (
-        "not used: square around (900, 700) of image 0: its side 2 has no edge, 3.25 px"
+        "not used: square around (900, 700) of picture 0: its side 2 has no edge, 3.25 px"
     )
     assert "4 more" in lines[-1]
 
