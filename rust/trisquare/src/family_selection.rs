@@ -10,8 +10,8 @@ use crate::calibrate::{calibrate, calibrate_photographs};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{
-    BrownModel, DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, Rational, RationalModel,
-    SKEW, ThinPrism, ThinPrismModel,
+    DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, Rational, RationalModel, SKEW,
+    ThinPrism, ThinPrismModel,
 };
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::noise::ORDERS;
@@ -231,9 +231,9 @@ pub fn heed_opencv_lens<L: Lens>(
     if !own.is_ok_and(|own| contradicts(&own)) {
         return;
     }
-    let with_prism = |model| of_lens::<L, ThinPrism>(&some, size, options, model);
-    let cure = with_prism(ThinPrismModel::Brown(BrownModel::Brown))
-        .or_else(|| with_prism(ThinPrismModel::BrownPrism))
+    let cure = ThinPrismModel::TANGENTIAL
+        .into_iter()
+        .find_map(|model| of_lens::<L, ThinPrism>(&some, size, options, model))
         .or_else(|| of_lens::<L, Rational>(&some, size, options, RationalModel::Rational));
     if let Some(cure) = cure {
         let warning = Warning::LensBeyondModel {

@@ -45,6 +45,11 @@ pub enum ThinPrismModel {
     ThinPrism,
 }
 
+impl ThinPrismModel {
+    /// Those with tangential terms, the poorer first; the richest is not among them.
+    pub(crate) const TANGENTIAL: [Self; 2] = [Self::Brown(BrownModel::Brown), Self::BrownPrism];
+}
+
 impl Default for RationalModel {
     fn default() -> Self {
         Self::Brown(BrownModel::default())
