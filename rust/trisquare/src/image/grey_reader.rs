@@ -145,21 +145,34 @@ impl<'a> GreyReader<'a> {
     /// The coded grey of a pixel inside the picture; `None` where [`get`](Self::get) is.
     #[inline]
     pub(super) fn grey(&self, x: usize, y: usize) -> Option<Grey> {
-        if let (Pixels::U8(values), 1, false) = (
-            &self.picture.pixels,
-            self.picture.channels,
-            self.picture.has_even_rows_only,
-        ) {
-            let value = values[y * self.picture.width + x];
-            return Some(Grey {
-                value: self.levels[0][usize::from(value)],
-                is_clipped: value == u8::MAX && !self.picture.has_two_levels,
-            });
+        if let Some(bytes) = self.grey_bytes() {
+            return Some(self.grey_of(bytes[y * self.picture.width + x]));
         }
         Some(Grey {
             value: self.get(x, y)?,
             is_clipped: self.is_clipped(x, y),
         })
+    }
+
+    /// The bytes of a grey picture all of whose rows are read.
+    #[inline]
+    fn grey_bytes(&self) -> Option<&'a [u8]> {
+        match &self.picture.pixels {
+            Pixels::U8(values)
+                if self.picture.channels == 1 && !self.picture.has_even_rows_only =>
+            {
+                Some(values)
+            }
+            _ => None,
+        }
+    }
+
+    #[inline]
+    fn grey_of(&self, byte: u8) -> Grey {
+        Grey {
+            value: self.levels[0][usize::from(byte)],
+            is_clipped: byte == u8::MAX && !self.picture.has_two_levels,
+        }
     }
 
     /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
@@ -172,17 +185,10 @@ impl<'a> GreyReader<'a> {
         greys: &mut Vec<Grey>,
     ) {
         greys.clear();
-        let is_whole = !self.picture.has_even_rows_only;
-        if let (Pixels::U8(values), 1, true) =
-            (&self.picture.pixels, self.picture.channels, is_whole)
-        {
-            let two_levels = self.picture.has_two_levels;
+        if let Some(bytes) = self.grey_bytes() {
             let step = if downwards { self.picture.width } else { 1 };
-            let line = values[y * self.picture.width + x..].iter().step_by(step);
-            greys.extend(line.take(count).map(|&value| Grey {
-                value: self.levels[0][usize::from(value)],
-                is_clipped: value == u8::MAX && !two_levels,
-            }));
+            let line = bytes[y * self.picture.width + x..].iter().step_by(step);
+            greys.extend(line.take(count).map(|&byte| self.grey_of(byte)));
             return;
         }
         greys.extend((0..count).map(|index| {

@@ -88,11 +88,17 @@ pub(super) struct CoarseEdge {
     pub hidden: Vec<[f64; 2]>,
 }
 
-/// The steepest rise of one profile.
-struct Rise {
+/// Where an edge was seen, and how much that says.
+#[derive(Clone, Copy)]
+struct EdgePoint {
     s: f64,
     y: f64,
     strength: f64,
+}
+
+/// The steepest rise of one profile.
+struct Rise {
+    point: EdgePoint,
     plateaus: [f64; 2],
     slope: f64,
 }
@@ -120,20 +126,19 @@ pub(super) fn find_near(reader: &GreyReader<'_>, piece: &EdgeSpan) -> Result<Coa
 /// The curve near a span's path that most of its samples agree on.
 pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<Curve> {
     let path = path_curve(&span.path)?;
-    let rise = |point: &Vector2<f64>| {
+    let point = |point: &Vector2<f64>| {
         let (s, y) = path.local(*point);
-        Rise {
+        EdgePoint {
             s,
             y,
             strength: 1.0,
-            plateaus: [0.0; 2],
-            slope: 0.0,
         }
     };
-    let rises: Vec<Rise> = points.iter().map(rise).collect();
-    consensus(&path, &rises, &SAMPLE_WIDTHS)
+    let points: Vec<EdgePoint> = points.iter().map(point).collect();
+    consensus(&path, &points, &SAMPLE_WIDTHS)
 }
 
+/// Finds the edge within so many pixels of a span's path.
 fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
     match seen(reader, &path, span, &PixelRay { reach, ..SHARP }) {
@@ -165,8 +170,10 @@ fn seen(
     if inside < MIN_PROFILES {
         return Err(NoEdge::OutsidePicture);
     }
-    let curve = consensus(path, &rises, &ROBUST_WIDTHS).ok_or(NoEdge::Inconsistent)?;
-    rises.retain(|rise| (rise.y - curve.height_and_slope(rise.s).0).abs() < SUPPORT_WIDTH);
+    let points: Vec<EdgePoint> = rises.iter().map(|rise| rise.point).collect();
+    let curve = consensus(path, &points, &ROBUST_WIDTHS).ok_or(NoEdge::Inconsistent)?;
+    let supports = |EdgePoint { s, y, .. }| (y - curve.height_and_slope(s).0).abs() < SUPPORT_WIDTH;
+    rises.retain(|rise| supports(rise.point));
     let least = match span.is_beside_others {
         true => MIN_SUPPORT_BESIDE_OTHERS,
         false => MIN_SUPPORT,
@@ -194,7 +201,7 @@ fn seen(
 
 /// Runs of stations that support no edge, each widened by the distance to the next that may.
 fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
-    let supports = |s: &f64| supporting.iter().any(|rise| rise.s == *s);
+    let supports = |s: &f64| supporting.iter().any(|rise| rise.point.s == *s);
     let step = (stations[stations.len() - 1] - stations[0]) / (stations.len() - 1) as f64;
     let mut runs = Vec::new();
     let mut first = 0;
@@ -293,9 +300,11 @@ impl PixelRay {
             .margin
             .map(|margin| f64::from(self.plateau).min(margin).max(1.0) as i32);
         Some(Rise {
-            s,
-            y,
-            strength: peak,
+            point: EdgePoint {
+                s,
+                y,
+                strength: peak,
+            },
             plateaus: [plateau(best - before), plateau(best + after)],
             slope: 0.5 * (at(best + 1) - at(best - 1)),
         })
@@ -310,23 +319,23 @@ fn place(t: i32) -> usize {
     (t + REACH + LONGEST_FILTER) as usize
 }
 
-/// The curve that most rises agree on: a line by consensus, then a polynomial by reweighting.
-fn consensus(path: &Curve, rises: &[Rise], widths: &[f64]) -> Option<Curve> {
-    let degree = degree_for(path.length()).min(rises.len().checked_sub(2)?);
+/// The curve that most points agree on: a line by consensus, then a polynomial by reweighting.
+fn consensus(path: &Curve, points: &[EdgePoint], widths: &[f64]) -> Option<Curve> {
+    let degree = degree_for(path.length()).min(points.len().checked_sub(2)?);
     let mut curve = path.clone();
-    let above: Vec<f64> = rises
+    let above: Vec<f64> = points
         .iter()
-        .map(|rise| rise.y - path.height_and_slope(rise.s).0)
+        .map(|point| point.y - path.height_and_slope(point.s).0)
         .collect();
-    let (height, slope) = consensus_line(rises, &above)?;
+    let (height, slope) = consensus_line(points, &above)?;
     curve.coefficients[0] += height;
     curve.coefficients[1] += slope;
     for (round, width) in widths.iter().enumerate() {
         let previous = curve.clone();
-        let weighted = rises.iter().map(|rise| {
-            let departure = (rise.y - previous.height_and_slope(rise.s).0) / width;
+        let weighted = points.iter().map(|point| {
+            let departure = (point.y - previous.height_and_slope(point.s).0) / width;
             let weight = (1.0 - departure * departure).max(0.0);
-            (rise.s, rise.y, rise.strength * weight * weight)
+            (point.s, point.y, point.strength * weight * weight)
         });
         let round_degree = degree.min(path.degree.max(round + 1));
         if !curve.fit(weighted, round_degree) {
@@ -336,26 +345,26 @@ fn consensus(path: &Curve, rises: &[Rise], widths: &[f64]) -> Option<Curve> {
     Some(curve)
 }
 
-/// The line `height + slope s`, through one early and one late rise, that the others support best.
-fn consensus_line(rises: &[Rise], above: &[f64]) -> Option<(f64, f64)> {
-    let third = rises.len().div_ceil(3);
+/// The line `height + slope s`, through one early and one late point, that the others support best.
+fn consensus_line(points: &[EdgePoint], above: &[f64]) -> Option<(f64, f64)> {
+    let third = points.len().div_ceil(3);
     let stride = third.div_ceil(ANCHORS);
     let mut best = None;
     let mut best_support = 0.0;
     for early in (0..third).step_by(stride) {
-        for late in (rises.len() - third..rises.len()).step_by(stride) {
-            let run = rises[late].s - rises[early].s;
+        for late in (points.len() - third..points.len()).step_by(stride) {
+            let run = points[late].s - points[early].s;
             if run <= 0.0 {
                 continue;
             }
             let slope = (above[late] - above[early]) / run;
-            let height = above[early] - slope * rises[early].s;
-            let support: f64 = rises
+            let height = above[early] - slope * points[early].s;
+            let support: f64 = points
                 .iter()
                 .zip(above)
-                .map(|(rise, above)| {
-                    let departure = (above - height - slope * rise.s) / CONSENSUS_WIDTH;
-                    rise.strength * (1.0 - departure * departure).max(0.0)
+                .map(|(point, above)| {
+                    let departure = (above - height - slope * point.s) / CONSENSUS_WIDTH;
+                    point.strength * (1.0 - departure * departure).max(0.0)
                 })
                 .sum();
             if support > best_support {
@@ -379,9 +388,11 @@ mod tests {
     fn hidden(bad: &[usize]) -> Vec<[f64; 2]> {
         let stations: Vec<f64> = (0..11).map(|i| f64::from(i) / 5.0 - 1.0).collect();
         let good = (0..11).filter(|i| !bad.contains(i)).map(|i| Rise {
-            s: stations[i],
-            y: 0.0,
-            strength: 1.0,
+            point: EdgePoint {
+                s: stations[i],
+                y: 0.0,
+                strength: 1.0,
+            },
             plateaus: [0.0, 1.0],
             slope: 1.0,
         });

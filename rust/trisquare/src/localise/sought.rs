@@ -139,11 +139,6 @@ fn join(
     let found: Vec<SpanEdges> = pieces
         .filter_map(|piece| piece.map_err(|why| reason = why).ok())
         .collect();
-    let points: Vec<_> = found.iter().flat_map(|own| own.points.clone()).collect();
-    let curve = coarse::agreed(span, &points).ok_or(reason)?;
-    let is_own = |(point, std): (&Vector2<f64>, &f64)| {
-        curve.signed_distance(*point).abs() < MOST_DEVIATIONS * std
-    };
     let mean =
         |value: fn(&SpanEdges) -> f64| found.iter().map(value).sum::<f64>() / found.len() as f64;
     let mut whole = SpanEdges {
@@ -155,19 +150,28 @@ fn join(
         noise: mean(|own| own.noise),
         tone_drift: Vec::new(),
     };
-    for piece in &found {
-        let kept: Vec<bool> = piece.points.iter().zip(&piece.std).map(is_own).collect();
-        whole.points.extend(chosen(&piece.points, &kept));
-        whole.std.extend(chosen(&piece.std, &kept));
-        whole.tone_drift.extend(chosen(&piece.tone_drift, &kept));
+    for piece in found {
+        whole.points.extend(piece.points);
+        whole.std.extend(piece.std);
+        whole.tone_drift.extend(piece.tone_drift);
     }
-    if (whole.points.len() as f64) < LEAST_SHARE * points.len() as f64 {
+    let curve = coarse::agreed(span, &whole.points).ok_or(reason)?;
+    let is_own = |(point, std): (&Vector2<f64>, &f64)| {
+        curve.signed_distance(*point).abs() < MOST_DEVIATIONS * std
+    };
+    let own: Vec<bool> = whole.points.iter().zip(&whole.std).map(is_own).collect();
+    let count = own.iter().filter(|is_own| **is_own).count();
+    if (count as f64) < LEAST_SHARE * own.len() as f64 {
         return Err(NoEdge::Inconsistent);
     }
+    keep(&mut whole.points, &own);
+    keep(&mut whole.std, &own);
+    keep(&mut whole.tone_drift, &own);
     Ok(whole)
 }
 
-fn chosen<'a, T: Copy>(all: &'a [T], kept: &'a [bool]) -> impl Iterator<Item = T> + 'a {
-    let kept = all.iter().zip(kept).filter(|(_, kept)| **kept);
-    kept.map(|(one, _)| *one)
+/// Keeps the chosen ones of samples; there may be none.
+fn keep<T>(samples: &mut Vec<T>, chosen: &[bool]) {
+    let mut chosen = chosen.iter();
+    samples.retain(|_| chosen.next() == Some(&true));
 }
