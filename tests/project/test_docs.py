@@ -96,8 +96,8 @@ def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
         expected = names["undistorter"].undistort(seen[1])
         there_is_one, frame = straight.read()
         assert there_is_one
-        # MPEG-4 changes colours by up to 4 levels; the distorted frame differs by more than ten.
-        assert np.abs(frame.astype(float) - expected).mean() < 4
+        # It was compressed; the distorted frame differs from it by more than ten levels.
+        assert np.abs(frame.astype(float) - expected).mean() < 3
         frames += 1
     assert frames == 12
     assert not straight.read()[0]
