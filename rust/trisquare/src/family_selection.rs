@@ -4,7 +4,7 @@
 //! for it, and the two are weighed by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
 //! on the edge samples, which count as so many independent ones as their correlation leaves.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::calibrate::{calibrate, calibrate_photographs};
 use crate::error::Error;
@@ -15,6 +15,7 @@ use crate::lens::{
 };
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::noise::ORDERS;
+use crate::numeric::chi_square_tail;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
@@ -207,6 +208,9 @@ fn preferred_odds<A: Lens, B: Lens>(
 /// A warning that only tells where targets are missing in the picture.
 const OF_PLACES: &str = "lens_extrapolated";
 
+/// How often noise alone shows so much of the coefficients that a model has beyond the asked ones.
+const CHANCE: f64 = 1e-4;
+
 /// Warns first of all of the lens where planes contradict each other under the asked model, and one
 /// of OpenCV's models leaves nothing to warn of.
 ///
@@ -231,10 +235,11 @@ pub fn heed_opencv_lens<L: Lens>(
     if !own.is_ok_and(|own| contradicts(&own)) {
         return;
     }
+    let asked = (options, &calibration.parameters[..]);
     let cure = ThinPrismModel::TANGENTIAL
         .into_iter()
-        .find_map(|model| of_lens::<L, ThinPrism>(&some, size, options, model))
-        .or_else(|| of_lens::<L, Rational>(&some, size, options, RationalModel::Rational));
+        .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
+        .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
     if let Some(cure) = cure {
         let warning = Warning::LensBeyondModel {
             certain: true,
@@ -252,11 +257,12 @@ fn contradicts<L: Lens>(found: &Calibration<L>) -> bool {
     codes.any(|code| code == "planes_contradict")
 }
 
-/// The name of a model and `fx` with it, if it leaves nothing to warn of.
+/// The name of a model and `fx` with it, if it leaves nothing to warn of by coefficients that are
+/// not asked for.
 fn of_lens<A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    options: &Options<A>,
+    (options, asked): (&Options<A>, &[&str]),
     model: B::Model,
 ) -> Option<(String, f64)> {
     let options = Options {
@@ -265,9 +271,28 @@ fn of_lens<A: Lens, B: Lens>(
     };
     let found = calibrate(edges, size, &options).ok()?;
     let mut codes = found.warnings.iter().map(Warning::code);
-    codes
-        .all(|code| code == OF_PLACES)
+    (codes.all(|code| code == OF_PLACES) && has_other_coefficients(&found, asked))
         .then(|| (model.name(), found.camera.focal().x))
+}
+
+/// Whether the coefficients beyond the asked parameters are other than zero: if not, the lens is no
+/// other, and the search for the asked one has gone astray.
+fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bool {
+    let free = found.parameters.iter().enumerate();
+    let others: Vec<_> = free.filter(|(_, name)| !asked.contains(name)).collect();
+    let estimates = found.estimates();
+    let value = |name: &str| estimates.iter().find(|own| own.name == name);
+    let values = others
+        .iter()
+        .filter_map(|(_, name)| Some(value(name)?.value));
+    let values = DVector::from_iterator(others.len(), values);
+    let covariance = DMatrix::from_fn(others.len(), others.len(), |i, j| {
+        found.covariance[(others[i].0, others[j].0)]
+    });
+    let square = covariance
+        .cholesky()
+        .map(|own| values.dot(&own.solve(&values)));
+    square.is_some_and(|square| chi_square_tail(square, others.len() as f64) < CHANCE)
 }
 
 fn have_boards(edges: &[PlaneEdges]) -> bool {
