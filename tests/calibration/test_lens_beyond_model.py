@@ -91,6 +91,14 @@ def test_neither_clean_nor_bent_boards_are_blamed_on_the_lens(seed):
     assert "lens_beyond_model" not in codes(bent)
 
 
+@pytest.mark.parametrize("seed", [3, 6])
+def test_bent_boards_whose_sides_would_explain_a_part_give_the_camera(seed):
+    """The likelihood of a small relief has two optima there; the wrong one gave fx 616 +- 13."""
+    result = ts.calibrate_edges(boards(seed, height=0.01), SIZE)
+    assert not result.warnings
+    assert abs(result.camera.fx - 640) < 4.0 * result.std["fx"] < 1.0
+
+
 def test_what_is_held_is_not_blamed_on_the_lens():
     true = ts.Camera([[640, 0, 645], [0, 640, 470], [0, 0, 1]], PLAIN, SIZE)
     for fix in ("focal", "distortion", "principal_point"):

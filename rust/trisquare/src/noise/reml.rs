@@ -101,11 +101,14 @@ impl SideErrors {
         let mut best = criterion(0.0)?;
         for index in 0..VARIANCES {
             let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
+            if largest.is_some_and(|largest| variance > largest) {
+                break;
+            }
             let Some(next) = criterion(variance) else {
                 break;
             };
-            let beyond = largest.is_some_and(|largest| variance > largest);
-            if beyond || next.1 > best.1 + HOPELESS {
+            // A relief that explains a part leaves two optima: one of the sides, one of its own.
+            if largest.is_none() && next.1 > best.1 + HOPELESS {
                 break;
             }
             if next.1 < best.1 {
