@@ -162,3 +162,11 @@ def test_no_lens_makes_squares_of_rectangles(seed):
     pictures, _ = kind.draw(np.random.default_rng([1219, seed]), True)
     told = codes(ts.calibrate(pictures))
     assert told[0] == "planes_contradict"
+
+
+@pytest.mark.parametrize("index", first_quick([19, 4, 24]))
+def test_a_lens_that_leaves_contradicting_planes_is_not_named_before_squares(index):
+    kind = KINDS["all rectangles 1.005-1.1, upright"]
+    pictures, _ = kind.draw(np.random.default_rng([1206, 1, index]), True)
+    told = codes(ts.calibrate(pictures))
+    assert told[0] in kind.causes

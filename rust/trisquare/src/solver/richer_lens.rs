@@ -115,8 +115,10 @@ impl<L: Lens> JointProblem<'_, L> {
                 continue;
             }
             let moved = || self.free.difference(&lens, &solution.refined.view.lens);
+            // What explains the sides' shapes, and not their places, is no cure.
+            let contradicts = found.correlated.residual_correlation.planes_contradict();
             match richer.lens_verdict(&found) {
-                Some(LensVerdict::Held) => {
+                Some(LensVerdict::Held) if !contradicts => {
                     return Some(LensDoubt {
                         change: moved(),
                         cure: Some((model.name(), lens.focal().x)),

@@ -54,6 +54,11 @@ impl ResidualCorrelation {
             .collect()
     }
 
+    /// Whether sides lie farther from their lines than their own straightness lets expect.
+    pub(crate) fn planes_contradict(&self) -> bool {
+        self.between_plane_variance_ratio > WORTH_TELLING
+    }
+
     pub(crate) fn warnings(
         &self,
         covariance: &DMatrix<f64>,
@@ -65,7 +70,7 @@ impl ResidualCorrelation {
             return Vec::new();
         };
         let mut warnings = Vec::new();
-        if self.between_plane_variance_ratio > WORTH_TELLING {
+        if self.planes_contradict() {
             warnings.push(Warning::PlanesContradict {
                 factor: self.between_plane_variance_ratio.sqrt(),
                 displacement: self.line_displacement,
