@@ -1,5 +1,6 @@
 """From pictures to results: pixel types, views, colours, several pictures, chessboards."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 
@@ -158,6 +159,28 @@ def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
     if tone == "srgb":
         wrong = ts.calibrate(photo, tone="linear")
         assert wrong.warnings[0].code == "tone_contradicted"
+
+
+@pytest.mark.parametrize("gamma", [2.0, 2.6])
+def test_a_stated_tone_that_the_pixels_contradict_is_named_with_its_consequence(gamma):
+    """The edges' profiles alone do not tell these from sRGB."""
+    photo = simulate.render(SCENE, np.random.default_rng(61), noise=2.0, tone=gamma)
+    result = ts.calibrate(photo, tone="srgb")
+    told = result.warnings[0]
+    assert (told.code, told.severity) == ("tone_contradicted", "high")
+    assert 'use tone="auto"' in told
+    found, change = re.search(r"gamma of ([\d.]+) .* fx changes by ([-+][\d.]+);", told).groups()
+    assert float(found) == pytest.approx(gamma, rel=0.06)
+    estimated = ts.calibrate(photo)
+    moved = estimated.camera.fx - result.camera.fx
+    assert float(change) == pytest.approx(moved, rel=0.3)
+    assert result.std["fx"] > 0.95 * abs(moved)
+    assert_within(result, SCENE, 4.0)
+
+
+def test_a_stated_tone_that_is_right_is_not_contradicted():
+    photo = simulate.render(SCENE, np.random.default_rng(62), noise=2.0, tone="srgb")
+    assert ts.calibrate(photo, tone="srgb").warnings == ()
 
 
 def test_several_pictures_of_one_camera_pool_their_planes():

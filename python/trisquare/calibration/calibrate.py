@@ -43,6 +43,9 @@ LARGE_SIDE = 10.0
 NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
 """Added to what speaks against the squares that were found."""
 
+TONE_HINT = ': use tone="auto", which estimates it'
+"""Added to what the fit to the pixels says of a stated tone curve."""
+
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
 
@@ -387,7 +390,10 @@ def _calibration(
     tone, tone_std = pooled(tones)
     tone_of_image = dict(zip(images, tones, strict=False))
     warnings = []
-    if text := contradiction_text(tone_of_image, gathered.names):
+    told = {code for _, code, _, _ in found.warnings}
+    text = contradiction_text(tone_of_image, gathered.names)
+    # Of the same the fit to the pixels tells more: what it makes of the camera.
+    if text and "tone_contradicted" not in told:
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
     warnings += [
@@ -401,9 +407,11 @@ def _calibration(
     if text := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
     by_picture = bool(images) and {figure.kind for figure in gathered.figures} == {"square"}
+    hints = {"tone_contradicted": TONE_HINT}
+    if by_picture:
+        hints["planes_contradict"] = NO_SQUARES_HINT
     for text, code, severity, plane in found.warnings:
-        hint = NO_SQUARES_HINT if by_picture and code == "planes_contradict" else ""
-        warnings.append(CalibrationWarning(text + hint, code, severity, plane))
+        warnings.append(CalibrationWarning(text + hints.get(code, ""), code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation
     return Calibration(

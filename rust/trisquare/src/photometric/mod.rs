@@ -12,6 +12,7 @@ mod kept;
 mod photographs;
 mod refine;
 mod scene;
+mod stated_tone;
 
 pub use kept::pixels_to_keep;
 pub use photographs::Photographs;

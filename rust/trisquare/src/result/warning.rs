@@ -316,6 +316,24 @@ pub enum Warning {
         /// One standard deviation of it.
         std: f64,
     },
+    /// The pixels contradict the tone curve that was stated.
+    #[error(
+        "the pixels contradict the tone curve that was stated: they show a gamma of {}, with which \
+         {parameter} changes by {}; its standard deviation was raised by as much",
+        with_its_std(*.gamma, *.std), signed_two_digits(*.change)
+    )]
+    ToneContradicted {
+        /// Index of the picture that contradicts its own the most.
+        picture: usize,
+        /// The pure gamma that codes mid-grey as its pixels do.
+        gamma: f64,
+        /// One standard deviation of it.
+        std: f64,
+        /// The first free parameter, in most cases `fx`.
+        parameter: Text,
+        /// By how much it changes, to first order, where the curve is estimated.
+        change: f64,
+    },
     /// Something lies over a part of one side, which is not used there.
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
@@ -397,6 +415,12 @@ fn with_its_std(value: f64, std: f64) -> String {
 fn two_digits(value: f64) -> String {
     let decimals = decimals_of(value);
     format!("{value:.decimals$}")
+}
+
+/// A number with its sign and two significant digits.
+fn signed_two_digits(value: f64) -> String {
+    let decimals = decimals_of(value.abs());
+    format!("{value:+.decimals$}")
 }
 
 /// How many decimals show two significant digits.
@@ -521,6 +545,7 @@ impl Warning {
             Self::OutsidePicture { .. } => "samples_outside_picture",
             Self::RelationContradicted { .. } => "relation_contradicted",
             Self::PartlyHidden { .. } => "side_partly_hidden",
+            Self::ToneContradicted { .. } => "tone_contradicted",
         }
     }
 
@@ -553,6 +578,7 @@ impl Warning {
             | Self::BarelyDetermined { .. }
             | Self::PrincipalPointAssumed { .. }
             | Self::OutsidePicture { .. }
+            | Self::ToneContradicted { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideRejected { .. }
