@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare.batch.jobs import LONGEST_FILE_NAME, safe_file_name
-from trisquare.batch.manifest import manifest_jobs
+from trisquare.batch.manifest import MOST_FAULTS, manifest_jobs
+
+HEAD = "name,photographs\n"
 
 
 def touch(folder, *names):
@@ -266,6 +268,27 @@ def test_a_manifest_is_read_as_it_is_needed(tmp_path):
     assert next(jobs).name == "c0"
     path.write_text("")  # what is read ahead is a buffer, not the file
     assert sum(1 for _ in jobs) < 10_000
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "wrong", "right"),
+    [
+        ("c.jsonl", "", "1\n", '{"name": "a", "photographs": "b"}\n'),
+        ("c.csv", HEAD, "a\n", "a,b\n"),
+    ],
+)
+def test_a_manifest_is_not_read_beyond_ten_thousand_wrong_records(
+    tmp_path, name, head, wrong, right
+):
+    path = tmp_path / name
+    path.write_text(head + wrong * MOST_FAULTS + right)
+    jobs = list(ts.find_jobs([path]))
+    assert [len(jobs), jobs[-1].name, jobs[-1].fault] == [MOST_FAULTS + 1, "a", None]
+    path.write_text(head + wrong * (MOST_FAULTS + 1) + right)
+    *before, last = ts.find_jobs([path])
+    assert len(before) == MOST_FAULTS
+    assert last.origin == f"{path}:{MOST_FAULTS + 1 + bool(head)}"
+    assert last.fault.startswith(f"{MOST_FAULTS} records before are wrong: the rest is not read")
 
 
 @pytest.mark.parametrize(

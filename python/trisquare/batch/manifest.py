@@ -19,9 +19,15 @@ SEVERAL = ("fix", "free", "orthogonal", "parallel")
 LONGEST_LINE = 1 << 20
 """Characters: a longer line is no record."""
 
+MOST_FAULTS = 10_000
+"""Wrong records after which the rest of a manifest is not read: each becomes a record of the batch,
+and a small file may hold hundreds of thousands."""
+
 
 def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
     """Read the jobs of a manifest one after another; a wrong record is a job with a fault.
+
+    After `MOST_FAULTS` of these the rest is one more.
 
     Parameters
     ----------
@@ -41,7 +47,7 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
     """
     records = _csv_records if Path(path).suffix.lower() == ".csv" else _json_records
     folder = os.path.dirname(path)
-    count = 0
+    count = faults = 0
     try:
         for number, record in records(path):
             count += 1
@@ -49,6 +55,11 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
             try:
                 yield _job(record, folder, options, origin)
             except (TypeError, ValueError) as error:
+                if faults == MOST_FAULTS:
+                    text = f"{faults} records before are wrong: the rest is not read from here on"
+                    yield faulty_job(path, text, origin)
+                    return
+                faults += 1
                 yield faulty_job(origin, str(error), origin)
     except UnicodeDecodeError as error:
         yield faulty_job(path, f"after {count} records: not UTF-8: {error}", path)
