@@ -20,14 +20,21 @@ from scenes import edges_of, squares
 import trisquare as ts
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.camera import camera_parameters
+from trisquare.camera.lens_models import COEFFICIENTS
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.reading import read_image
 from trisquare.report import report_page, write_report
 from trisquare.report.content import summary
 from trisquare.report.layers import picture_layers
+from trisquare.report.lens import lens_equations, radial_displacement
 from trisquare.report.pictures import LARGEST_SHOWN, shown_pixels
 from trisquare.report.plot_style import inline_svg, plotting
-from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
+from trisquare.report.plots import (
+    displacement_by_radius,
+    residuals_by_radius,
+    residuals_by_side,
+    uncertainty_map,
+)
 from trisquare.report.scene import scene_of
 from trisquare.results.rejected import Rejected
 
@@ -112,6 +119,82 @@ def test_the_numbers_can_be_copied_with_all_digits(demo, page):
     np.testing.assert_array_equal(found["distortion"], demo.camera.distortion)
 
 
+COEFFICIENTS_OF_A_LENS = dict(
+    zip(
+        ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"),
+        (-0.2, 0.05, 0.003, -0.002, 0.01, 0.02, 0.03, -0.01, 0.001, 0.002, -0.003, 0.004),
+        strict=True,
+    )
+)
+
+
+@pytest.mark.parametrize("skew", [0.0, 2.0])
+@pytest.mark.parametrize(
+    ("model", "free"),
+    [
+        ("none", ""),
+        ("radial2", "k1 k2"),
+        ("brown", "k1 k2 p1 p2 k3"),
+        ("rational", "k1 k2 p1 p2 k3 k4 k5 k6"),
+        ("brown_prism", "k1 k2 p1 p2 k3 s1 s2 s3 s4"),
+        ("thin_prism", "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"),
+        ("equidistant", ""),
+        ("fisheye2", "k1 k2"),
+        ("fisheye", "k1 k2 k3 k4"),
+    ],
+)
+def test_the_equations_say_where_a_point_is_seen(model, free, skew):
+    distortion = [
+        COEFFICIENTS_OF_A_LENS[name] if name in free.split() else 0.0
+        for name in COEFFICIENTS[model]
+    ]
+    K = [[900.0, skew, 651.0], [0, 890.0, 470.0], [0, 0, 1]]
+    camera = ts.Camera(K, distortion, (1280, 960), model)
+    named = {*free.split(), *(("skew",) if skew else ())}
+    known = {**camera_parameters(camera), "X": 0.3, "Y": -0.2, "Z": 1.1}
+    signs = str.maketrans({"√": "sqrt", "·": "*", "²": "**2", "⁴": "**4", "⁶": "**6", "⁸": "**8"})
+    for equation in lens_equations(camera, named):
+        name, formula = equation.split(" = ")
+        value = eval(formula.translate(signs), {"sqrt": np.sqrt, "atan2": np.arctan2}, known)
+        known |= {"r": np.sqrt(value)} if name == "r²" else {name: value}
+    seen = camera.project([[0.3, -0.2, 1.1]])[0]
+    np.testing.assert_allclose([known["u"], known["v"]], seen, rtol=1e-12)
+
+
+@pytest.mark.parametrize("valid_radius", [None, 0.5])
+@pytest.mark.parametrize("model", ["radial2", "brown", "fisheye2"])
+def test_the_radial_displacement_is_that_of_the_coefficients(model, valid_radius):
+    """Up to the farthest corner, or the valid radius; tangential coefficients are left out."""
+    k1, k2 = -0.2, 0.05
+    others = {"brown": [0.01, -0.02, 0.0], "radial2": [0, 0, 0], "fisheye2": [0, 0]}[model]
+    K = [[900.0, 0, 651.0], [0, 890.0, 470.0], [0, 0, 1]]
+    camera = ts.Camera(K, [k1, k2, *others], (1280, 960), model, valid_radius)
+    observed, displacement = radial_displacement(camera)
+    ideal = (observed - displacement) / 900
+    expected = ideal * (1 + k1 * ideal**2 + k2 * ideal**4)
+    np.testing.assert_allclose(observed / 900, expected, atol=1e-9)
+    corner = np.hypot(651.5, 489.5)
+    end = corner if valid_radius is None else 900 * 0.5 * (1 + k1 * 0.5**2 + k2 * 0.5**4)
+    assert observed[0] == 0
+    assert observed[-1] == pytest.approx(end, rel=0.01)
+    assert displacement[-1] < 0  # barrel: toward the middle
+
+
+def test_the_page_says_how_far_the_lens_can_be_undone(undrawn, calibration):
+    for valid_radius, said in ((0.5, "within the picture"), (2.0, "beyond the picture")):
+        camera = replace(calibration.camera, valid_radius=valid_radius)
+        degrees = f"{np.degrees(np.arctan(valid_radius)):.1f} degrees from the axis"
+        text = Page(report_page(replace(calibration, camera=camera))).text
+        assert f"{camera.valid_radius_px:.0f} px from the principal point, {degrees}" in text
+        assert said in text
+        assert "(0, 0) is the centre of the top-left pixel" in text
+
+
+def test_a_lens_without_distortion_has_no_curve():
+    K = [[900.0, 0, 651.0], [0, 890.0, 470.0], [0, 0, 1]]
+    assert displacement_by_radius(ts.Camera(K, np.zeros(5), (1280, 960), "none"), []) is None
+
+
 FOCAL, EQUIVALENT, WIDTH, HEIGHT, RESOLUTION, UNIT = 0x920A, 0xA405, 0xA002, 0xA003, 0xA20E, 0xA210
 
 
@@ -143,7 +226,7 @@ def test_the_focal_length_is_said_in_millimetres(undrawn, calibration, tmp_path,
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave out the plots, which take most of a report's time: for tests of its words."""
-    names = ("by_side", "by_radius", "beyond_scale", "uncertainty")
+    names = ("displacement", "by_side", "by_radius", "beyond_scale", "uncertainty")
     monkeypatch.setattr("trisquare.report.page._plots", lambda *_: dict.fromkeys(names))
 
 

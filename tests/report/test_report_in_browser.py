@@ -117,7 +117,7 @@ def test_everything_loads_and_nothing_complains(browser, folder, name):
     browser.open(folder / name)
     images = browser.evaluate("[...document.images].map(i => i.complete && i.naturalWidth)")
     assert images == [1280, 1280]
-    assert browser.evaluate("document.querySelectorAll('.plot svg').length") == 3
+    assert browser.evaluate("document.querySelectorAll('.plot svg').length") == 4
     assert len(drawn(browser)) == 4
     assert browser.complaints == []
     assert "Page.javascriptDialogOpening" not in browser.events

@@ -16,15 +16,22 @@ from trisquare._support.html_pages import page_environment
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap
 from trisquare.images.exif import StatedFocalLength, stated_focal_length
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import picture_size
 from trisquare.report import content
 from trisquare.report.layers import PictureLayers, picture_layers
+from trisquare.report.lens import lens_equations, valid_radius_text
 from trisquare.report.pictures import shown_pixels
 from trisquare.report.plot_style import SERIES, inline_svg, plotting
-from trisquare.report.plots import residuals_by_radius, residuals_by_side, uncertainty_map
+from trisquare.report.plots import (
+    displacement_by_radius,
+    residuals_by_radius,
+    residuals_by_side,
+    uncertainty_map,
+)
 from trisquare.report.scene import scene_of
 from trisquare.results.calibration import Calibration
 
@@ -54,10 +61,14 @@ def page_of(
     script = _own("report.js")
     environment = page_environment("trisquare.report")
     environment.filters["two_digits"] = two_digits
+    parameters = list(content.parameter_texts(calibration))
     page: str = environment.get_template("report.html.j2").render(
         calibration=calibration,
         summary=list(content.summary(calibration, known)),
-        parameters=list(content.parameter_texts(calibration)),
+        parameters=parameters,
+        equations=lens_equations(calibration.camera, {name for name, *_ in parameters}),
+        is_fisheye=is_fisheye(calibration.camera.model),
+        valid_radius=valid_radius_text(calibration.camera),
         focal_lengths=lengths,
         meanings=content.meanings(calibration.camera),
         diagnosis=diagnose(calibration),
@@ -127,6 +138,7 @@ def _plots(
         uncertainty = uncertainty_map(calibration, known)
         by_radius, beyond_scale = residuals_by_radius(calibration, sides) or (None, 0)
         return {
+            "displacement": _svg(displacement_by_radius(calibration.camera, sides), "displacement"),
             "by_side": _svg(residuals_by_side(sides) if sides else None, "by-side"),
             "by_radius": _svg(by_radius, "by-radius"),
             "beyond_scale": beyond_scale,

@@ -9,6 +9,7 @@ import numpy as np
 
 from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.analysis.comparison import two_digits
+from trisquare.report.lens import radial_displacement
 from trisquare.report.plot_style import FAINT, GROUND, INK, PLOT_HEIGHT, PLOT_WIDTH, plane_colour
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trisquare.analysis.residuals import MeasuredSide
+    from trisquare.camera.camera import Camera
     from trisquare.camera.projection_uncertainty import ProjectionMap
     from trisquare.results.calibration import Calibration
 
@@ -110,6 +112,27 @@ def residuals_by_radius(
     reach = max(SHOWN_SPREAD * spread, 1.3 * float(np.abs(means).max()), 1e-9)
     axes.set_ylim(-reach, reach)
     return figure, int((np.abs(outward) > reach).sum())
+
+
+def displacement_by_radius(camera: Camera, sides: Sequence[MeasuredSide]) -> Figure | None:
+    """Draw the radial displacement over the radius, and where the farthest sample lies.
+
+    Returns
+    -------
+    Figure or None
+        None if the lens has no radial distortion.
+    """
+    curve = radial_displacement(camera)
+    if curve is None:
+        return None
+    figure, axes = _figure("distance from the principal point, px", "displacement outward, px")
+    axes.axhline(0.0, color=FAINT, linewidth=1.0)
+    axes.plot(*curve, color=INK, linewidth=1.8)
+    centre = np.array([camera.cx, camera.cy])
+    radii = [np.linalg.norm(side.points - centre, axis=1).max() for side in sides]
+    if radii:
+        axes.axvline(max(radii), color=FAINT, linewidth=1.2, linestyle="--")
+    return figure
 
 
 def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | None:
