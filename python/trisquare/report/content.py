@@ -25,6 +25,10 @@ WORTH_A_MENTION = 1.0
 """Natural logarithm of odds below which evidence is "not worth more than a bare mention" (R. Kass &
 A. Raftery, *J. American Statistical Association* 90 (1995) 773-795)."""
 
+FAR_BEHIND = 100.0
+"""Natural logarithm of odds against a model, above which only that it is wrong can be read from it:
+it grows with the samples."""
+
 _INTRINSICS = {
     "fx": "focal length along x",
     "fy": "focal length along y",
@@ -178,10 +182,14 @@ def evidence_text(calibration: Calibration) -> str:
     others = calibration.alternatives
     if not others:
         return ""
-    odds = ", ".join(f"{other.model} {other.log_evidence:.1f}" for other in others)
+    odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)
     equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
     tie = f"; {' and '.join(equals)} would do as well" if equals else ""
     return f"by evidence (natural log odds of the others: {odds}{tie})"
+
+
+def _odds_text(log_odds: float) -> str:
+    return "far behind" if log_odds < -FAR_BEHIND else f"{log_odds:.1f}"
 
 
 def _today() -> str:
