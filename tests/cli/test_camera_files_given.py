@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+from importlib import resources
 
 import cv2
 import numpy as np
@@ -41,3 +42,20 @@ def test_one_camera_of_several_is_taken_out_as_the_error_says(run, folder, words
     if words[0] == "undistort":
         shutil.copy("one.json", "two cameras.txt")
         assert run(*words)[0] == 0
+
+
+def test_a_camera_of_another_resolution_is_scaled_as_the_error_says(run, folder):
+    shutil.copy(resources.files("trisquare") / "data" / "demo.png", "demo.png")
+    camera = ts.Camera([[450, 0, 319.5], [0, 450, 239.5], [0, 0, 1]], np.zeros(5), (640, 480))
+    camera.save("small.json")
+    words = ("calibrate", "demo.png", "--fix", "focal", "--initial")
+    code, _, err = run(*words, "small.json")
+    assert code == 2
+    told = err.partition("trisquare convert ")[2].partition(")")[0]
+    assert told == "--rescale 1280x960"
+    assert run("convert", "small.json", "large.json", *told.split())[0] == 0
+    assert ts.Camera.load("large.json").K.tolist() == camera.rescaled((1280, 960)).K.tolist()
+    assert run(*words, "large.json")[0] == 0
+    code, _, err = run("convert", "large.json", "narrow.json", "--rescale", "640x600")
+    assert code == 2
+    assert "large.json: " in err

@@ -95,7 +95,8 @@ class Settings:
             own, other = ("{} x {}".format(*size) for size in (self.initial.image_size, image_size))
             raise ValueError(
                 f"the initial camera is for pictures of {own}, these have {other}: if only the "
-                "resolution differs, scale it with Camera.rescaled"
+                "resolution differs, scale it (Camera.rescaled; trisquare convert --rescale "
+                f"{image_size[0]}x{image_size[1]})"
             )
         return camera_for_core(self.initial)
 

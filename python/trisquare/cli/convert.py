@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import RenderableType
 
+from trisquare._support.paths import naming
 from trisquare._support.writing import check_writable
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import named_numbers
@@ -22,6 +23,7 @@ EXAMPLES = (
     "trisquare convert camera.json camera_info.yaml",
     "trisquare convert camchain.yaml camera.json --camera cam1",
     "trisquare convert camera.json cameras.txt --to colmap --approximate",
+    "trisquare convert camera.json half.json --rescale 640x480",
 )
 
 FORMATS_HELP = "; ".join(f"{known.name} is {known.title}" for known in FORMATS)
@@ -53,6 +55,12 @@ def convert_command(
     approximate: bool = flag(
         "If the format has no model for the lens, use the nearest that it has.", "--approximate"
     ),
+    rescale: str | None = option(
+        None,
+        "WxH",
+        "Scale the camera to pictures of this size, if only the resolution differs.",
+        "--rescale",
+    ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
@@ -69,21 +77,26 @@ def convert_command(
             image_size=None if size is None else parse_size(size),
             approximate=approximate,
         )
-    approximation = save_camera(loaded.camera, target, known.name, approximate=approximate)
+    written = loaded.camera
+    if rescale is not None:
+        wanted = parse_size(rescale)
+        with naming(source):
+            written = written.rescaled(wanted)
+    approximation = save_camera(written, target, known.name, approximate=approximate)
     members = {
         "format": CONVERSION_FORMAT,
         "from": loaded.format,
         "to": known.name,
         "name": loaded.name,
-        "image_size": list(loaded.camera.image_size),
-        "camera": {"model": loaded.camera.model, **named_numbers(loaded.camera)},
+        "image_size": list(written.image_size),
+        "camera": {"model": written.model, **named_numbers(written)},
         "read_approximation": _lost(loaded.approximation),
         "write_approximation": _lost(approximation),
     }
-    width, height = loaded.camera.image_size
+    width, height = written.image_size
     parts: list[RenderableType] = [
         f"{source} ({loaded.format}) -> {target} ({known.name}): {width} x {height}, "
-        f"{loaded.camera.model}"
+        f"{written.model}"
     ]
     for verb, lost in (("read", loaded.approximation), ("written", approximation)):
         if lost is not None:
