@@ -19,10 +19,10 @@ COMMAND = (sys.executable, "-m", "trisquare", "serve")
 
 
 @contextmanager
-def served(*options):
+def served(*options, errors=None):
     """Run the command on a free port, and end it by Ctrl-C; yields what it has printed."""
     command = [*COMMAND, "--port", "0", "--json", *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as server:
         told = ""
         while not told.endswith("}\n"):
             line = server.stdout.readline()
@@ -89,6 +89,18 @@ def test_every_limit_is_set_by_an_option():
             urllib.request.urlopen(find, timeout=60)
         assert json.loads(error.value.read())["error"]["code"] == "TimeLimitError"
         error.value.close()
+
+
+@pytest.mark.parametrize("options", [(), ("--verbose",)])
+def test_requests_are_logged_on_standard_error_where_that_is_asked_for(tmp_path, options):
+    log = tmp_path / "log"
+    with log.open("w") as errors, served(*options, errors=errors) as address:
+        status = address.replace("/?", "/api/status?")
+        with urllib.request.urlopen(status, timeout=30) as answer:
+            answer.read()
+    lines = log.read_text().splitlines()
+    assert len(lines) == len(options)
+    assert all("GET /api/status: 200, " in line for line in lines)
 
 
 def test_it_ends_when_nobody_asks():

@@ -30,6 +30,7 @@ from trisquare.batch.limits import JobLimits
 from trisquare.errors import help_of
 from trisquare.images.frame_choice import choose_frames
 from trisquare.serve.app import create_app
+from trisquare.serve.request_log import RequestLog
 
 TOKEN = "the-token-of-the-tests"
 LIMITS = JobLimits(max_pixels=3_000_000, max_bytes=8_000_000, max_seconds=60.0, max_memory=1e9)
@@ -570,6 +571,20 @@ def test_what_a_killed_server_left_is_removed_by_the_next(client, tmp_path, monk
     first.close()
     second.close()
     assert sorted(own.name for own in tmp_path.iterdir()) == ["other", "trisquare-serve-file"]
+
+
+def test_every_request_is_a_line_of_the_log_without_the_token(caplog):
+    app = create_app(TOKEN, LIMITS, processes=1)
+    with caplog.at_level("INFO", "trisquare"), TestClient(RequestLog(app)) as client:
+        client.get("/api/status", params={"token": TOKEN})
+        client.get("/api/status")
+        client.get("/a%0Ab%1B[31m", params={"token": TOKEN})
+        client.post("/api/find", params={"token": TOKEN}, content=b"{")
+    lines = [record.getMessage() for record in caplog.records]
+    asked = ["GET /api/status: 200", "GET /api/status: 401", r"GET /a\nb\x1b[31m: 404"]
+    assert [line.rpartition(",")[0] for line in lines] == [*asked, "POST /api/find: 400"]
+    assert all(0 <= float(line.rpartition(",")[2].removesuffix(" s")) < 60 for line in lines)
+    assert TOKEN not in caplog.text
 
 
 # The schema.

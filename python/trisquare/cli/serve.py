@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import secrets
 import sys
@@ -61,6 +62,9 @@ def serve_command(
     key: Path | None = option(None, "FILE", "The certificate's private key (PEM)."),
     idle: float | None = option(None, "SECONDS", "End when nobody has asked for so long."),
     open_browser: bool = flag("Open the page in a browser.", "--open"),
+    verbose: bool = flag(
+        "Log each request on standard error: method, path, status, seconds.", "--verbose", "-v"
+    ),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
@@ -101,6 +105,8 @@ def serve_command(
         if open_browser:
             webbrowser.open(address)
 
+    if verbose:
+        _log_to_standard_error()
     chosen = secrets.token_urlsafe(TOKEN_BYTES) if token is None else token
     run_server(
         create_app(chosen, limits, jobs or usable_cores()),
@@ -112,6 +118,14 @@ def serve_command(
         idle=idle,
         listening=listening,
     )
+
+
+def _log_to_standard_error() -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+    log = logging.getLogger("trisquare")
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
 
 
 def _check_readable(file: Path) -> None:

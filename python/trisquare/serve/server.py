@@ -12,6 +12,8 @@ from pathlib import Path
 import uvicorn
 from starlette.applications import Starlette
 
+from trisquare.serve.request_log import RequestLog
+
 BACKLOG = 128
 """Connections that wait to be accepted."""
 
@@ -59,9 +61,9 @@ def run_server(
         If nothing can listen there, or certificate and key are none.
     """
     config = uvicorn.Config(
-        app,
+        RequestLog(app),
         log_level="warning",
-        access_log=False,  # the token is in the addresses
+        access_log=False,  # the token is in the addresses; RequestLog leaves it out
         server_header=False,
         ssl_certfile=certificate,
         ssl_keyfile=key,

@@ -1,0 +1,41 @@
+"""A line of the log for each request."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from trisquare._support.terminal_text import printable
+
+LOG = logging.getLogger("trisquare")
+
+
+class RequestLog:
+    """Tells the logger ``trisquare`` of every request: method, path, status and seconds.
+
+    What stands behind the path is left out: the token is there.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, and tell how it ended."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        status, began = "no answer", time.monotonic()
+
+        async def noted(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = str(message["status"])
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noted)
+        finally:
+            asked = printable(f"{scope['method']} {scope['path']}")
+            LOG.info("%s: %s, %.3f s", asked, status, time.monotonic() - began)
