@@ -617,16 +617,34 @@ def check(value, schema, where="answer"):
             check(member, schema.get("items", {}), f"{where}[]")
 
 
+def posted(client):
+    """What the schema says of the routes that take something."""
+    paths = client.get("/api/schema").json()["paths"]
+    return {path: methods["post"] for path, methods in paths.items() if "post" in methods}
+
+
 def test_the_schema_names_the_routes_that_there_are(client):
     schema = client.get("/api/schema").json()
     routes = {route.path for route in client.app.routes if "POST" in (route.methods or ())}
-    assert set(schema["paths"]) == routes
+    assert set(schema["paths"]) == {*routes, "/api/status"}
+    assert set(posted(client)) == routes
     for path in routes:
         assert client.get(path).status_code == 405
 
 
+def test_the_status_is_as_the_schema_says(client):
+    responses = client.get("/api/schema").json()["paths"]["/api/status"]["get"]["responses"]
+    schema = responses["200"]["content"]["application/json"]["schema"]
+    status = client.get("/api/status").json()
+    check(status, schema)
+    assert set(status) == set(schema["properties"])
+    refused = client.get("/api/status", headers={"X-Trisquare-Token": "no"})
+    check(refused.json(), responses["401"]["content"]["application/json"]["schema"])
+    assert refused.status_code == 401
+
+
 def test_answers_and_errors_are_as_the_schema_says(client, result):
-    paths = client.get("/api/schema").json()["paths"]
+    operations = posted(client)
     text = json.dumps(result["result"])
     found = post(client, "find", PHOTO, options={"guide": True}).json()
     question = {"image_size": found["image_size"], "outlines": found["found"]}
@@ -637,28 +655,28 @@ def test_answers_and_errors_are_as_the_schema_says(client, result):
         "compare": post(client, "compare", first=text, second=text).json(),
     }
     for name, answer in answers.items():
-        responses = paths[f"/api/{name}"]["post"]["responses"]
+        responses = operations[f"/api/{name}"]["responses"]
         schema = responses["200"]["content"]["application/json"]["schema"]
         check(answer, schema)
         stated = set(schema["properties"])
         assert set(schema["required"]) <= set(answer) <= stated
-    for path, operation in paths.items():
+    for path, operation in operations.items():
         answer = client.post(path.replace("{format}", "ros"), content=b"{")
         assert answer.status_code == 400
-        refusal = operation["post"]["responses"]["400"]["content"]["application/json"]["schema"]
+        refusal = operation["responses"]["400"]["content"]["application/json"]["schema"]
         check(answer.json(), refusal)
     for name in ("overlay", "undistort", "preview", "report", "convert/{format}"):
         field = "result" if name in ("overlay", "report") else "camera"
         files = {} if name == "preview" else {field: text}
         pictures = () if name.startswith("convert") else (PHOTO,)
         answer = post(client, name.replace("{format}", "ros"), *pictures, **files)
-        stated = paths[f"/api/{name}"]["post"]["responses"]["200"]["content"]
+        stated = operations[f"/api/{name}"]["responses"]["200"]["content"]
         assert answer.headers["content-type"].split(";")[0] in stated
 
 
 def test_only_the_options_of_the_schema_are_taken(client):
-    for path, operation in client.get("/api/schema").json()["paths"].items():
-        (body,) = operation["post"]["requestBody"]["content"].values()
+    for path, operation in posted(client).items():
+        (body,) = operation["requestBody"]["content"].values()
         options = body["schema"]["properties"].get("options", body["schema"])
         assert options["additionalProperties"] is False
         name = path.removeprefix("/api/").replace("{format}", "ros")

@@ -109,6 +109,15 @@ ANSWERS: dict[str, dict[str, Any]] = {
 }
 """Of the routes that answer with JSON."""
 
+STATUS = _all(
+    version=TEXT,
+    max_bytes={"type": "integer"},
+    max_pixels={"type": "integer"},
+    formats={"type": "array", "items": _all(name=TEXT, title=TEXT)},
+    models=TEXTS,
+    videos={"type": "array", "items": TEXT, "description": "endings of names"},
+)
+
 MEDIA: dict[str, tuple[str, ...]] = {
     "overlay": ("image/jpeg",),
     "undistort": ("image/png", "image/tiff", "image/jpeg"),
@@ -180,8 +189,25 @@ def api_schema(limits: JobLimits) -> dict[str, Any]:
             }
         },
         "security": [{"parameter": []}, {"header": []}],
-        "paths": {_path(name): {"post": _operation(name)} for name in TASKS},
+        "paths": {
+            "/api/status": {"get": _status()},
+            **{_path(name): {"post": _operation(name)} for name in TASKS},
+        },
     }
+
+
+def _status() -> dict[str, Any]:
+    answer = {"application/json": {"schema": STATUS}}
+    return {
+        "operationId": "status",
+        "summary": "Say the version, the limits, the formats and the models.",
+        "responses": {"200": {"description": "done", "content": answer}, "401": _refusal("401")},
+    }
+
+
+def _refusal(status: str) -> dict[str, Any]:
+    content = {"application/json": {"schema": ERROR}}
+    return {"description": REFUSALS[status], "content": content}
 
 
 def _path(name: str) -> str:
@@ -216,10 +242,7 @@ def _operation(name: str) -> dict[str, Any]:
         "requestBody": {"required": True, "content": content},
         "responses": {
             "200": {"description": "done", "content": answer},
-            **{
-                code: {"description": text, "content": {"application/json": {"schema": ERROR}}}
-                for code, text in REFUSALS.items()
-            },
+            **{status: _refusal(status) for status in REFUSALS},
         },
     }
     if name == "convert":
