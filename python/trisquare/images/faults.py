@@ -142,7 +142,8 @@ _ADVICE = {
     ),
     "overexposed": (
         "the light beside the edges is clipped at white, which moves them: clipped pixels are "
-        "taken as bounds, and standard deviations grew by what they leave unknown; expose less"
+        "taken as bounds, and standard deviations grew by what they leave unknown; photograph with "
+        "a shorter exposure, so that the light ground is no longer pure white"
     ),
     "thresholded": (
         "the picture is black and white only, which makes the edges staircases and moves all of "
