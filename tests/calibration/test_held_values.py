@@ -1,10 +1,11 @@
 """What is held where it is not known: the answer says how much depends on it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import IMAGE_SIZE, edges_of, squares
+from scenes import IMAGE_SIZE, camera_of, edges_of, squares
 
 import trisquare as ts
 from trisquare import simulate
@@ -58,3 +59,27 @@ def test_a_distortion_that_is_held_wrongly_is_told(seed):
     assert abs(wrong.camera.fx - 1100) < 4 * wrong.std["fx"]
     known = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion", initial=truth)
     assert not warnings_of("lens_beyond_model", known)
+
+
+@pytest.mark.parametrize("wrong", [None, "focal", "distortion"])
+def test_a_wrong_camera_that_is_held_whole_is_contradicted(wrong):
+    scene = squares(3)
+    held = camera_of(scene)
+    if wrong == "focal":
+        held = replace(held, K=held.K * [[1.02, 1, 1], [1, 1.02, 1], [1, 1, 1]])
+    if wrong == "distortion":
+        held = replace(held, distortion=0.9 * held.distortion)
+    result = ts.calibrate_edges(
+        edges_of(scene, noise=0.1),
+        held.image_size,
+        model=held.model,
+        fix=("focal", "principal_point", "distortion"),
+        initial=held,
+    )
+    assert result.parameters == ()
+    if wrong is None:
+        assert result.warnings == ()
+        return
+    (warning,) = result.warnings
+    assert (warning.code, warning.severity) == ("planes_contradict", "high")
+    assert "or what is held (principal point, focal length, distortion) is wrong" in warning

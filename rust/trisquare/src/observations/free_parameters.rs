@@ -113,7 +113,8 @@ impl FreeParameters {
         }
     }
 
-    /// What of the camera matrix is held, where something of it usually is free.
+    /// What of the camera matrix is held, where something of it usually is free, and beside it the
+    /// distortion if no coefficient is free.
     pub fn held(&self) -> Vec<&'static str> {
         let is_free = |column: usize| self.columns.contains(&column);
         let mut held = Vec::new();
@@ -124,6 +125,9 @@ impl FreeParameters {
             (false, _) => held.push("focal length"),
             (true, false) => held.push("aspect"),
             (true, true) => {}
+        }
+        if !held.is_empty() && self.columns.iter().all(|column| *column < INTRINSICS) {
+            held.push("distortion");
         }
         held
     }

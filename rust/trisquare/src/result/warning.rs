@@ -93,7 +93,8 @@ pub enum Warning {
         /// How many planes there are.
         #[cfg_attr(feature = "serde", serde(default = "several"))]
         planes: usize,
-        /// What of the camera is held: `"principal point"`, `"focal length"`, `"aspect"`.
+        /// What of the camera is held: `"principal point"`, `"focal length"`, `"aspect"`,
+        /// `"distortion"`.
         #[cfg_attr(feature = "serde", serde(default))]
         held: Vec<Text>,
     },

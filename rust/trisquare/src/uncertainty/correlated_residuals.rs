@@ -65,10 +65,6 @@ impl ResidualCorrelation {
         free: &FreeParameters,
     ) -> Vec<Warning> {
         let factors = self.factors(covariance);
-        let most = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
-        let Some(worst) = (0..factors.len()).max_by(most) else {
-            return Vec::new();
-        };
         let mut warnings = Vec::new();
         if self.planes_contradict() {
             warnings.push(Warning::PlanesContradict {
@@ -78,6 +74,10 @@ impl ResidualCorrelation {
                 held: free.held().into_iter().map(Into::into).collect(),
             });
         }
+        let most = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
+        let Some(worst) = (0..factors.len()).max_by(most) else {
+            return warnings;
+        };
         // Planes that contradict each other raise all deviations at least as much.
         let least = self.between_plane_variance_ratio.max(WORTH_TELLING);
         if self.group_variance_ratio > least {
