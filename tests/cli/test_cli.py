@@ -147,6 +147,21 @@ def test_what_is_held_has_the_values_of_the_file(run, photo, tmp_path):
     assert "320 x 240, these have 640 x 480" in err
 
 
+def test_the_table_says_what_is_held_at_which_value(run, photo, tmp_path):
+    """A distortion that is held without a file is none, whatever the model has."""
+    _, out, _ = run("calibrate", photo, "--fix", "distortion,aspect", "--model", "brown")
+    assert "model brown, method ml (edges), held: aspect at 1; distortion at zero: rms" in out
+    known = SCENE.camera
+    Camera(known.K, known.distortion, known.image_size).save(tmp_path / "known.json")
+    options = ("--initial", tmp_path / "known.json", "--fix", "focal,principal_point,distortion")
+    _, out, _ = run("calibrate", photo, *options)
+    bent = ", ".join(f"k{i} {value:.6g}" for i, value in enumerate(known.distortion[:2], 1))
+    assert (
+        f"held: principal point at ({known.cx:.6g}, {known.cy:.6g}); focal length at "
+        f"fx {known.fx:.6g}, fy {known.fy:.6g}; distortion at {bent}: rms"
+    ) in out
+
+
 def test_a_focal_length_needs_a_file_to_be_held_at(run, photo, tmp_path):
     outcome = run("calibrate", photo, "--fix", "focal", "-o", tmp_path / "camera.json")
     assert_refused(outcome, 2, tmp_path)

@@ -11,6 +11,7 @@ from trisquare.cli.console import line_of, new_table
 from trisquare.report.content import (
     distance_unit,
     evidence_text,
+    held_text,
     parameter_texts,
     plane_texts,
     unit_of,
@@ -89,9 +90,10 @@ def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
     evidence = evidence_text(calibration)
     chosen = f", {evidence}" if evidence else ""
+    held = f", held: {held_text(calibration)}" if calibration.fixed else ""
     return line_of(
         f"{width} x {height}, model {calibration.camera.model}{chosen}, "
-        f"method {calibration.method} ({calibration.stage}): rms {calibration.rms:.4f} px, "
+        f"method {calibration.method} ({calibration.stage}){held}: rms {calibration.rms:.4f} px, "
         f"noise scale {calibration.noise_scale:.2f}"
     )
 

@@ -15,7 +15,7 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
 from trisquare.camera.camera import Camera, camera_parameters
-from trisquare.camera.lens_models import is_fisheye
+from trisquare.camera.lens_models import COEFFICIENTS, is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap, known_part
 from trisquare.images.exif import StatedFocalLength
 from trisquare.results.calibration import Calibration
@@ -169,12 +169,26 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     return [
         ("method", f"{method}; the numbers are from the {calibration.stage} stage"),
         ("lens model", calibration.camera.model + chosen),
-        ("held", ", ".join(calibration.fixed) or "nothing"),
+        ("held", held_text(calibration) or "nothing"),
         ("tone curve", _tone(calibration)),
         ("calibrated by", f"trisquare {calibration.software}"),
         ("reported by", reported_by),
         ("reported on", _today()),
     ]
+
+
+def held_text(calibration: Calibration) -> str:
+    """Return what is held, each at its values; nothing where nothing is."""
+    camera = calibration.camera
+    coefficients = zip(COEFFICIENTS[camera.model], camera.distortion, strict=True)
+    bending = [f"{name} {value:.6g}" for name, value in coefficients if value != 0.0]
+    texts = {
+        "aspect": f"aspect at {camera.fy / camera.fx:.6g}",
+        "principal_point": f"principal point at ({camera.cx:.6g}, {camera.cy:.6g})",
+        "focal": f"focal length at fx {camera.fx:.6g}, fy {camera.fy:.6g}",
+        "distortion": f"distortion at {', '.join(bending) or 'zero'}",
+    }
+    return "; ".join(texts.get(name, name) for name in calibration.fixed)
 
 
 def evidence_text(calibration: Calibration) -> str:
