@@ -6,13 +6,19 @@ use crate::error::Error;
 
 /// Width and height of a picture in pixels; `(0, 0)` is the centre of its top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ImageSize {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
 }
+
+#[cfg(feature = "serde")]
+crate::stored::read_checked!(ImageSize {
+    width: u32,
+    height: u32,
+});
 
 impl ImageSize {
     /// The image centre, `((W - 1) / 2, (H - 1) / 2)`.
@@ -40,8 +46,11 @@ impl ImageSize {
     /// # Errors
     /// [`Error::InvalidArgument`] for an empty picture.
     pub(crate) fn check(&self) -> Result<(), Error> {
-        if self.width == 0 || self.height == 0 {
-            return Err(Error::InvalidArgument("the picture is empty".into()));
+        let Self { width, height } = self;
+        if *width == 0 || *height == 0 {
+            return Err(Error::InvalidArgument(format!(
+                "the picture is empty: width {width}, height {height}"
+            )));
         }
         Ok(())
     }

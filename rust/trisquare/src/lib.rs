@@ -59,6 +59,8 @@ mod result;
 mod search;
 mod selection;
 mod solver;
+#[cfg(feature = "serde")]
+mod stored;
 #[cfg(feature = "synthetic")]
 pub mod synthetic;
 mod uncertainty;

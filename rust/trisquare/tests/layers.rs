@@ -18,7 +18,7 @@ const ROWS: [&[&str]; 13] = [
     &["observations", "result"],
     &["lens", "search", "localise"],
     &["geometry", "image", "image_size"],
-    &["numeric", "error"],
+    &["numeric", "error", "stored"],
     &["ill_conditioning"],
 ];
 

@@ -7,10 +7,11 @@ use equidistant::Equidistant;
 use nalgebra::Vector2;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::json;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Brown, Calibration, Fisheye, FisheyeModel, Lens, ModelChoice, Options, Warning, calibrate,
-    calibrate_by_evidence,
+    Brown, Calibration, Fisheye, FisheyeModel, Lens, Line, ModelChoice, Options, PictureTone,
+    PowerCurve, Straightening, Tone, Warning, calibrate, calibrate_by_evidence,
 };
 
 fn stored_and_read<T: Serialize + DeserializeOwned>(value: &T) -> T {
@@ -127,4 +128,82 @@ fn what_the_lens_does_not_have_is_refused() {
     let refused = serde_json::from_str::<Calibration>(&unknown).unwrap_err();
     assert!(refused.to_string().contains("fz"), "{refused}");
     assert!(serde_json::from_str::<Calibration<Equidistant>>(&text).is_err());
+}
+
+/// What is said of a stored value once one of its members is another.
+fn refusal<T: Serialize + DeserializeOwned + std::fmt::Debug>(
+    value: &T,
+    member: &str,
+    other: serde_json::Value,
+) -> String {
+    let mut text = serde_json::to_value(value).unwrap();
+    let changed = text.pointer_mut(member).unwrap();
+    assert_ne!(*changed, other);
+    *changed = other;
+    serde_json::from_value::<T>(text).unwrap_err().to_string()
+}
+
+#[test]
+fn a_calibration_whose_fields_contradict_each_other_is_refused() {
+    let found = calibration_of(&Scene::random(1, SceneOptions::default()));
+    let smaller = json!([[1.0, 0.0, 0.0, 1.0], 2, 2]);
+    let count = found.parameters.len();
+    for (member, other, expected) in [
+        ("/covariance", smaller.clone(), "covariance is 2 x 2"),
+        ("/covariance/0/0", json!(-1.0), "covariance must be finite"),
+        ("/parameters", json!(["fx"]), "parameters has 1 names"),
+        (
+            "/residual_correlation/added",
+            smaller,
+            "residual_correlation.added is 2 x 2",
+        ),
+        (
+            "/planes/1/uncertainty/by_camera",
+            json!([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], null, 1]),
+            "planes[1].uncertainty.by_camera has 1 columns",
+        ),
+        ("/residuals/2/plane", json!(3), "residuals[2].plane is 3"),
+        (
+            "/residuals/0/sides/1/normals",
+            json!([]),
+            "residuals[0].sides[1]",
+        ),
+        ("/image_size/width", json!(0), "width 0"),
+        (
+            "/planes/0/pose/rotation/4",
+            json!(9.0),
+            "rotation of a pose",
+        ),
+    ] {
+        let refused = refusal(&found, member, other);
+        assert!(refused.contains(expected), "{member}: {refused}");
+    }
+    assert_eq!(found.covariance.shape(), (count, count));
+}
+
+#[test]
+fn what_no_constructor_makes_is_refused() {
+    let line = Line::new(3.0, 4.0, 5.0).unwrap();
+    assert_eq!(stored_and_read(&line), line);
+    assert!(refusal(&line, "/coefficients", json!([3.0, 4.0, 5.0])).contains("unit normal"));
+    let scene = Scene::random(1, SceneOptions::default());
+    let pose = calibration_of(&scene).planes[0].pose;
+    let mirrored = pose.rotation.map(|v| -v);
+    let refused = refusal(&pose, "/rotation", serde_json::to_value(mirrored).unwrap());
+    assert!(refused.contains("rotation"), "{refused}");
+    let curve = PowerCurve {
+        gamma: 2.4,
+        toe: 0.039,
+    };
+    assert_eq!(stored_and_read(&curve), curve);
+    assert!(refusal(&curve, "/gamma", json!(0.0)).contains("gamma"));
+    assert!(refusal(&curve, "/toe", json!(-1.0)).contains("toe"));
+    assert_eq!(stored_and_read(&Tone::Gamma(2.2)), Tone::Gamma(2.2));
+    assert!(refusal(&Tone::Gamma(2.2), "/Gamma", json!(0.0)).contains("gamma"));
+    let shifted = PictureTone::Shifted(curve, 0.1);
+    assert_eq!(stored_and_read(&shifted), shifted);
+    assert!(refusal(&shifted, "/Shifted/1", json!(-0.1)).contains("deviation"));
+    let straight = Straightening::identity(scene.size);
+    assert_eq!(stored_and_read(&straight), straight);
+    assert!(refusal(&straight, "/radius", json!(0.0)).contains("radius"));
 }

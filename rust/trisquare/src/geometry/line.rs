@@ -9,12 +9,36 @@ const MAX_SWEEPS: usize = 100;
 
 /// A line `a x + b y + c = 0` with `a^2 + b^2 = 1`, so that the left side is a signed distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Line {
     coefficients: Vector3<f64>,
 }
 
+/// How far the length of a stored normal may be off 1, as by digits that were cut.
+#[cfg(feature = "serde")]
+const STORED_NORMAL_SLACK: f64 = 1e-6;
+
+#[cfg(feature = "serde")]
+crate::stored::read_checked!(Line {
+    coefficients: Vector3<f64>,
+});
+
 impl Line {
+    /// # Errors
+    /// [`Error::InvalidArgument`] for what [`Self::new`] does not make.
+    #[cfg(feature = "serde")]
+    fn check(&self) -> Result<(), Error> {
+        let [a, b, c] = self.coefficients.into();
+        // Written so that NaN is refused, too.
+        if !((a.hypot(b) - 1.0).abs() < STORED_NORMAL_SLACK && c.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "the coefficients of a line, [{a}, {b}, {c}], must be finite and have a unit normal, \
+                 a^2 + b^2 = 1"
+            )));
+        }
+        Ok(())
+    }
+
     /// Normalises `(a, b, c)` to a unit normal.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ const MAX_SVD_SWEEPS: usize = 100;
 
 /// A rigid motion `X_cam = R X_plane + t`; lengths in the plane's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Pose {
     /// The rotation `R`.
     pub rotation: Matrix3<f64>,
@@ -26,7 +26,38 @@ pub struct Pose {
     pub translation: Vector3<f64>,
 }
 
+/// How far a stored rotation may be off one, as by digits that were cut.
+#[cfg(feature = "serde")]
+const STORED_ROTATION_SLACK: f64 = 1e-6;
+
+#[cfg(feature = "serde")]
+crate::stored::read_checked!(Pose {
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+});
+
 impl Pose {
+    /// # Errors
+    /// [`Error::InvalidArgument`] if it is no rigid motion, [`Error::NotFinite`].
+    #[cfg(feature = "serde")]
+    fn check(&self) -> Result<(), Error> {
+        let gap = (self.rotation.transpose() * self.rotation - Matrix3::identity()).norm();
+        // Written so that NaN is refused, too.
+        if !(gap < STORED_ROTATION_SLACK && self.rotation.determinant() > 0.0) {
+            return Err(Error::InvalidArgument(
+                "the rotation of a pose must be a rotation matrix: columns of length 1 at right \
+                 angles, determinant 1"
+                    .into(),
+            ));
+        }
+        if !self.translation.iter().all(|v| v.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "the translation of a pose",
+            });
+        }
+        Ok(())
+    }
+
     /// The pose that a homography `H_image_from_plane ~ K [r1 r2 t]` implies, in front of the
     /// camera at the plane's point `witness`.
     ///

@@ -16,10 +16,16 @@ pub enum PictureTone {
     Estimated(PowerCurve),
     /// By a curve that is to be estimated but does not quite describe it, as after JPEG: its edges
     /// lie off by a little, as those of [`Shifted`](Self::Shifted) do.
-    Approximated(PowerCurve, f64),
+    Approximated(
+        PowerCurve,
+        #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64,
+    ),
     /// By something that no curve describes: with this one its edges lie off, all by the same
     /// distance towards the dark, which is zero up to the given standard deviation, pixels.
-    Shifted(PowerCurve, f64),
+    Shifted(
+        PowerCurve,
+        #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64,
+    ),
 }
 
 impl PictureTone {

@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+#[cfg(feature = "serde")]
+use crate::error::Error;
+
 /// Below this light a pure gamma curve, whose own slope has no limit at black, is continued along
 /// its tangent; with gamma 2.2 that touches the lowest 3 of 255 levels only.
 pub(crate) const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
@@ -64,13 +67,19 @@ impl TonePrior {
 /// levels; with the wrong kind of curve among these two an edge is off by as much as the noise of
 /// a whole picture leaves open.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PowerCurve {
     /// Positive.
     pub gamma: f64,
     /// The offset per unit of gamma above 1.
     pub toe: f64,
 }
+
+#[cfg(feature = "serde")]
+crate::stored::read_checked!(PowerCurve {
+    gamma: f64,
+    toe: f64,
+});
 
 /// The power part at the light where a tangent leaves it.
 #[derive(Clone, Copy)]
@@ -84,6 +93,20 @@ struct Tangent {
 }
 
 impl PowerCurve {
+    /// # Errors
+    /// [`Error::InvalidArgument`] if it is of no use.
+    #[cfg(feature = "serde")]
+    fn check(&self) -> Result<(), Error> {
+        match self.is_valid() {
+            true => Ok(()),
+            false => Err(Error::InvalidArgument(format!(
+                "a power curve has a positive, finite gamma and a finite toe above -1 / (gamma - 1): \
+                 not gamma {}, toe {}",
+                self.gamma, self.toe
+            ))),
+        }
+    }
+
     pub(crate) fn is_valid(&self) -> bool {
         self.gamma > 0.0 && self.gamma.is_finite() && self.toe.is_finite() && self.offset() > -1.0
     }

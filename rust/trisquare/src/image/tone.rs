@@ -17,7 +17,7 @@ pub enum Tone {
     /// The piecewise curve of IEC 61966-2-1.
     Srgb,
     /// `coded = linear^(1 / gamma)`, `gamma` positive.
-    Gamma(f64),
+    Gamma(#[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64),
     /// An offset power curve that may not be exactly known, see [`PowerCurve`].
     Power(PowerCurve),
 }

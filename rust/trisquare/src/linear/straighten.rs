@@ -37,7 +37,7 @@ const MIN_NOISE: f64 = 0.01;
 /// undistorted pictures need none: [`from_straightening`](crate::Lens::from_straightening) makes a
 /// lens of any focal length of it, by [`Self::ideal_radius`]; the example `undistort` does.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Straightening {
     /// `a1, a2, ...`.
     pub coefficients: Vec<f64>,
@@ -49,7 +49,29 @@ pub struct Straightening {
     pub rms: f64,
 }
 
+#[cfg(feature = "serde")]
+crate::stored::read_checked!(Straightening {
+    coefficients: Vec<f64>,
+    centre: Vector2<f64>,
+    radius: f64,
+    rms: f64,
+});
+
 impl Straightening {
+    /// # Errors
+    /// [`Error::InvalidArgument`] for a number that is not finite, or a radius that is not positive.
+    #[cfg(feature = "serde")]
+    fn check(&self) -> Result<(), Error> {
+        let mut numbers = self.coefficients.iter().chain(self.centre.iter());
+        let is_finite = numbers.all(|v| v.is_finite()) && self.rms.is_finite();
+        if !(is_finite && self.radius > 0.0 && self.radius.is_finite()) {
+            return Err(Error::InvalidArgument(
+                "the numbers of a straightening must be finite, and its radius positive".into(),
+            ));
+        }
+        Ok(())
+    }
+
     /// The straightening that changes nothing.
     pub fn identity(size: ImageSize) -> Self {
         Self {

@@ -126,11 +126,7 @@ pub struct Estimate {
 
 /// A calibrated camera, how well it is known, and where the planes stand.
 #[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(bound = "")
-)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(bound = ""))]
 #[non_exhaustive]
 pub struct Calibration<L: Lens = DefaultLens> {
     /// The camera.
@@ -139,10 +135,6 @@ pub struct Calibration<L: Lens = DefaultLens> {
     /// Size of the pictures.
     pub image_size: ImageSize,
     /// Names of the free parameters, in the order of the covariance.
-    #[cfg_attr(
-        feature = "serde",
-        serde(deserialize_with = "super::stored::parameter_names::<L, _>")
-    )]
     pub parameters: Vec<&'static str>,
     /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,

@@ -1,9 +1,96 @@
-//! How what a calibration names is read back by serde.
+//! How a calibration is read back by serde.
 
+use nalgebra::DMatrix;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+use super::calibration::{Calibration, FigureResiduals, Plane, SceneLine};
+use super::residual_correlation::ResidualCorrelation;
+use super::warning::{Stage, Warning};
+use crate::image::ToneFit;
+use crate::image_size::ImageSize;
 use crate::lens::Lens;
+
+/// The fields of a [`Calibration`], as they are before they are checked against each other.
+#[derive(Deserialize)]
+#[serde(remote = "Calibration", bound = "")]
+struct Unchecked<L: Lens> {
+    #[serde(with = "crate::lens::stored")]
+    camera: L,
+    image_size: ImageSize,
+    #[serde(deserialize_with = "parameter_names::<L, _>")]
+    parameters: Vec<&'static str>,
+    covariance: DMatrix<f64>,
+    aspect_fixed: bool,
+    planes: Vec<Plane>,
+    lines: Vec<SceneLine>,
+    residuals: Vec<FigureResiduals>,
+    rms: f64,
+    noise_scale: f64,
+    residual_correlation: ResidualCorrelation,
+    iterations: usize,
+    warnings: Vec<Warning>,
+    stage: Stage,
+    tones: Vec<ToneFit>,
+}
+
+impl<'de, L: Lens> Deserialize<'de> for Calibration<L> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let read = Unchecked::deserialize(deserializer)?;
+        match fault(&read) {
+            Some(fault) => Err(D::Error::custom(fault)),
+            None => Ok(read),
+        }
+    }
+}
+
+/// Which field of a calibration contradicts another, if any does.
+fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
+    let (count, planes) = (read.parameters.len(), read.planes.len());
+    let added = &read.residual_correlation.added;
+    for (name, matrix) in [
+        ("covariance", &read.covariance),
+        ("residual_correlation.added", added),
+    ] {
+        let (rows, columns) = matrix.shape();
+        if (rows, columns) != (count, count) {
+            return Some(format!(
+                "{name} is {rows} x {columns}, but parameters has {count} names"
+            ));
+        }
+    }
+    let covariance = &read.covariance;
+    let has_negative = covariance.diagonal().iter().any(|variance| *variance < 0.0);
+    if has_negative || !covariance.iter().all(|v| v.is_finite()) {
+        return Some("covariance must be finite, and its diagonal not negative".into());
+    }
+    let names = L::parameter_names().len();
+    for (i, plane) in read.planes.iter().enumerate() {
+        let columns = plane.uncertainty.as_ref().map(|own| own.by_camera.ncols());
+        if let Some(columns) = columns.filter(|columns| *columns != names) {
+            return Some(format!(
+                "planes[{i}].uncertainty.by_camera has {columns} columns, but the lens {names} \
+                 parameters"
+            ));
+        }
+    }
+    for (i, figure) in read.residuals.iter().enumerate() {
+        if figure.plane >= planes {
+            return Some(format!(
+                "residuals[{i}].plane is {}, but there are {planes} planes",
+                figure.plane
+            ));
+        }
+        let mut sides = figure.sides.iter();
+        let differs = sides.position(|side| side.distances.len() != side.normals.len());
+        if let Some(side) = differs {
+            return Some(format!(
+                "residuals[{i}].sides[{side}] has other numbers of distances and normals"
+            ));
+        }
+    }
+    None
+}
 
 /// Reads the names of some of a lens's parameters.
 ///
