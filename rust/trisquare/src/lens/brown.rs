@@ -11,7 +11,7 @@ use super::plane_distortion::{PlaneDistortion, PlanePixelRay, is_finite};
 use super::plane_inverse::Inverse;
 use super::{
     Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps, ProjectionJacobian, SKEW,
-    covering_coefficients, radial,
+    assert_count, covering_coefficients, radial,
 };
 use crate::image_size::ImageSize;
 
@@ -198,6 +198,7 @@ impl Lens for Brown {
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
+        assert_count::<Self>(parameters);
         let mut values = self.parameters;
         values.copy_from_slice(&parameters[..SKEW_COLUMN]);
         Self::new(values).with_skew(parameters[SKEW_COLUMN])

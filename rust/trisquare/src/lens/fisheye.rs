@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 use super::line_derivatives::ByIntrinsics;
 use super::{
     Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps,
-    ProjectionJacobian, SKEW, covering_coefficients, sign_changes,
+    ProjectionJacobian, SKEW, assert_count, covering_coefficients, sign_changes,
 };
 use crate::image_size::ImageSize;
 
@@ -334,6 +334,7 @@ impl Lens for Fisheye {
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
+        assert_count::<Self>(parameters);
         let mut values = self.parameters;
         values.copy_from_slice(&parameters[..SKEW_COLUMN]);
         Self::new(values).with_skew(parameters[SKEW_COLUMN])

@@ -176,7 +176,10 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// The parameters' values, in the order of their names.
     fn parameters(&self) -> Vec<f64>;
 
-    /// The lens with other parameter values.
+    /// The lens with other parameter values, in the order of their names.
+    ///
+    /// # Panics
+    /// If there are not as many values as [`Self::parameter_names`].
     #[must_use]
     fn with_parameters(&self, parameters: &[f64]) -> Self;
 
@@ -339,6 +342,18 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     }
 }
 
+/// # Panics
+/// If a lens has another number of parameters than values are given.
+fn assert_count<L: Lens>(values: &[f64]) {
+    let (names, count) = (L::parameter_names(), values.len());
+    assert!(
+        count == names.len(),
+        "the lens has {} parameters, {}, not {count}",
+        names.len(),
+        names.join(", ")
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::brown::Brown;
@@ -464,5 +479,19 @@ mod tests {
                 lens.line_distance(&lens.unproject_with_jacobian(&pixel).unwrap(), &line);
             assert!(distance.abs() < 1e-10, "{distance}");
         }
+    }
+
+    #[test]
+    #[should_panic(
+        expected = "the lens has 10 parameters, fx, fy, cx, cy, k1, k2, k3, p1, p2, skew"
+    )]
+    fn too_few_parameters_are_refused() {
+        let _ = Brown::new([1.0; 9]).with_parameters(&[1.0; 9]);
+    }
+
+    #[test]
+    #[should_panic(expected = "the lens has 8 coefficients, not 12")]
+    fn more_coefficients_than_the_lens_has_are_refused() {
+        let _ = Rational::new([1.0; 4], &[0.0; 12]);
     }
 }

@@ -14,7 +14,7 @@ use super::rational_model::{OpenCvModel, RationalModel, ThinPrismModel};
 use super::rational_radius::rational_radius;
 use super::{
     Brown, Columns, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps,
-    ProjectionJacobian, SKEW,
+    ProjectionJacobian, SKEW, assert_count,
 };
 use crate::image_size::ImageSize;
 
@@ -89,7 +89,15 @@ pub struct OpenCvLens<M> {
 impl<M: OpenCvModel> OpenCvLens<M> {
     /// From `fx, fy, cx, cy` and the coefficients that the lens has, of `k1` to `k6`, `p1, p2`,
     /// `s1` to `s4`; what is missing is zero, as the skew.
+    ///
+    /// # Panics
+    /// If more coefficients are given than the lens has: 8 of [`Rational`], 12 of [`ThinPrism`].
     pub fn new(intrinsics: [f64; INTRINSICS], given: &[f64]) -> Self {
+        let (most, count) = (M::COEFFICIENTS, given.len());
+        assert!(
+            count <= most,
+            "the lens has {most} coefficients, not {count}"
+        );
         let mut coefficients = [0.0; 14];
         for (place, value) in PLACES[..M::COEFFICIENTS].iter().zip(given) {
             coefficients[*place] = *value;
@@ -201,6 +209,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
     }
 
     fn with_parameters(&self, parameters: &[f64]) -> Self {
+        assert_count::<Self>(parameters);
         let (first, others) = parameters.split_at(INTRINSICS);
         let mut intrinsics = self.intrinsics;
         intrinsics.copy_from_slice(first);
@@ -354,7 +363,7 @@ mod tests {
     ];
 
     fn lens<M: OpenCvModel>() -> OpenCvLens<M> {
-        OpenCvLens::new([1000.0, 1010.0, 640.0, 470.0], &SOME)
+        OpenCvLens::new([1000.0, 1010.0, 640.0, 470.0], &SOME[..M::COEFFICIENTS])
     }
 
     #[test]
