@@ -24,8 +24,8 @@ struct PlanePoint {
 /// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
 ///
 /// # Errors
-/// [`Error::BeyondValidRadius`], or [`Error::InvalidArgument`] for a pixel at or beyond the plane's
-/// horizon.
+/// [`Error::BeyondValidRadius`], [`Error::InvalidArgument`] for a pixel at or beyond the plane's
+/// horizon, or [`Error::NotFinite`] for a pixel, a pose, or a point that is not.
 pub fn points_on_plane<L: Lens>(
     lens: &L,
     pose: &Pose,
@@ -39,6 +39,10 @@ pub fn points_on_plane<L: Lens>(
 /// of the plane by `s` in camera coordinates, or of the direction by `-s / lambda`, moves `p` so
 /// that `[r1 r2 -d] (dp, dlambda) = -s`; a rotation vector `w` makes `s = w x R (p, 0)`.
 fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
+    let mut numbers = pose.rotation.iter().chain(pose.translation.iter());
+    if !numbers.all(|v| v.is_finite()) {
+        return Err(Error::NotFinite { what: "the pose" });
+    }
     let rays = of_all(lens, pixels, |pixel| lens.unproject_with_jacobian(pixel))?;
     let normal = pose.normal();
     let distance = normal.dot(&pose.translation);
@@ -54,6 +58,12 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
         }
         let depth = distance / towards;
         let arm = direction * depth - pose.translation;
+        let point = (pose.rotation.transpose() * arm).xy();
+        if !point.iter().all(|v| v.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "a point of the plane",
+            });
+        }
         let (x, y) = (pose.rotation.column(0), pose.rotation.column(1));
         let system = Matrix3::from_columns(&[x.into(), y.into(), -direction]);
         let inverse = system.try_inverse().ok_or(Error::NotFinite {
@@ -66,7 +76,7 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
             .copy_from(&(inverse * arm.cross_matrix()));
         by_pose.fixed_columns_mut::<3>(3).copy_from(&-inverse);
         Ok(PlanePoint {
-            point: (pose.rotation.transpose() * arm).xy(),
+            point,
             by_pixel: inverse * lens.direction_jacobian(ray) * depth,
             by_pose,
             by_lens: lens.projection_jacobian(ray),
@@ -83,7 +93,8 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
     /// and the camera contribute, jointly: the pose follows the camera.
     ///
     /// # Errors
-    /// As [`points_on_plane`].
+    /// As [`points_on_plane`]; [`Error::InvalidArgument`] for a `pixel_std` that is negative or not
+    /// finite, or an uncertainty of another lens; [`Error::NotFinite`] for a covariance that is not.
     pub fn points_on_plane(
         &self,
         pose: &Pose,
@@ -91,6 +102,19 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
         pixels: &[Vector2<f64>],
         pixel_std: f64,
     ) -> Result<(Vec<Vector2<f64>>, DMatrix<f64>), Error> {
+        if !(pixel_std >= 0.0 && pixel_std.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "the standard deviation of pixels must be finite and not negative, not {pixel_std}"
+            )));
+        }
+        let columns = uncertainty.by_camera.ncols();
+        if columns < L::parameter_names().len() {
+            return Err(Error::InvalidArgument(format!(
+                "the pose's derivative by the camera has {columns} columns, but the lens {} \
+                 parameters",
+                L::parameter_names().len()
+            )));
+        }
         let met = meet(self.camera(), pose, pixels)?;
         let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
         let mut covariance = DMatrix::zeros(rows, rows);
@@ -110,6 +134,11 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
         }
         covariance += &by_pose * uncertainty.given_camera * by_pose.transpose();
         covariance += &by_camera * self.covariance() * by_camera.transpose();
+        if !covariance.iter().all(|v| v.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "the covariance of points of a plane",
+            });
+        }
         Ok((met.iter().map(|met| met.point).collect(), covariance))
     }
 }
@@ -164,7 +193,7 @@ mod tests {
             ProjectionUncertainty::new(&camera, &["cx"], false, DMatrix::identity(1, 1)).unwrap();
         let mut uncertainty = PoseUncertainty {
             given_camera: Matrix6::zeros(),
-            by_camera: nalgebra::Matrix6xX::zeros(9),
+            by_camera: nalgebra::Matrix6xX::zeros(10),
         };
         let pixels = [Vector2::new(300.0, 200.0), Vector2::new(350.0, 260.0)];
         let (points, covariance) = uncertain
@@ -182,6 +211,35 @@ mod tests {
             .points_on_plane(&pose(), &uncertainty, &pixels, 0.5)
             .unwrap();
         assert!((0..4).all(|i| more[(i, i)] > covariance[(i, i)]));
+
+        let refused = |uncertainty: &PoseUncertainty, pixel_std| {
+            uncertain.points_on_plane(&pose(), uncertainty, &pixels, pixel_std)
+        };
+        for pixel_std in [-1.0, f64::NAN] {
+            let found = refused(&uncertainty, pixel_std);
+            assert!(matches!(found, Err(Error::InvalidArgument(_))), "{found:?}");
+        }
+        uncertainty.given_camera[(0, 0)] = f64::NAN;
+        let found = refused(&uncertainty, 0.5);
+        assert!(matches!(found, Err(Error::NotFinite { .. })), "{found:?}");
+        uncertainty.by_camera = nalgebra::Matrix6xX::zeros(2);
+        let found = refused(&uncertainty, 0.5);
+        assert!(matches!(found, Err(Error::InvalidArgument(_))), "{found:?}");
+    }
+
+    #[test]
+    fn no_pose_and_no_pixel_gives_a_point_that_is_nan() {
+        let pixel = Vector2::new(320.0, 240.0);
+        for far in [f64::NAN, f64::INFINITY, f64::MAX] {
+            let moved = Pose {
+                translation: Vector3::repeat(far),
+                ..pose()
+            };
+            let found = points_on_plane(&camera(), &moved, &[pixel]);
+            assert!(found.is_err(), "{found:?}");
+        }
+        let found = points_on_plane(&camera(), &pose(), &[Vector2::new(f64::NAN, 0.0)]);
+        assert!(matches!(found, Err(Error::NotFinite { .. })), "{found:?}");
     }
 
     #[test]
