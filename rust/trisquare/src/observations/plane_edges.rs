@@ -284,6 +284,13 @@ impl PlaneEdges {
                 "the side error of figure {figure} must be finite and not negative"
             )));
         }
+        if let Some(border) = self.border
+            && !(border > 0.0 && border.is_finite())
+        {
+            return Err(Error::InvalidArgument(format!(
+                "the border of figure {figure} must be positive and finite, not {border}"
+            )));
+        }
         let Some(std) = &self.std else { return Ok(()) };
         let fits = std.len() == self.points.len()
             && std
@@ -614,5 +621,13 @@ mod tests {
         assert!(edges.check(0).is_err());
         edges.std = Some(vec![vec![0.0; 9]; 4]);
         assert!(edges.check(0).is_err());
+        edges.std = None;
+        edges.border = Some(0.1);
+        assert!(edges.check(0).is_ok());
+        for border in [0.0, f64::NAN, f64::INFINITY] {
+            edges.border = Some(border);
+            let refused = edges.check(5).unwrap_err().to_string();
+            assert!(refused.contains("border of figure 5"), "{refused}");
+        }
     }
 }
