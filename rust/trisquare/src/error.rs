@@ -3,6 +3,9 @@
 use crate::ill_conditioning::IllConditioning;
 
 /// Why a calibration, or one of its steps, gives no answer.
+///
+/// Figures, lines and samples are indices into what was given, in messages as well: the first is 0.
+/// A figure that is only being made, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,10 +20,12 @@ pub enum Error {
         what: &'static str,
     },
 
-    /// A sample of an edge has a coordinate that is NaN or infinite.
-    #[error("sample {sample} of line {line} of figure {figure} must be finite")]
+    /// A sample of an edge has a coordinate that is NaN or infinite, or larger than any picture.
+    #[error(
+        "sample {sample} of line {line} of figure {figure} is not finite, or beyond 1e9 pixels"
+    )]
     SampleNotFinite {
-        /// Index of the figure; 0 where the figure is only being made.
+        /// Index of the figure; 0 where the figure is only being made, or the line is on no figure.
         figure: usize,
         /// Index of the line in the figure.
         line: usize,

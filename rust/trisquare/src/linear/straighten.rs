@@ -13,6 +13,7 @@ use crate::geometry::Line;
 use crate::image_size::ImageSize;
 use crate::lens::increases_up_to;
 use crate::numeric::{ArrowStep, ArrowSystem, Limits, Minimum, Problem, minimise};
+use crate::observations::check_places;
 
 /// Coefficients a straightening may have.
 pub const MAX_COEFFICIENTS: usize = 3;
@@ -138,7 +139,8 @@ struct Bend {
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] for a number of coefficients outside 1 to 3 or an empty picture,
-/// [`Error::TooFewSamples`], [`Error::NotFinite`], [`Error::TooFewDegreesOfFreedom`], or
+/// [`Error::TooFewSamples`] and [`Error::SampleNotFinite`], whose line is the curve's index,
+/// [`Error::NotFinite`] for the centre, [`Error::TooFewDegreesOfFreedom`], or
 /// [`Error::NotConverged`].
 pub fn fit_distortion(
     curves: &[Vec<Vector2<f64>>],
@@ -191,13 +193,11 @@ fn check(
             "a straightening has 1 to {MAX_COEFFICIENTS} coefficients, not {coefficients}"
         )));
     }
-    let points = curves.iter().flatten().chain(centre);
-    if !points.clone().all(|p| p.x.is_finite() && p.y.is_finite()) {
-        return Err(Error::NotFinite {
-            what: "points and centre",
-        });
+    if !centre.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
+        return Err(Error::NotFinite { what: "the centre" });
     }
     for (line, curve) in curves.iter().enumerate() {
+        check_places(0, line, curve)?;
         // Samples in one place are one.
         let found = match curve.iter().any(|point| *point != curve[0]) {
             true => curve.len(),
@@ -439,6 +439,20 @@ mod tests {
         ] {
             assert!(fit_distortion(&curves, SIZE, coefficients, None).is_err());
         }
+        let mut wild = line.clone();
+        wild[4].y = f64::NAN;
+        let refused = fit_distortion(&[line.clone(), wild], SIZE, 1, None);
+        assert!(
+            matches!(
+                refused,
+                Err(Error::SampleNotFinite {
+                    line: 1,
+                    sample: 4,
+                    ..
+                })
+            ),
+            "{refused:?}"
+        );
         let empty = ImageSize { width: 0, ..SIZE };
         let refused = fit_distortion(&[line.clone(), line], empty, 1, None);
         assert!(matches!(refused, Err(Error::InvalidArgument(_))));

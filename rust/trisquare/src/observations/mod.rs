@@ -23,8 +23,8 @@ pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::rectangle_lines;
-pub(crate) use plane_edges::samples_outside;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
+pub(crate) use plane_edges::{check_places, samples_outside};
 pub(crate) use relation::Related;
 pub use relation::Relation;
 pub use relations::relate_planes;

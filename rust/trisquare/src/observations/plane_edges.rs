@@ -16,6 +16,9 @@ const CORNER_SLACK: f64 = 0.25;
 /// the picture, and what measuring errs by.
 const BORDER_SLACK: f64 = 2.0;
 
+/// No picture is this large (px); far beyond it, squares of coordinates overflow.
+const LARGEST_COORDINATE: f64 = 1e9;
+
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
 
@@ -302,12 +305,14 @@ impl PlaneEdges {
                 "figure {figure} needs one standard deviation for every sample"
             )));
         }
-        if !std.iter().flatten().all(|s| *s > 0.0 && s.is_finite()) {
-            return Err(Error::InvalidArgument(format!(
-                "standard deviations of figure {figure} must be positive and finite"
-            )));
+        match first_other(std, |s| *s > 0.0 && s.is_finite()) {
+            Some((line, sample)) => Err(Error::InvalidArgument(format!(
+                "the standard deviation of sample {sample} of line {line} of figure {figure} must be \
+                 positive and finite, not {}",
+                std[line][sample]
+            ))),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -369,11 +374,22 @@ impl PlaneEdges {
             )));
         }
         let finite = |d: &Vector2<f64>| d.x.is_finite() && d.y.is_finite();
-        if !tone_drift.iter().flatten().all(finite) {
-            return Err(Error::NotFinite { what: "a drift" });
+        match first_other(tone_drift, finite) {
+            Some((line, sample)) => Err(Error::InvalidArgument(format!(
+                "the drift of sample {sample} of line {line} of figure {figure} must be finite"
+            ))),
+            None => Ok(()),
         }
-        Ok(())
     }
+}
+
+/// The line and the sample of the first value that is not as it should be.
+fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
+    let wrong = |(line, values): (usize, &Vec<T>)| {
+        let sample = values.iter().position(|value| !is_right(value))?;
+        Some((line, sample))
+    };
+    lines.iter().enumerate().find_map(wrong)
 }
 
 fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<(), Error> {
@@ -385,8 +401,19 @@ fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<
             needed: 2,
         });
     }
-    let is_finite = |point: &Vector2<f64>| point.iter().all(|v| v.is_finite());
-    match points.iter().position(|point| !is_finite(point)) {
+    check_places(figure, line, points)
+}
+
+/// # Errors
+/// [`Error::SampleNotFinite`] with the first sample that no picture has.
+pub(crate) fn check_places(
+    figure: usize,
+    line: usize,
+    points: &[Vector2<f64>],
+) -> Result<(), Error> {
+    // Written so that NaN is refused, too.
+    let is_place = |point: &Vector2<f64>| point.iter().all(|v| v.abs() <= LARGEST_COORDINATE);
+    match points.iter().position(|point| !is_place(point)) {
         Some(sample) => Err(Error::SampleNotFinite {
             figure,
             line,
@@ -606,21 +633,39 @@ mod tests {
             PlaneEdges::square([sides(), sides()].concat()),
             Err(Error::InvalidArgument(message)) if message.contains("not 8")
         ));
-        let mut nan = sides();
-        nan[2][3].x = f64::NAN;
-        assert!(matches!(
-            PlaneEdges::square(nan),
-            Err(Error::SampleNotFinite {
-                figure: 0,
-                line: 2,
-                sample: 3
-            })
-        ));
+        for wild in [f64::NAN, f64::INFINITY, 1e12, -1e300] {
+            let mut edges = sides();
+            edges[2][3].x = wild;
+            assert!(matches!(
+                PlaneEdges::square(edges),
+                Err(Error::SampleNotFinite {
+                    figure: 0,
+                    line: 2,
+                    sample: 3
+                })
+            ));
+        }
         let mut edges = PlaneEdges::square(sides()).unwrap();
         edges.std = Some(vec![vec![1.0; 9]; 3]);
         assert!(edges.check(0).is_err());
-        edges.std = Some(vec![vec![0.0; 9]; 4]);
-        assert!(edges.check(0).is_err());
+        let mut std = vec![vec![1.0; 9]; 4];
+        std[1][4] = 0.0;
+        edges.std = Some(std);
+        let refused = edges.check(6).unwrap_err().to_string();
+        assert!(
+            refused.contains("sample 4 of line 1 of figure 6"),
+            "{refused}"
+        );
+        let mut drift = vec![vec![Vector2::zeros(); 9]; 4];
+        drift[3][8].y = f64::NAN;
+        edges.std = None;
+        edges.tone_drift = Some(drift);
+        let refused = edges.check(6).unwrap_err().to_string();
+        assert!(
+            refused.contains("sample 8 of line 3 of figure 6"),
+            "{refused}"
+        );
+        edges.tone_drift = None;
         edges.std = None;
         edges.border = Some(0.1);
         assert!(edges.check(0).is_ok());
