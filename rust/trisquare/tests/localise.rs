@@ -8,7 +8,7 @@ use scene::{
     BLACK, CAMERA, Camera, Noise, SIZE, Shape, Statistics, WHITE, measured, offsets, patch_bound,
     spans, square, statistics,
 };
-use trisquare::{EdgeSpan, NoEdge, Picture, Tone, localise};
+use trisquare::{EdgeSpan, NoEdge, Picture, Tone, localise, localise_with_unknown_tone};
 
 #[track_caller]
 fn assert_sound(statistics: &Statistics) {
@@ -400,7 +400,7 @@ fn specks_hardly_cost_anything() {
 fn path(points: &[[f64; 2]]) -> EdgeSpan {
     let path = points.iter().map(|&[x, y]| Vector2::new(x, y)).collect();
     EdgeSpan {
-        bounds: [None, Some(77)],
+        bounds: [None, Some(0)],
         ..EdgeSpan::new(path, 1.0)
     }
 }
@@ -434,6 +434,47 @@ fn where_there_is_no_edge_the_reason_is_told() {
             assert!(found.iter().all(Result::is_err), "{found:?}");
             assert_eq!(found[2].as_ref().unwrap_err(), &NoEdge::OutsidePicture);
             assert_eq!(found[7].as_ref().unwrap_err(), &NoEdge::NoPath);
+        }
+    }
+}
+
+#[test]
+fn what_no_picture_could_make_right_is_told_as_that() {
+    let shape = square(17.0);
+    let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 1);
+    let good = spans(&shape, -1.0, |_| [0.0; 2]);
+    let (found, ..) = localise(&picture, &good, Tone::Linear);
+    assert!(found.iter().all(Result::is_ok), "{found:?}");
+    let changes: [(fn(&mut EdgeSpan), &str); 5] = [
+        (|span| span.polarity = 0.0, "polarity"),
+        (|span| span.polarity = f64::NAN, "polarity"),
+        (|span| span.bounds[1] = Some(4), "bounds"),
+        (|span| span.crossings = vec![(None, 0); 5], "crossings"),
+        (|span| span.margin[0] = f64::NAN, "margins"),
+    ];
+    for (change, expected) in changes {
+        let mut bad = good.clone();
+        change(&mut bad[2]);
+        for (found, ..) in [
+            localise(&picture, &bad, Tone::Linear),
+            localise_with_unknown_tone(&picture, &bad),
+        ] {
+            let refused = matches!(
+                found[2],
+                Err(NoEdge::InvalidArgument(reason)) if reason.contains(expected)
+            );
+            assert!(refused, "{expected}: {:?}", found[2]);
+            assert!(found[0].is_ok(), "{:?}", found[0]);
+        }
+    }
+    for gamma in [0.0, -1.0, f64::NAN] {
+        let (found, ..) = localise(&picture, &good, Tone::Gamma(gamma));
+        assert_eq!(found.len(), good.len());
+        for found in found {
+            assert!(matches!(
+                found,
+                Err(NoEdge::InvalidArgument(reason)) if reason.contains("gamma")
+            ));
         }
     }
 }

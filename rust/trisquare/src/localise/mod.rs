@@ -87,9 +87,15 @@ pub type Localised = (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate, PictureFault
 /// it may leave the picture, where it just has no samples.
 ///
 /// # Errors
-/// Each element may be a [`NoEdge`].
+/// Each element may be a [`NoEdge`]; all are [`NoEdge::InvalidArgument`] if the tone is not
+/// [valid](Tone::is_valid).
 #[must_use]
 pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised {
+    if !tone.is_valid() {
+        let (_, estimate, faults) = localise(picture, &[], Tone::Srgb);
+        let reason = NoEdge::InvalidArgument("the tone curve has no positive, finite gamma");
+        return (vec![Err(reason); spans.len()], estimate, faults);
+    }
     let mut localiser = Localiser::new(picture, tone);
     let sought = Sought::of(&localiser.reader, spans);
     let mut previews = localiser.previews(&sought);

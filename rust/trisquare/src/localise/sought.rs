@@ -42,9 +42,10 @@ impl<'a> Sought<'a> {
             counts: Vec::with_capacity(asked.len()),
         };
         for (index, span) in asked.iter().enumerate() {
-            let found = match span.crossings.is_empty() {
-                true => coarse::find(reader, span),
-                false => grid_line::find(reader, asked, index),
+            let found = match span.fault(asked.len()) {
+                Some(fault) => Err(NoEdge::InvalidArgument(fault)),
+                None if span.crossings.is_empty() => coarse::find(reader, span),
+                None => grid_line::find(reader, asked, index),
             };
             let pieces = match &found {
                 Ok(found) if span.is_beside_others => pieces(span, &found.curve),

@@ -44,6 +44,23 @@ impl EdgeSpan {
             is_beside_others: false,
         }
     }
+
+    /// What of it no picture could make right; `count` spans are given together.
+    pub(super) fn fault(&self, count: usize) -> Option<&'static str> {
+        let crossings = self.crossings.iter().filter_map(|crossing| crossing.0);
+        let mut met = self.bounds.into_iter().flatten().chain(crossings);
+        if self.polarity == 0.0 || self.polarity.is_nan() {
+            Some("its polarity must be 1 or -1")
+        } else if met.any(|other| other >= count) {
+            Some("its bounds and crossings must be indices of the spans that are given with it")
+        } else if !self.crossings.is_empty() && self.crossings.len() != self.path.len() {
+            Some("its crossings must be one for each point of its path, or none")
+        } else if self.margin.iter().any(|margin| margin.is_nan()) {
+            Some("its margins must be numbers")
+        } else {
+            None
+        }
+    }
 }
 
 /// The samples of one span, and what was found about the picture along it.
@@ -71,6 +88,9 @@ pub struct SpanEdges {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoEdge {
+    /// An argument that no picture could make right: the span's, or the tone curve.
+    #[error("an argument is invalid: {0}")]
+    InvalidArgument(&'static str),
     /// Fewer than two points, or points that coincide or are not finite.
     #[error("its outline is no line to follow")]
     NoPath,
