@@ -32,7 +32,8 @@
 //!   freed; distortion maps ideal to observed
 //!   normalised points.
 //! - A pose is `cam_from_plane`: `X_cam = R X_plane + t`, the plane at Z = 0 with its Z axis away
-//!   from the camera. The unit is the first square's side.
+//!   from the camera. Every plane has its own unit: the side of its first square, the shorter side
+//!   of a rectangle, or what the lines or radii of its first figure are given in.
 //! - A line is `(a, b, c)` with `a x + b y + c = 0` and `a^2 + b^2 = 1`; it transforms as
 //!   `l_plane ~ H^T l_image` under `H_image_from_plane`.
 //! - A standard deviation is one sigma.
