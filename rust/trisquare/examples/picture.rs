@@ -7,8 +7,8 @@ use trisquare::synthetic::{Scene, SceneOptions};
 // [recipe]
 use nalgebra::Vector2;
 use trisquare::{
-    Calibration, EdgeSpan, ImageSize, Options, Photographs, Picture, PictureTone, PlaneEdges,
-    Polarity, Tone, calibrate_photographs, localise, pixels_to_keep,
+    Calibration, EdgeSpan, ImageSize, Options, Photographs, Picture, PlaneEdges, Polarity,
+    calibrate_photographs, localise_with_unknown_tone, pixels_to_keep,
 };
 
 /// The four sides of a dark square, from its corners (pixels, clockwise on the screen, good to a
@@ -28,11 +28,10 @@ fn camera_of(
     picture: &Picture,
     squares: &[[Vector2<f64>; 4]],
 ) -> Result<Calibration, Box<dyn std::error::Error>> {
-    // 1. Measure the edges along all sides, to some hundredths of a pixel.
-    let tone = Tone::Srgb;
+    // 1. Measure the edges along all sides, to some hundredths of a pixel, and estimate the tone curve.
     let spans = squares.iter().enumerate();
     let spans: Vec<_> = spans.flat_map(|(i, c)| sides_between(c, 4 * i)).collect();
-    let (sides, _, _) = localise(picture, &spans, tone);
+    let (sides, tone, faults) = localise_with_unknown_tone(picture, &spans);
 
     // 2. Sort them by square, without squares of which a side could not be measured.
     let mut edges = Vec::new();
@@ -47,6 +46,9 @@ fn camera_of(
         let points = sides.iter().map(|side| side.points.clone()).collect();
         let mut square = PlaneEdges::square(points)?;
         square.std = Some(sides.iter().map(|side| side.std.clone()).collect());
+        // What the curve and the picture's faults leave open moves many samples together.
+        square.tone_drift = Some(sides.iter().map(|side| side.tone_drift.clone()).collect());
+        square.side_error = faults.side_error;
         square.polarity = Some(Polarity::DarkInside);
         edges.push(square);
     }
@@ -58,7 +60,7 @@ fn camera_of(
     };
     let photographs = Photographs {
         pictures: &[&pixels_to_keep(picture, &edges)],
-        tones: &[PictureTone::Known(tone)],
+        tones: &[tone.picture_tone()],
     };
     let found = calibrate_photographs(&edges, size, &Options::default(), Some(&photographs))?;
     Ok(found)

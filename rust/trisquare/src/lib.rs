@@ -5,13 +5,15 @@
 //! 1. [`Picture::from_u8`] (or `from_u16`, `from_f32`) takes the decoded pixels.
 //! 2. [`EdgeSpan::new`] names a stretch of edge, from an outline that is good to a few pixels. Finding
 //!    the outlines is left to the caller; the Python package does it with OpenCV.
-//! 3. [`localise`], or [`localise_with_unknown_tone`], measures the edges. It cannot fail as a whole:
-//!    every span has its own samples, or a [`NoEdge`].
+//! 3. [`localise_with_unknown_tone`] measures the edges and estimates the tone curve, [`localise`]
+//!    measures them with a known one. Neither can fail as a whole: every span has its own samples, or
+//!    a [`NoEdge`].
 //! 4. [`PlaneEdges::square`] and its like sort the samples by figure. Edges that another program
 //!    measured begin here.
 //! 5. [`choose`] tells which planes one camera explains, where some may be no true squares.
 //! 6. [`calibrate`] fits the camera to the samples, [`calibrate_photographs`] to the pixels, too (with
-//!    what [`pixels_to_keep`] keeps of a picture). [`calibrate_by_evidence`] chooses the lens model,
+//!    what [`pixels_to_keep`] keeps of a picture, and [`ToneEstimate::picture_tone`]).
+//!    [`calibrate_by_evidence`] chooses the lens model,
 //!    [`calibrate_by_family`] a fisheye or none. Every refusal is an [`Error`] with its numbers.
 //! 7. [`Calibration::estimates`] pairs the camera's parameters with their standard deviations;
 //!    `planes`, `covariance` and `warnings` have the rest.
@@ -19,6 +21,9 @@
 //!    these into scope. [`UndistortedView::undistorted`] is the pinhole of pictures without distortion,
 //!    [`UndistortionMap`] their map for OpenCV; [`Calibration::projection_uncertainty`] says how well
 //!    a ray is known.
+//!
+//! A lens of your own is a type with the trait [`Lens`]: `tests/any_lens/equidistant.rs` of the package is
+//! a short one, which runs through the whole pipeline.
 //!
 //! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4, `undistort` is 8. Straight lines
 //! without squares have [`fit_distortion`] alone. [`predict`] says beforehand how well planes would
