@@ -10,8 +10,8 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Brown, Calibration, Fisheye, FisheyeModel, Lens, Line, ModelChoice, Options, PictureTone,
-    PowerCurve, Straightening, Tone, Warning, calibrate, calibrate_by_evidence,
+    Brown, Calibration, Fisheye, FisheyeModel, Fixed, Lens, Line, ModelChoice, Options,
+    PictureTone, PowerCurve, Straightening, Tone, Warning, calibrate, calibrate_by_evidence,
 };
 
 fn stored_and_read<T: Serialize + DeserializeOwned>(value: &T) -> T {
@@ -62,6 +62,21 @@ fn options_of_any_lens_are() {
     assert_eq!(stored_and_read(&held), held);
     let plain = Options::<Brown>::default();
     assert_eq!(stored_and_read(&plain), plain);
+}
+
+#[test]
+fn members_that_stored_options_do_not_have_are_the_defaults() {
+    let read = |text| serde_json::from_str::<Options<Fisheye>>(text).unwrap();
+    assert_eq!(read("{}"), Options::new());
+    let fixed = Fixed {
+        aspect: true,
+        ..Fixed::default()
+    };
+    let expected = Options {
+        fixed,
+        ..Options::new()
+    };
+    assert_eq!(read(r#"{"fixed": {"aspect": true}}"#), expected);
 }
 
 #[test]

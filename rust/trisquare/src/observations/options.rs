@@ -15,7 +15,11 @@ const LARGEST_PARAMETER: f64 = 1e9;
 /// What is held at the initial camera's values, or else at aspect 1, the image centre and zero: by
 /// default the skew alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default)
+)]
 pub struct Fixed {
     /// The ratio `fy / fx`.
     pub aspect: bool,
@@ -43,6 +47,8 @@ impl Default for Fixed {
 
 /// Everything a caller may decide about a calibration, and with which lens.
 ///
+/// Of stored ones, members that are absent have their defaults, as those of an older version may.
+///
 /// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other; what differs is
 /// named:
 ///
@@ -59,10 +65,13 @@ impl Default for Fixed {
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
-    serde(bound(
-        serialize = "L::Model: serde::Serialize",
-        deserialize = "L::Model: serde::Deserialize<'de>"
-    ))
+    serde(
+        default = "Options::new",
+        bound(
+            serialize = "L::Model: serde::Serialize",
+            deserialize = "L::Model: serde::Deserialize<'de>"
+        )
+    )
 )]
 pub struct Options<L: Lens = DefaultLens> {
     /// Maximum likelihood or the three linear steps alone.
@@ -72,10 +81,7 @@ pub struct Options<L: Lens = DefaultLens> {
     /// The parameters held.
     pub fixed: Fixed,
     /// The camera whose values the held parameters keep.
-    #[cfg_attr(
-        feature = "serde",
-        serde(default, with = "crate::lens::stored::option")
-    )]
+    #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored::option"))]
     pub initial: Option<L>,
 }
 
