@@ -110,7 +110,7 @@ format: $(READY)
 docs: $(DOCS_READY)
 	rm -rf docs/_build docs/_generated target/doc
 	$(VENV_PYTHON) -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build/html
-	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --all-features
 	cp -R target/doc docs/_build/html/rust
 	@test -f docs/_build/html/rust/trisquare/index.html
 
