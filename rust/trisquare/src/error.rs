@@ -6,6 +6,16 @@ use crate::ill_conditioning::IllConditioning;
 ///
 /// Figures, lines and samples are indices into what was given, in messages as well: the first is 0.
 /// A figure that is only being made, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0.
+///
+/// ```
+/// use nalgebra::Vector2;
+/// use trisquare::{Error, ErrorKind, PlaneEdges};
+///
+/// let side = vec![Vector2::new(10.0, f64::NAN), Vector2::new(20.0, 5.0)];
+/// let error = PlaneEdges::square(vec![side; 4]).unwrap_err();
+/// assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+/// assert!(matches!(error, Error::SampleNotFinite { line: 0, sample: 0, .. }));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

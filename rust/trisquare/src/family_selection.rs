@@ -66,6 +66,18 @@ pub struct RejectedFamily {
 /// asked about where a distorted pinhole leaves sides that err together. What the other family says
 /// of focal length and principal point stays, by its probability, in the covariance.
 ///
+/// ```
+/// use trisquare::{Error, FamilyChoice, ImageSize, Options, PlaneEdges, calibrate_by_family};
+///
+/// fn tell(edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
+///     match calibrate_by_family(edges, size, &Options::default(), None)?.0 {
+///         FamilyChoice::Pinhole(found) => println!("{:?}", found.calibration.camera),
+///         FamilyChoice::Fisheye(found) => println!("{:?}", found.calibration.camera),
+///     }
+///     Ok(())
+/// }
+/// ```
+///
 /// # Errors
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
 pub fn calibrate_by_family(

@@ -73,6 +73,19 @@ pub struct ModelChoice<L: Lens = DefaultLens> {
 /// The models are compared on edge samples; the photographs, if there are any, are fitted with the
 /// chosen one. `options.model` is only used where no model converges.
 ///
+/// ```
+/// use trisquare::{Error, ImageSize, Options, PlaneEdges, calibrate_by_evidence};
+///
+/// fn tell(edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
+///     let found = calibrate_by_evidence(edges, size, &Options::default(), None)?;
+///     println!("{:?}, rms {:.3} px", found.model, found.calibration.rms);
+///     for other in found.alternatives {
+///         println!("not {:?}, at odds of {:.1e}", other.model, other.log_evidence.exp());
+///     }
+///     Ok(())
+/// }
+/// ```
+///
 /// # Errors
 /// [`Error::InvalidArgument`] for the linear method or a fixed distortion, which leave nothing to
 /// compare; otherwise as [`crate::calibrate`] with the chosen model.

@@ -91,6 +91,30 @@ impl Prediction {
 /// the samples, the planes' own parameters eliminated. What `options` holds is held at the
 /// camera's values; lengths in pixels, poses in units of the squares' sides.
 ///
+/// ```
+/// use nalgebra::{Rotation3, Vector3};
+/// use trisquare::{Brown, EdgeNoise, ImageSize, Options, PlannedPlane, Pose, predict};
+///
+/// let camera = Brown::new([900.0, 900.0, 639.5, 479.5, -0.1, 0.0, 0.0, 0.0, 0.0]);
+/// let square = |tilt: [f64; 3], x, y| {
+///     PlannedPlane::square(Pose {
+///         rotation: *Rotation3::new(Vector3::from(tilt)).matrix(),
+///         translation: Vector3::new(x, y, 3.0),
+///     })
+/// };
+/// let planes = [
+///     square([0.6, 0.0, 0.1], -0.8, -0.5),
+///     square([-0.3, 0.5, 0.0], 0.8, -0.5),
+///     square([-0.3, -0.5, 0.2], 0.0, 0.7),
+/// ];
+/// let size = ImageSize { width: 1280, height: 960 };
+/// let noise = EdgeNoise { sigma: 0.02, spacing: 4.0 };
+/// let found = predict(&camera, size, &planes, noise, &Options::default())?;
+/// assert_eq!(found.std()[0].0, "fx");
+/// assert!(found.std()[0].1 < 1.0);
+/// # Ok::<(), trisquare::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::InvalidArgument`] naming a square that is not wholly in the picture,
 /// [`Error::NotEnoughPlanes`], and [`Error::IllConditioned`] for a plan that a calibration would

@@ -51,6 +51,26 @@ impl KnownIntrinsics {
 /// planes may do, three over-determine them (Hartley & Zisserman, 2nd ed., section 8.5; Zhou et
 /// al. 2013, step 3). Pixels.
 ///
+/// ```
+/// use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+/// use trisquare::{Pose, camera_matrix_from_homographies};
+///
+/// let k = Matrix3::new(900.0, 0.0, 640.0, 0.0, 905.0, 480.0, 0.0, 0.0, 1.0);
+/// let homographies = [[0.6, 0.0, 0.1], [-0.3, 0.5, 0.0], [-0.3, -0.5, 0.2]].map(|tilt| {
+///     let pose = Pose {
+///         rotation: *Rotation3::new(Vector3::from(tilt)).matrix(),
+///         translation: Vector3::new(0.1, -0.2, 3.0),
+///     };
+///     k * pose.homography()
+/// });
+/// let found = camera_matrix_from_homographies(&homographies)?;
+/// assert!((found - k).norm() < 1e-6);
+///
+/// let pose = Pose::from_homography(&found, &homographies[0], &Vector2::zeros())?;
+/// assert!((pose.translation.z - 3.0).abs() < 1e-9);
+/// # Ok::<(), trisquare::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::NotEnoughPlanes`], [`Error::UndeterminedConic`] (parallel planes) or
 /// [`Error::IndefiniteConic`] (planes that disagree).

@@ -23,6 +23,20 @@ const RANK_TOLERANCE: f64 = 1e-10;
 /// normalisation Zeng, Deng & Hu, Pattern Recognition Letters 29 (2008) 1236-1244). The result
 /// has unit Frobenius norm.
 ///
+/// ```
+/// use nalgebra::Vector3;
+/// use trisquare::{Line, homography_from_lines};
+///
+/// // The sides of a unit square, and their images: 200 px apart about (320, 240).
+/// let square = [(0.0, 1.0, 0.5), (-1.0, 0.0, 0.5), (0.0, -1.0, 0.5), (1.0, 0.0, 0.5)];
+/// let seen = [(0.0, 1.0, -140.0), (1.0, 0.0, -420.0), (0.0, 1.0, -340.0), (1.0, 0.0, -220.0)];
+/// let lines = |all: [(f64, f64, f64); 4]| all.map(|(a, b, c)| Line::new(a, b, c).unwrap());
+/// let homography = homography_from_lines(&lines(square), &lines(seen))?;
+/// let corner = homography * Vector3::new(0.5, 0.5, 1.0);
+/// assert!((corner.xy() / corner.z - nalgebra::Vector2::new(420.0, 340.0)).norm() < 1e-9);
+/// # Ok::<(), trisquare::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::InvalidArgument`] for unequal numbers of lines, [`Error::TooFewLines`] for fewer than
 /// four, [`Error::DegenerateHomography`] if three of four meet in a point or are parallel.

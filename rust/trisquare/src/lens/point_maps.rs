@@ -11,6 +11,17 @@ use crate::error::Error;
 ///
 /// A coordinate that is NaN or infinite is [`Error::NotFinite`], and no map returns one. The pixel
 /// maps work on one point at a time by [`Lens::project`] and [`Lens::unproject`].
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use trisquare::{Brown, PointMaps};
+///
+/// let camera = Brown::new([900.0, 900.0, 639.5, 479.5, -0.1, 0.0, 0.0, 0.0, 0.0]);
+/// let pixels = camera.project_points(&[Vector3::new(0.3, -0.2, 2.0)])?;
+/// let rays = camera.unproject_pixels(&pixels)?;
+/// assert!((rays[0] - Vector3::new(0.3, -0.2, 2.0).normalize()).norm() < 1e-9);
+/// # Ok::<(), trisquare::Error>(())
+/// ```
 pub trait PointMaps: Lens {
     /// Where points of camera coordinates are seen, in pixels.
     ///

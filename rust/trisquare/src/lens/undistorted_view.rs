@@ -52,6 +52,19 @@ pub trait UndistortedView: Lens {
     /// linearly. Where the distortion cannot be inverted, there is nothing to see, nor farther than
     /// 80 degrees from the axis.
     ///
+    /// ```
+    /// use nalgebra::Vector2;
+    /// use trisquare::{Brown, ImageSize, Lens, UndistortedView};
+    ///
+    /// let camera = Brown::new([900.0, 900.0, 639.5, 479.5, -0.1, 0.0, 0.0, 0.0, 0.0]);
+    /// let view = camera.undistorted(ImageSize { width: 1280, height: 960 }, 0.0)?;
+    /// // Where a pixel of the new picture lies in the photograph.
+    /// let ray = view.unproject(&Vector2::new(0.0, 0.0)).unwrap();
+    /// let seen = camera.project(&ray).unwrap();
+    /// assert!(seen.min() > -1.0);
+    /// # Ok::<(), trisquare::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error::InvalidArgument`] if `balance` is not from 0 to 1, the picture is empty or a single
     /// line of two or more pixels, or (nearly) none of it can be undistorted.

@@ -137,6 +137,24 @@ struct Bend {
 /// With no `centre` given, the image centre is used, or freed where the curves determine it to
 /// better than 5 % of the width. Points in pixels.
 ///
+/// ```
+/// use nalgebra::Vector2;
+/// use trisquare::{Brown, ImageSize, PointMaps, fit_distortion};
+///
+/// // What a camera sees of straight lines.
+/// let camera = Brown::new([900.0, 900.0, 639.5, 479.5, -0.05, 0.0, 0.0, 0.0, 0.0]);
+/// let point = |i: i32, y: f64| Vector2::new(100.0 + 27.0 * f64::from(i), y);
+/// let line = |y| (0..40).map(|i| point(i, y)).collect::<Vec<_>>();
+/// let curves = [90.0, 250.0, 700.0, 850.0].map(|y| camera.distort_pixels(&line(y)).unwrap());
+///
+/// let size = ImageSize { width: 1280, height: 960 };
+/// let found = fit_distortion(&curves, size, 2, None)?;
+/// assert!(found.rms < 0.01);
+/// let straight: Vec<_> = curves[0].iter().map(|pixel| found.undistort(pixel).unwrap()).collect();
+/// assert!((straight[0].y - straight[20].y).abs() < 0.1);
+/// # Ok::<(), trisquare::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::InvalidArgument`] for a number of coefficients outside 1 to 3 or an empty picture,
 /// [`Error::TooFewSamples`] and [`Error::SampleNotFinite`], whose line is the curve's index,

@@ -86,6 +86,26 @@ pub type Localised = (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate, PictureFault
 /// of the tone curve, which may contradict the stated one. A span needs about 12 pixels of length;
 /// it may leave the picture, where it just has no samples.
 ///
+/// ```
+/// use nalgebra::Vector2;
+/// use trisquare::{EdgeSpan, Picture, Tone, localise};
+///
+/// // Dark up to x = 40.25, then light: the column that the edge passes is three quarters dark.
+/// let value = |x: usize| match x {
+///     0..=39 => 0.2,
+///     40 => 0.35,
+///     _ => 0.8,
+/// };
+/// let values = (0..80 * 80).map(|i| value(i % 80)).collect();
+/// let picture = Picture::from_f32(80, 80, 1, values)?;
+/// // Upwards, its right-hand side is the light one.
+/// let span = EdgeSpan::new(vec![Vector2::new(41.0, 70.0), Vector2::new(39.0, 10.0)], 1.0);
+/// let (mut found, _, _) = localise(&picture, &[span], Tone::Linear);
+/// let edge = found.remove(0)?;
+/// assert!(edge.points.iter().all(|point| (point.x - 40.25).abs() < 0.05));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// Each element may be a [`NoEdge`]; all are [`NoEdge::InvalidArgument`] if the tone is not
 /// [valid](Tone::is_valid).

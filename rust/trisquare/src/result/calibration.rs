@@ -170,6 +170,24 @@ impl<L: Lens> Calibration<L> {
     }
 
     /// All parameters of the camera, free or held, in the order of [`Lens::parameter_names`].
+    ///
+    /// ```
+    /// use trisquare::{Calibration, Severity};
+    ///
+    /// fn tell(found: &Calibration) {
+    ///     for estimate in found.estimates() {
+    ///         match estimate.std {
+    ///             Some(std) => println!("{} {} +- {std}", estimate.name, estimate.value),
+    ///             None => println!("{} {} held", estimate.name, estimate.value),
+    ///         }
+    ///     }
+    ///     for warning in &found.warnings {
+    ///         if warning.severity() > Severity::Low {
+    ///             println!("{}: {warning}", warning.code());
+    ///         }
+    ///     }
+    /// }
+    /// ```
     pub fn estimates(&self) -> Vec<Estimate> {
         let all = self.std();
         let std = |name| all.iter().find(|(own, _)| *own == name).map(|own| own.1);

@@ -26,6 +26,19 @@ const SAMPLES_PER_SIDE: usize = 16;
 ///
 /// Three planes or fewer are all kept, as are planes that agree.
 ///
+/// ```
+/// use trisquare::{Calibration, Error, ImageSize, Options, PlaneEdges, calibrate, choose};
+///
+/// /// From outlines of which some may be windows or tiles that are no squares.
+/// fn camera_of(edges: &[PlaneEdges], size: ImageSize) -> Result<Calibration, Error> {
+///     let options = Options::default();
+///     let chosen = choose(edges, size, &options)?;
+///     let kept = chosen.verdicts.iter().filter(|verdict| verdict.kept);
+///     let kept: Vec<_> = kept.map(|verdict| edges[verdict.figure].clone()).collect();
+///     calibrate(&kept, size, &options)
+/// }
+/// ```
+///
 /// # Errors
 /// [`Error::InvalidArgument`] and its like for bad edges or options. That no camera is found is no
 /// error: then nothing is dropped.

@@ -23,6 +23,17 @@ struct PlanePoint {
 
 /// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
 ///
+/// ```
+/// use nalgebra::Vector2;
+/// use trisquare::{Calibration, Error, points_on_plane};
+///
+/// /// How far apart two pixels lie on the plane of the first square, whose side is 84 mm.
+/// fn millimetres(found: &Calibration, pixels: [Vector2<f64>; 2]) -> Result<f64, Error> {
+///     let points = points_on_plane(&found.camera, &found.planes[0].pose, &pixels)?;
+///     Ok(84.0 * (points[1] - points[0]).norm())
+/// }
+/// ```
+///
 /// # Errors
 /// [`Error::BeyondValidRadius`], [`Error::InvalidArgument`] for a pixel at or beyond the plane's
 /// horizon, or [`Error::NotFinite`] for a pixel, a pose, or a point that is not.
