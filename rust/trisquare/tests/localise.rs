@@ -445,7 +445,8 @@ fn what_no_picture_could_make_right_is_told_as_that() {
     let good = spans(&shape, -1.0, |_| [0.0; 2]);
     let (found, ..) = localise(&picture, &good, Tone::Linear);
     assert!(found.iter().all(Result::is_ok), "{found:?}");
-    let changes: [(fn(&mut EdgeSpan), &str); 5] = [
+    type Change = fn(&mut EdgeSpan);
+    let changes: [(Change, &str); 5] = [
         (|span| span.polarity = 0.0, "polarity"),
         (|span| span.polarity = f64::NAN, "polarity"),
         (|span| span.bounds[1] = Some(4), "bounds"),
