@@ -5,7 +5,8 @@ use crate::ill_conditioning::IllConditioning;
 /// Why a calibration, or one of its steps, gives no answer.
 ///
 /// Figures, lines and samples are indices into what was given, in messages as well: the first is 0.
-/// A figure that is only being made, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0.
+/// A figure that is only being made, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0:
+/// [`of_figure`](Self::of_figure) names another.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -67,6 +68,20 @@ pub enum Error {
         count: usize,
         /// Index of the first one.
         first: usize,
+    },
+
+    /// The sides of a square follow each other round it but for one sample.
+    #[error(
+        "sample {sample} of line {line} of figure {figure} lies far off its line: without it the sides \
+         are in order round the square"
+    )]
+    StraySample {
+        /// Index of the figure; 0 where it is only being made.
+        figure: usize,
+        /// Index of the side.
+        line: usize,
+        /// Index of the sample on the side.
+        sample: usize,
     },
 
     /// The sides of a square do not follow each other round it.
@@ -255,20 +270,24 @@ pub enum ErrorKind {
 }
 
 impl Error {
-    /// The same error, told of another figure.
-    pub(crate) fn of_figure(self, index: usize) -> Self {
-        match self {
-            Error::DegenerateHomography { reason, .. } => Error::DegenerateHomography {
-                figure: index,
-                reason,
-            },
-            Error::TooFewLines { found, needed, .. } => Error::TooFewLines {
-                figure: index,
-                found,
-                needed,
-            },
-            other => other,
+    /// The same error, told of the figure of another index, where it names one.
+    ///
+    /// [`PlaneEdges::square`](crate::PlaneEdges::square) and its like do not know which figure they make:
+    /// `PlaneEdges::square(sides).map_err(|error| error.of_figure(index))`.
+    #[must_use]
+    pub fn of_figure(mut self, index: usize) -> Self {
+        match &mut self {
+            Error::SampleNotFinite { figure, .. }
+            | Error::StraySample { figure, .. }
+            | Error::CrossedParallels { figure, .. }
+            | Error::TooFewLines { figure, .. }
+            | Error::TooFewParallels { figure, .. }
+            | Error::TooFewSamples { figure, .. }
+            | Error::LoneCircle { figure }
+            | Error::DegenerateHomography { figure, .. } => *figure = index,
+            _ => {}
         }
+        self
     }
 
     /// The family this error belongs to.
@@ -277,6 +296,7 @@ impl Error {
             Error::InvalidArgument(_)
             | Error::NotFinite { .. }
             | Error::SampleNotFinite { .. }
+            | Error::StraySample { .. }
             | Error::BeyondValidRadius { .. }
             | Error::BehindCamera { .. }
             | Error::CrossedSides { .. }

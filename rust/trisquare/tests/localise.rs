@@ -399,10 +399,7 @@ fn specks_hardly_cost_anything() {
 
 fn path(points: &[[f64; 2]]) -> EdgeSpan {
     let path = points.iter().map(|&[x, y]| Vector2::new(x, y)).collect();
-    EdgeSpan {
-        bounds: [None, Some(0)],
-        ..EdgeSpan::new(path, 1.0)
-    }
+    EdgeSpan::new(path, 1.0)
 }
 
 #[test]

@@ -107,7 +107,8 @@ impl PlaneEdges {
     /// # Errors
     /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::SampleNotFinite`], which name the
     /// figure 0; [`Error::InvalidArgument`] for more than four sides; and [`Error::CrossedSides`] if
-    /// the sides do not follow each other round the square.
+    /// the sides do not follow each other round the square, or [`Error::StraySample`] if one sample
+    /// alone is why.
     pub fn square(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
         Self::rectangle(sides, 1.0)
     }
@@ -123,7 +124,11 @@ impl PlaneEdges {
                 "the aspect of a rectangle must be positive and finite, not {aspect}"
             )));
         }
-        let clockwise = SideOrder::of(&sides)? == SideOrder::Clockwise;
+        let order = SideOrder::of(&sides).map_err(|error| match error {
+            Error::CrossedSides { .. } => stray_sample(&sides).unwrap_or(error),
+            _ => error,
+        })?;
+        let clockwise = order == SideOrder::Clockwise;
         let [bottom, right, top, left] = rectangle_lines(aspect.max(1.0), aspect.recip().max(1.0));
         let lines = match clockwise {
             true => [bottom, right, top, left],
@@ -517,6 +522,34 @@ impl SideOrder {
     }
 }
 
+/// The sample without which the sides follow each other, if that is the one farthest from the middle
+/// of its side.
+fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
+    (0..sides.len()).find_map(|line| {
+        let sample = farthest(&sides[line])?;
+        let mut others = sides.to_vec();
+        others[line].remove(sample);
+        SideOrder::of(&others).ok()?;
+        Some(Error::StraySample {
+            figure: 0,
+            line,
+            sample,
+        })
+    })
+}
+
+/// The index of the sample that is farthest from the median of all; `None` if there is none.
+fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
+    let median = |axis: usize| {
+        let mut values: Vec<f64> = side.iter().map(|point| point[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let middle = Vector2::new(median(0)?, median(1)?);
+    let distance = |i: &usize| (side[*i] - middle).norm();
+    (0..side.len()).max_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
 /// The half of a side's samples that lies nearer to its neighbour: a side may bulge.
 fn half_toward(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
     let centre = neighbour.iter().sum::<Vector2<f64>>() / neighbour.len() as f64;
@@ -615,6 +648,21 @@ mod tests {
             *point -= across * (96.0 * fraction * (1.0 - fraction));
         }
         assert!(PlaneEdges::square(bulging).is_ok());
+    }
+
+    #[test]
+    fn one_sample_that_is_far_off_is_named() {
+        for wild in [1e3, 1e4, -1e6] {
+            let mut edges = sides();
+            edges[2][3].x = wild;
+            let error = PlaneEdges::square(edges).unwrap_err().of_figure(5);
+            let expected = Error::StraySample {
+                figure: 5,
+                line: 2,
+                sample: 3,
+            };
+            assert_eq!(error, expected);
+        }
     }
 
     #[test]
