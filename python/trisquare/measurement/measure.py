@@ -74,7 +74,8 @@ def measure(
         picture_tone = picture_tone.of_board()
     quads = [target.quad for target in searched.targets]
     rejected += not_measured
-    pixels = core.near(figures)
+    blurs = [side.blur for side in measured if isinstance(side, _core.SideSamples)]
+    pixels = core.near(figures, max(blurs, default=0.0))
     return MeasuredTargets(figures, picture_tone, faults, pixels, rejected, quads, searched)
 
 

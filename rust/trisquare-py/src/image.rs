@@ -52,10 +52,18 @@ impl Picture {
         }
     }
 
-    /// The pixels that the fit to the pixels reads of a picture in which these figures were measured.
-    fn near(&self, py: Python<'_>, figures: Vec<Bound<'_, PyAny>>) -> PyResult<KeptPixels> {
+    /// The pixels that the fit to the pixels reads of a picture in which these figures were measured,
+    /// with sides of at most this blur (pixels).
+    fn near(
+        &self,
+        py: Python<'_>,
+        figures: Vec<Bound<'_, PyAny>>,
+        blur: f64,
+    ) -> PyResult<KeptPixels> {
         let figures: Vec<_> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
-        let pixels = detached(py, || trisquare::pixels_to_keep(&self.picture, &figures))?;
+        let pixels = detached(py, || {
+            trisquare::pixels_to_keep(&self.picture, &figures, blur)
+        })?;
         Ok(KeptPixels { pixels })
     }
 
@@ -154,6 +162,8 @@ pub struct SideSamples {
     points: Py<PyArray2<f64>>,
     /// One standard deviation of each across the side, pixels.
     std: Py<PyArray1<f64>>,
+    /// Standard deviation of the edge's blur, pixels.
+    blur: f64,
     /// Displacement of each by one standard deviation of an estimated tone curve, pixels.
     drift: Option<Py<PyArray2<f64>>>,
 }
@@ -228,6 +238,7 @@ pub fn localise<'py>(
             let samples = SideSamples {
                 points: arrays::from_points(py, &edges.points).unbind(),
                 std: arrays::from_slice(py, &edges.std).unbind(),
+                blur: edges.blur,
                 drift: tone.is_none().then(drift),
             };
             Ok(Measured::Samples(Py::new(py, samples)?))

@@ -58,8 +58,13 @@ fn camera_of(
         width: u32::try_from(picture.width())?,
         height: u32::try_from(picture.height())?,
     };
+    let blur = sides
+        .iter()
+        .flatten()
+        .map(|side| side.blur)
+        .fold(0.0, f64::max);
     let photographs = Photographs {
-        pictures: &[&pixels_to_keep(picture, &edges)],
+        pictures: &[&pixels_to_keep(picture, &edges, blur)],
         tones: &[tone.picture_tone()],
     };
     let found = calibrate_photographs(&edges, size, &Options::default(), Some(&photographs))?;

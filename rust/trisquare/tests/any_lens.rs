@@ -367,7 +367,7 @@ fn its_pixels_are_fitted() {
     }
     let picture = photograph(&scene);
     let photographs = Photographs {
-        pictures: &[&pixels_to_keep(&picture, &edges)],
+        pictures: &[&pixels_to_keep(&picture, &edges, 1.0)],
         tones: &[PictureTone::Known(Tone::Linear)],
     };
     let edges_alone = calibrate(&edges, scene.size, &options()).unwrap();

@@ -60,7 +60,7 @@ fn photographs_that_do_not_fit_the_figures_are_refused() {
     for figure in &mut edges {
         figure.polarity = Some(Polarity::DarkInside);
     }
-    let kept = pixels_to_keep(&scene.picture(2, 0.6, 2.0), &edges);
+    let kept = pixels_to_keep(&scene.picture(2, 0.6, 2.0), &edges, 0.6);
     let tones = [PictureTone::Known(Tone::Srgb)];
     let own = Photographs {
         pictures: &[&kept],

@@ -6,27 +6,35 @@ use super::grey_reader::{Grey, GreyReader};
 use super::picture::{Picture, Pixels};
 use super::tone::Tone;
 
-/// Pixels along the side of a tile; even, so that even rows stay even.
-const TILE: usize = 16;
-
-/// Distance (px) of the points of a path round which tiles are kept.
+/// Distance (px) of the points of a path round which pixels are kept.
 const STEP: f64 = 4.0;
 
 /// Points of a piece of a path at most: more than any picture is wide.
 const MAX_STEPS: f64 = 16_000.0;
-
-const NOT_KEPT: u32 = u32::MAX;
 
 /// The pixels of a picture near some paths, as they were in it.
 #[derive(Debug, Clone)]
 pub struct KeptPixels {
     width: usize,
     height: usize,
-    /// For each tile of the picture, row by row, its place among those that are kept.
-    places: Vec<u32>,
-    /// The tiles that are kept, one below the other; beyond the picture's borders they are black.
-    tiles: Picture,
+    /// Index of the first run of each row, and of the one after the last.
+    rows: Vec<u32>,
+    runs: Vec<Run>,
+    /// The pixels of all runs, in one row.
+    pixels: Picture,
 }
+
+/// Pixels of a row that are kept, side by side.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    start: u32,
+    end: u32,
+    /// Index of its first pixel among all that are kept.
+    first: u32,
+}
+
+/// Columns of a row: the first one, and the one after the last.
+type Columns = [usize; 2];
 
 impl Picture {
     /// The pixels within a reach (px) of closed paths, each given with its own; and a few more.
@@ -35,83 +43,105 @@ impl Picture {
         &self,
         paths: impl IntoIterator<Item = (&'a [Vector2<f64>], f64)>,
     ) -> KeptPixels {
-        let (across, down) = (self.width.div_ceil(TILE), self.height.div_ceil(TILE));
-        let mut places = vec![NOT_KEPT; across * down];
+        let mut marked = vec![Vec::new(); self.height];
         for (path, reach) in paths {
             let ends = path.iter().cycle().skip(1);
             for (start, end) in path.iter().zip(ends) {
-                mark(&mut places, [across, down], [start, end], reach);
+                mark(&mut marked, self.width, [start, end], reach);
             }
         }
-        let mut kept = Vec::new();
-        for (tile, place) in places.iter_mut().enumerate() {
-            if *place != NOT_KEPT {
-                *place = kept.len() as u32;
-                kept.push([TILE * (tile % across), TILE * (tile / across)]);
+        if self.has_even_rows_only {
+            marked.iter_mut().skip(1).step_by(2).for_each(Vec::clear);
+        }
+        let (mut rows, mut runs, mut count) = (vec![0], Vec::new(), 0);
+        for row in &mut marked {
+            row.sort_unstable();
+            for [start, end] in joined(row) {
+                runs.push(Run {
+                    start: start as u32,
+                    end: end as u32,
+                    first: count as u32,
+                });
+                count += end - start;
             }
+            rows.push(runs.len() as u32);
         }
         let pixels = match &self.pixels {
-            Pixels::U8(values) => Pixels::U8(self.stacked(values, &kept)),
-            Pixels::U16(values) => Pixels::U16(self.stacked(values, &kept)),
-            Pixels::F32(values) => Pixels::F32(self.stacked(values, &kept)),
+            Pixels::U8(values) => Pixels::U8(self.of_runs(values, &rows, &runs)),
+            Pixels::U16(values) => Pixels::U16(self.of_runs(values, &rows, &runs)),
+            Pixels::F32(values) => Pixels::F32(self.of_runs(values, &rows, &runs)),
         };
         KeptPixels {
             width: self.width,
             height: self.height,
-            places,
-            tiles: Self {
-                width: TILE,
-                height: TILE * kept.len(),
+            rows,
+            runs,
+            pixels: Self {
+                width: count,
+                height: 1,
                 pixels,
+                has_even_rows_only: false,
                 ..*self
             },
         }
     }
 
-    /// The values of tiles, given by their first pixels, one below the other.
-    fn stacked<T: Copy + Default>(&self, values: &[T], tiles: &[[usize; 2]]) -> Vec<T> {
-        let tile_row = TILE * self.channels;
-        let mut stacked = vec![T::default(); tiles.len() * TILE * tile_row];
-        for (rows, &[x, y]) in stacked.chunks_exact_mut(TILE * tile_row).zip(tiles) {
-            let count = (self.width - x).min(TILE) * self.channels;
-            let inside = rows.chunks_exact_mut(tile_row).take(self.height - y);
-            for (row, own) in inside.enumerate() {
-                let first = ((y + row) * self.width + x) * self.channels;
-                own[..count].copy_from_slice(&values[first..first + count]);
+    fn of_runs<T: Copy>(&self, values: &[T], rows: &[u32], runs: &[Run]) -> Vec<T> {
+        let count: u32 = runs.iter().map(|run| run.end - run.start).sum();
+        let mut kept = Vec::with_capacity(self.channels * count as usize);
+        for (y, ends) in rows.windows(2).enumerate() {
+            for run in &runs[ends[0] as usize..ends[1] as usize] {
+                let columns = [run.start, run.end];
+                let [start, end] = columns.map(|x| self.channels * (y * self.width + x as usize));
+                kept.extend_from_slice(&values[start..end]);
             }
         }
-        stacked
+        kept
     }
 }
 
-/// Marks the tiles within a reach of a straight piece of path.
-fn mark(
-    places: &mut [u32],
-    [across, down]: [usize; 2],
-    [start, end]: [&Vector2<f64>; 2],
-    reach: f64,
-) {
+/// Marks the pixels within a reach of a straight piece of path, in every row.
+fn mark(rows: &mut [Vec<Columns>], width: usize, [start, end]: [&Vector2<f64>; 2], reach: f64) {
     let length = (end - start).norm();
     if !length.is_finite() {
         return;
     }
     let steps = (length / STEP).ceil().clamp(1.0, MAX_STEPS);
     // A point of the piece is at most half a step from one that is looked at.
-    let reach = reach + 0.5 * length / steps;
-    let tile = |v: f64, count: usize| (v / TILE as f64).clamp(0.0, count as f64) as usize;
-    for step in 0..=steps as usize {
+    let reach = reach.hypot(0.5 * length / steps);
+    let clip = |v: f64, count: usize| v.clamp(0.0, count as f64) as usize;
+    for step in 0..steps as usize {
         let point = start.lerp(end, step as f64 / steps);
-        let last = [point.x + reach, point.y + reach];
-        for y in tile(point.y - reach, down)..tile(last[1] + TILE as f64, down) {
-            for x in tile(point.x - reach, across)..tile(last[0] + TILE as f64, across) {
-                let low = Vector2::new((TILE * x) as f64, (TILE * y) as f64);
-                let nearest = point.sup(&low).inf(&low.add_scalar((TILE - 1) as f64));
-                if (point - nearest).norm_squared() <= reach * reach {
-                    places[y * across + x] = 0;
+        let first = clip(point.y - reach, rows.len());
+        let end = clip(point.y + reach + 1.0, rows.len());
+        for (y, row) in (first..end).zip(&mut rows[first..]) {
+            let half = (reach.powi(2) - (y as f64 - point.y).powi(2))
+                .max(0.0)
+                .sqrt();
+            let start = clip(point.x - half, width);
+            let end = clip(point.x + half + 1.0, width);
+            match row.last_mut() {
+                // Most often it overlaps what is marked around the point before.
+                Some(last) if start <= last[1] && last[0] <= end => {
+                    *last = [last[0].min(start), last[1].max(end)];
                 }
+                _ if start < end => row.push([start, end]),
+                _ => {}
             }
         }
     }
+}
+
+/// Sorted columns, those that overlap or meet as one.
+fn joined(sorted: &[Columns]) -> impl Iterator<Item = Columns> {
+    let mut rest = sorted.iter().copied().peekable();
+    std::iter::from_fn(move || {
+        let [start, mut end] = rest.next()?;
+        while let Some([_, other]) = rest.next_if(|[next, _]| *next <= end) {
+            end = end.max(other);
+        }
+        Some([start, end])
+    })
 }
 
 impl KeptPixels {
@@ -131,15 +161,24 @@ impl KeptPixels {
     pub(crate) fn reader(&self, tone: Tone) -> KeptReader<'_> {
         KeptReader {
             kept: self,
-            tiles: self.tiles.reader(tone),
+            pixels: self.pixels.reader(tone),
         }
+    }
+
+    /// Index of a pixel among those that are kept.
+    #[inline]
+    fn index(&self, x: usize, y: usize) -> Option<usize> {
+        let [first, end] = [*self.rows.get(y)?, *self.rows.get(y + 1)?].map(|run| run as usize);
+        let x = x as u32;
+        let run = self.runs[first..end].iter().find(|run| x < run.end)?;
+        Some((run.first + x.checked_sub(run.start)?) as usize)
     }
 }
 
 /// The coded grey of the pixels that are kept: see [`GreyReader`].
 pub(crate) struct KeptReader<'a> {
     kept: &'a KeptPixels,
-    tiles: GreyReader<'a>,
+    pixels: GreyReader<'a>,
 }
 
 impl<'a> KeptReader<'a> {
@@ -151,16 +190,8 @@ impl<'a> KeptReader<'a> {
     /// `None` where [`GreyReader::get`] of the picture is, and where the pixel is not kept.
     #[inline]
     pub fn get(&self, x: usize, y: usize) -> Option<(f64, bool)> {
-        if x >= self.kept.width || y >= self.kept.height {
-            return None;
-        }
-        let across = self.kept.width.div_ceil(TILE);
-        let place = self.kept.places[y / TILE * across + x / TILE];
-        if place == NOT_KEPT {
-            return None;
-        }
-        let (x, y) = (x % TILE, place as usize * TILE + y % TILE);
-        let Grey { value, is_clipped } = self.tiles.grey(x, y)?;
+        let index = self.kept.index(x, y)?;
+        let Grey { value, is_clipped } = self.pixels.grey(index, 0)?;
         Some((value, is_clipped))
     }
 }
@@ -229,6 +260,6 @@ mod tests {
         let kept = picture.near([(&far[..], 9.0), (&open[..], 9.0), (&[][..], 9.0)]);
         let reader = kept.reader(Tone::Linear);
         assert!((0..SIZE[0]).all(|x| reader.get(x, 20).is_none()));
-        assert_eq!(kept.tiles.height(), 0);
+        assert_eq!(kept.pixels.width(), 0);
     }
 }

@@ -50,11 +50,28 @@ impl Width {
         }
     }
 
+    /// The narrower one that is sure to hold edges of this blur (px), measured by its sides alone.
+    pub fn of_blur(blur: f64) -> Self {
+        match blur < SURELY_HELD * Self::Usual.widest_blur() {
+            true => Self::Usual,
+            false => Self::Wide,
+        }
+    }
+
+    /// The largest blur (px) that a band holds: 3.8 of it are an edge.
+    pub fn widest_blur(self) -> f64 {
+        self.factor() * REACH / PLATEAU
+    }
+
     /// How far (px) a band reaches from an outline of this size (px) that stands alone.
     pub fn reach(self, size: f64) -> f64 {
         self.factor() * (REACH_PART * size).clamp(MIN_FULL_REACH, REACH)
     }
 }
+
+/// A blur that was measured as less than this part of the widest one fits into the band: the blur of
+/// a figure's sides, fitted together, differs from that of a single one.
+const SURELY_HELD: f64 = 0.65;
 
 /// Pixels of a row that are looked at together.
 const RUN: usize = 16;
@@ -113,8 +130,8 @@ pub(crate) struct PixelFigure {
     /// Middle and size (px) of the outline, for the linear terms of the exposure.
     pub centre: Vector2<f64>,
     pub size: f64,
-    /// The largest blur (px) that the band holds: 3.8 of it are an edge.
-    pub widest_blur: f64,
+    /// Of its band.
+    pub width: Width,
     /// How far (px) from the outline its pixels lie.
     reach: f64,
     /// Empty where they are read again for every use: see [`Bands::pixels`].
@@ -167,7 +184,6 @@ pub(super) struct Bands<'a, L> {
     /// The outlines are traced under it.
     view: &'a View<L>,
     readers: Vec<KeptReader<'a>>,
-    width: Width,
 }
 
 impl<'a, L: Lens> Bands<'a, L> {
@@ -176,7 +192,6 @@ impl<'a, L: Lens> Bands<'a, L> {
         planes: &'a [ObservedPlane],
         view: &'a View<L>,
         photographs: &Photographs<'a>,
-        width: Width,
     ) -> Self {
         let pictures = photographs.pictures.iter().zip(photographs.tones);
         Self {
@@ -184,13 +199,12 @@ impl<'a, L: Lens> Bands<'a, L> {
             planes,
             view,
             readers: pictures.map(|(p, tone)| p.reader(tone.tone())).collect(),
-            width,
         }
     }
 
     /// The figures of a plane, none of an outlier; not applicable unless all are squares of known
     /// polarity.
-    pub fn of_plane(&self, p: usize) -> Result<Vec<PixelFigure>, Refusal> {
+    pub fn of_plane(&self, p: usize, width: Width) -> Result<Vec<PixelFigure>, Refusal> {
         let plane = &self.planes[p];
         if plane.is_outlier() {
             return Ok(Vec::new());
@@ -206,13 +220,13 @@ impl<'a, L: Lens> Bands<'a, L> {
         let figure = |(f, outline): (usize, &Outline)| {
             let polarity = self.edges[plane.figures[f].index].polarity;
             let dark_inside = polarity.ok_or(Refusal::NotApplicable)? == Polarity::DarkInside;
-            let reach = outline.reach_beside(&outlines, f, self.width);
+            let reach = outline.reach_beside(&outlines, f, width);
             if reach < MIN_REACH {
                 return Err(Refusal::Reason(
                     "two outlines of a plane are too close together",
                 ));
             }
-            let mut found = outline.figure(reader, (p, f), (reach, self.width), dark_inside);
+            let mut found = outline.figure(reader, (p, f), (reach, width), dark_inside);
             found.image = plane.image;
             Ok(found)
         };
@@ -235,7 +249,7 @@ impl<L: Lens> Pixels for Bands<'_, L> {
     fn read(&self, figure: &PixelFigure) -> Option<Vec<BandPixel>> {
         let outline = self.outline(figure.plane, figure.figure)?;
         let (mut pixels, ..) =
-            outline.pixels(&self.readers[figure.image], figure.reach, self.width);
+            outline.pixels(&self.readers[figure.image], figure.reach, figure.width);
         if !figure.dropped.is_empty() {
             retain_used(&mut pixels, &figure.dropped);
         }
@@ -358,7 +372,7 @@ impl Outline {
             dark_inside,
             centre: (low + high) / 2.0,
             size: (high - low).norm(),
-            widest_blur: width.factor() * REACH / PLATEAU,
+            width,
             reach,
             pixels,
             stretch_sides,

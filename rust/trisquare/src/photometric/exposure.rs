@@ -105,6 +105,6 @@ impl Exposure {
 
     /// Whether the blur is one that can be fitted to a figure's pixels.
     pub fn is_valid(&self, figure: &PixelFigure) -> bool {
-        (LEAST_BLUR..=figure.widest_blur).contains(&self.blur)
+        (LEAST_BLUR..=figure.width.widest_blur()).contains(&self.blur)
     }
 }

@@ -64,7 +64,7 @@ impl FigureChart {
             let ends = [i, (i + 1) % 4].map(|k| scene.corner_pixels[k]);
             let along = (ends[1] - ends[0]).normalize();
             let chord = Line::with_unit_normal(Vector2::new(-along.y, along.x), ends[0]);
-            let beyond = PLATEAU * scene.figure.widest_blur + SLACK;
+            let beyond = PLATEAU * scene.figure.width.widest_blur() + SLACK;
             let image = LineImage::over(line, chord, ends.into_iter(), (beyond, TOLERANCE))?;
             let across = image.across();
             let mut slopes = [[0.0; 2]; NODES];

@@ -321,7 +321,7 @@ mod tests {
         let (width, height) = (truth.size.width as usize, truth.size.height as usize);
         let blank = Picture::from_u8(width, height, 1, vec![128; width * height]).unwrap();
         let photographs = Photographs {
-            pictures: &[&pixels_to_keep(&blank, &edges)],
+            pictures: &[&pixels_to_keep(&blank, &edges, 0.0)],
             tones: &[tone],
         };
         let view = View {
@@ -336,8 +336,13 @@ mod tests {
                 .collect(),
             relations: Vec::new(),
         };
-        let bands = Bands::new(&edges, &planes, &view, &photographs, Width::Usual);
-        let of_plane = |p| bands.of_plane(p).ok().expect("squares of known polarity");
+        let bands = Bands::new(&edges, &planes, &view, &photographs);
+        let of_plane = |p| {
+            bands
+                .of_plane(p, Width::Usual)
+                .ok()
+                .expect("squares of known polarity")
+        };
         let mut figures: Vec<PixelFigure> = (0..planes.len()).flat_map(of_plane).collect();
         let state = PixelState {
             view,

@@ -8,17 +8,19 @@ use crate::image::{KeptPixels, Picture};
 use crate::observations::PlaneEdges;
 
 /// The outline that a fit arrives at lies within so many px of the samples, and of where their ends
-/// lead to: several times what a lens bends half a side.
-const SEEN_WITHIN: f64 = 8.0;
+/// lead to: twice what a lens bends half a side.
+const SEEN_WITHIN: f64 = 6.0;
 
 /// The pixels that [`calibrate_photographs`](crate::calibrate_photographs) reads of a picture in
-/// which these figures were measured: those near outlines of four sides.
+/// which these figures were measured, with sides of at most this [`blur`](crate::SpanEdges::blur)
+/// (px): those near outlines of four sides.
 #[must_use]
-pub fn pixels_to_keep(picture: &Picture, figures: &[PlaneEdges]) -> KeptPixels {
+pub fn pixels_to_keep(picture: &Picture, figures: &[PlaneEdges], blur: f64) -> KeptPixels {
+    let width = Width::of_blur(blur);
     let outlines: Vec<Vec<Vector2<f64>>> = figures.iter().filter_map(outline).collect();
     picture.near(outlines.iter().map(|outline| {
         let (low, high) = bounds(outline.iter());
-        let reach = Width::Wide.reach((high - low).norm()) + SEEN_WITHIN;
+        let reach = width.reach((high - low).norm()) + SEEN_WITHIN;
         (&outline[..], reach)
     }))
 }
@@ -87,7 +89,6 @@ mod tests {
             let [width, height] = [scene.size.width, scene.size.height].map(|n| n as usize);
             let levels = (0..width * height).map(|i| (i * 31 % 251) as u8).collect();
             let picture = Picture::from_u8(width, height, 1, levels).unwrap();
-            let kept = pixels_to_keep(&picture, &figures);
             let everywhere = [Vector2::zeros()];
             let whole = picture.near([(&everywhere[..], 1e4)]);
             // Planes that stand a little elsewhere than the samples say.
@@ -109,12 +110,13 @@ mod tests {
                     pictures: &[pixels],
                     tones: &tones,
                 };
-                let bands = Bands::new(&figures, &planes, &view, &photographs, width);
-                let all = (0..planes.len()).map(|p| bands.of_plane(p).ok());
+                let bands = Bands::new(&figures, &planes, &view, &photographs);
+                let all = (0..planes.len()).map(|p| bands.of_plane(p, width).ok());
                 let all: Option<Vec<Vec<PixelFigure>>> = all.collect();
                 all.map(|all| all.concat())
             };
-            for width in [Width::Usual, Width::Wide] {
+            for (width, blur) in [(Width::Usual, 0.8), (Width::Wide, 4.0)] {
+                let kept = pixels_to_keep(&picture, &figures, blur);
                 let [found, expected] = [&kept, &whole].map(|pixels| read(pixels, width).unwrap());
                 assert!(expected.iter().all(|figure| figure.pixels.len() > 1000));
                 assert_eq!(
@@ -133,7 +135,7 @@ mod tests {
             PlaneEdges::line((0..9).map(|i| Vector2::repeat(f64::from(i))).collect()).unwrap();
         let mut empty = PlaneEdges::new(Vec::new(), vec![Vec::new(); 4]);
         empty.polarity = Some(Polarity::DarkInside);
-        let kept = pixels_to_keep(&picture, &[line, empty]);
+        let kept = pixels_to_keep(&picture, &[line, empty], 1.0);
         assert!(kept.reader(Tone::Linear).get(4, 4).is_none());
     }
 }

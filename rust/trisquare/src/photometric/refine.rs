@@ -94,14 +94,6 @@ struct Start<L> {
     disturbed: Vec<DisturbedSide>,
 }
 
-impl<L: Lens> Start<L> {
-    /// Whether the bands are wide enough for the blurs; those that are not stop at the limit.
-    fn holds_blurs(&self) -> bool {
-        let mut pairs = self.state.exposures.iter().zip(&self.figures);
-        pairs.all(|(exposure, figure)| exposure.blur < WIDEST_BLUR * figure.widest_blur)
-    }
-}
-
 fn attempt<L: Lens>(
     edges: &[PlaneEdges],
     problem: &JointProblem<'_, L>,
@@ -112,15 +104,8 @@ fn attempt<L: Lens>(
     let tones = photographs.tones;
     let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let view = &solution.refined.view;
-    let bands = |width| Bands::new(edges, &solution.planes, view, photographs, width);
-    let mut source = bands(Width::Usual);
-    let start = match begin(&source, solution, tones)?.filter(Start::holds_blurs) {
-        Some(start) => start,
-        None => {
-            source = bands(Width::Wide);
-            begin(&source, solution, tones)?.ok_or(BROKEN)?
-        }
-    };
+    let source = Bands::new(edges, &solution.planes, view, photographs);
+    let start = begin(&source, solution, tones)?.ok_or(BROKEN)?;
     let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
     if unused > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
         return Err(Refusal::Reason(
@@ -178,19 +163,27 @@ fn begin<L: Lens>(
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
     // Whose pixels these are differs with the threads; what is read again is the same.
     let held = AtomicUsize::new(0);
-    let of_plane = |p: usize| {
-        let figures = bands.of_plane(p)?.into_iter().map(|figure| {
+    let in_bands = |p: usize, width| {
+        let figures = bands.of_plane(p, width)?.into_iter().map(|figure| {
             let (tone, picture) = (tones[figure.image].tone(), &pictures[figure.image]);
             let sides = &solution.planes[p].figures[figure.figure].sides;
             let is_outlier: Vec<bool> = sides.iter().map(|side| side.is_outlier).collect();
-            let mut begun = Begun::of(figure, (view, picture, tone), &is_outlier)?;
-            let pixels = &mut begun.figure.pixels;
+            Begun::of(figure, (view, picture, tone), &is_outlier)
+        });
+        Ok(figures.collect::<Option<Vec<Begun>>>())
+    };
+    let of_plane = |p: usize| {
+        let mut begun = match in_bands(p, Width::Usual)? {
+            Some(begun) if begun.iter().all(Begun::holds_blur) => Some(begun),
+            _ => in_bands(p, Width::Wide)?,
+        };
+        for own in begun.iter_mut().flatten() {
+            let pixels = &mut own.figure.pixels;
             if held.fetch_add(pixels.len(), Ordering::Relaxed) > HELD_PIXELS {
                 *pixels = Vec::new();
             }
-            Some(begun)
-        });
-        Ok(figures.collect())
+        }
+        Ok(begun)
     };
     let planes = each(solution.planes.len(), |p| Some(of_plane(p))).unwrap_or_default();
     let planes: Vec<Option<Vec<Begun>>> = planes.into_iter().collect::<Result<_, Refusal>>()?;
@@ -247,6 +240,11 @@ impl Begun {
             exposure,
             disturbed,
         })
+    }
+
+    /// Whether the band is wide enough for the blur; one that is not stops at the limit.
+    fn holds_blur(&self) -> bool {
+        self.exposure.blur < WIDEST_BLUR * self.figure.width.widest_blur()
     }
 }
 
