@@ -65,6 +65,17 @@ def test_what_is_no_picture_has_no_size(text):
     assert stated_size(text) is None
 
 
+def test_a_first_picture_of_usual_files_loads_nothing_that_asks_servers():
+    program = """
+import sys
+from trisquare.images.header import stated_size
+assert all(stated_size(bytes.fromhex(each)) == (64, 48) for each in sys.argv[1:])
+assert "urllib.request" not in sys.modules
+"""
+    usual = [encoded(suffix).hex() for suffix in (".png", ".jpg", ".tif")]
+    subprocess.run([sys.executable, "-c", program, *usual], check=True)
+
+
 def test_an_orientation_tag_does_not_turn_the_size(tmp_path):
     tag = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
     plain = encoded(".jpg")

@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 import io
+import struct
+
+from trisquare.images.exif import ExifBlock
+from trisquare.images.integrity import JPEG_MARKER, JPEG_SIGNATURE, PNG_SIGNATURE
+
+TIFF_WIDTH, TIFF_HEIGHT = 256, 257
+
+STARTS_OF_FRAME = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
+"""The markers of JPEG segments that state a size."""
 
 
 def stated_size(encoded: bytes) -> tuple[int, int] | None:
@@ -20,10 +29,42 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
     """
     if encoded[:1].isspace() or encoded.startswith((b"<", b"\xef\xbb\xbf")):
         return None  # text, such as SVG: no picture here, and nothing to be parsed
-    import imagesize  # loaded where a file is read
-
     try:
-        width, height = imagesize.get(io.BytesIO(encoded), exif_rotation=False)
+        width, height = _of_usual(encoded) or _of_others(encoded)
     except Exception:  # whatever a damaged header leads to
         return None
     return (int(width), int(height)) if min(width, height) > 0 else None
+
+
+def _of_usual(encoded: bytes) -> tuple[int, int] | None:
+    """Return the size of a PNG, JPEG or TIFF; None where its header is not as usual."""
+    if encoded.startswith(PNG_SIGNATURE) and encoded[12:16] == b"IHDR":
+        return struct.unpack_from(">II", encoded, 16)
+    if encoded.startswith(JPEG_SIGNATURE):
+        return _of_jpeg(encoded)
+    block = ExifBlock.find(encoded)
+    if block is None or block.start > 0:
+        return None
+    width, height = (
+        next((block.number(entry) for entry in block.entries() if entry.tag == tag), None)
+        for tag in (TIFF_WIDTH, TIFF_HEIGHT)
+    )
+    return None if width is None or height is None else (int(width), int(height))
+
+
+def _of_jpeg(encoded: bytes) -> tuple[int, int] | None:
+    position = 2
+    while marker := JPEG_MARKER.search(encoded, position):
+        position = marker.end()
+        length, height, width = struct.unpack_from(">HxHH", encoded, position)
+        if marker[1][0] in STARTS_OF_FRAME:
+            return (width, height) if width and height else None
+        position += length
+    return None
+
+
+def _of_others(encoded: bytes) -> tuple[int, int]:
+    import imagesize  # it loads what asks servers, 4 MB of it
+
+    width, height = imagesize.get(io.BytesIO(encoded), exif_rotation=False)
+    return int(width), int(height)
