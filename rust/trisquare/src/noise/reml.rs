@@ -41,8 +41,7 @@ impl Strength {
 /// planes, their own eliminated.
 #[derive(Clone)]
 struct Part {
-    information: DMatrix<f64>,
-    gradient: DVector<f64>,
+    reduced: Reduced,
     /// Their own part of minus twice the log likelihood.
     criterion: f64,
 }
@@ -50,8 +49,8 @@ struct Part {
 impl Part {
     /// Adds another so many times.
     fn add(&mut self, other: &Self, times: f64) {
-        self.information += &other.information * times;
-        self.gradient += &other.gradient * times;
+        self.reduced.information += &other.reduced.information * times;
+        self.reduced.gradient += &other.reduced.gradient * times;
         self.criterion += other.criterion * times;
     }
 }
@@ -160,6 +159,7 @@ impl SideErrors {
         for plane in 0..variances.len() {
             let mut others = all.clone();
             others.add(&parts[plane], -1.0);
+            let mut least = criterion;
             for index in 0..VARIANCES {
                 let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
                 // The first hypothesis is white noise.
@@ -172,8 +172,14 @@ impl SideErrors {
                 };
                 let mut together = others.clone();
                 together.add(&own, 1.0);
-                let found = self.restricted(together.clone());
-                if let Some(found) = found.filter(|c| *c < criterion) {
+                let Some(found) = self.restricted(together.clone()) else {
+                    continue;
+                };
+                if found > least + HOPELESS {
+                    break;
+                }
+                least = least.min(found);
+                if found < criterion {
                     (variances[plane], criterion) = (variance, found);
                     (parts[plane], all) = (own, together);
                 }
@@ -200,31 +206,20 @@ impl SideErrors {
 
     /// What one plane says of the shared parameters, and of its variances.
     fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
-        let (block, criterion) = self.marginalise(plane, board_relief, variance)?;
-        let factor = block.hessian.clone().cholesky()?;
-        let log_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
-        let solved = factor.solve(&block.gradient);
-        let all = self.system.prior.nrows() + self.system.tie_count();
-        let cross = block.cross_and_ties();
-        let own = factor.solve(&cross);
+        let (equations, criterion) = self.marginalise(plane, board_relief, variance)?;
+        let (reduced, of_own) = equations.reduced()?;
         Some(Part {
-            information: block.shared.resize(all, all, 0.0) - cross.tr_mul(&own),
-            gradient: block.shared_gradient.resize_vertically(all, 0.0) - cross.tr_mul(&solved),
-            criterion: criterion + log_determinant - block.gradient.dot(&solved),
+            reduced,
+            criterion: criterion + of_own,
         })
     }
 
     /// Minus twice the restricted log likelihood of what all planes say together.
     fn restricted(&self, all: Part) -> Option<f64> {
         let Part {
-            information,
-            gradient,
+            reduced,
             mut criterion,
         } = all;
-        let reduced = Reduced {
-            information,
-            gradient,
-        };
         let (reduced, of_ties) = reduced.without_multipliers(self.system.tie_count());
         criterion += of_ties;
         let information = reduced.information + &self.system.prior;
@@ -239,8 +234,10 @@ impl SideErrors {
     fn joined(&self, parts: &[Part]) -> Part {
         let size = self.system.prior.nrows() + self.system.tie_count();
         let mut all = Part {
-            information: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
+            reduced: Reduced {
+                information: DMatrix::zeros(size, size),
+                gradient: DVector::zeros(size),
+            },
             criterion: 0.0,
         };
         parts.iter().for_each(|part| all.add(part, 1.0));

@@ -16,7 +16,7 @@ use super::picture_fields::PictureFields;
 use super::side_basis::ORDERS;
 use super::side_families::{Family, SharedColumns, families_of, spectrum};
 use crate::lens::Lens;
-use crate::numeric::{ArrowSystem, Block};
+use crate::numeric::{ArrowSystem, Block, BlockEquations};
 use crate::observations::{BoardRelief, FreeParameters, ObservedPlane, TERMS, View};
 
 /// The first variance tried, as a part of what noise alone leaves of a side's mean.
@@ -150,7 +150,7 @@ impl SideErrors {
                 .clone()
                 .cholesky()?
                 .solve(&crosses[family.plane]);
-            let cross = family.shared.transpose() - own.tr_mul(&family.own.transpose());
+            let cross = family.shared() - own.tr_mul(&family.own());
             let influence = information.solve(&cross);
             found[family.plane] += &influence * family.covariance() * influence.transpose();
         }
@@ -160,10 +160,8 @@ impl SideErrors {
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
-            Some(
-                self.marginalise(plane, self.board_relief(plane), *variance)?
-                    .0,
-            )
+            let (found, _) = self.marginalise(plane, self.board_relief(plane), *variance)?;
+            Some(self.system.blocks[plane].with_equations(&found))
         };
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
         Some(ArrowSystem {
@@ -180,12 +178,16 @@ impl SideErrors {
         plane: usize,
         board_relief: f64,
         variance: f64,
-    ) -> Option<(Block, f64)> {
-        let mut block = self.system.blocks[plane].clone();
-        let mut criterion = 0.0;
-        if let Some(own) = &self.board_reliefs[plane] {
-            criterion += own.hold(board_relief, &mut block);
-        }
+    ) -> Option<(BlockEquations, f64)> {
+        let block = &self.system.blocks[plane];
+        let (mut equations, mut criterion) = match &self.board_reliefs[plane] {
+            Some(own) => {
+                let mut block = block.clone();
+                let criterion = own.hold(board_relief, &mut block);
+                (block.equations(), criterion)
+            }
+            None => (block.equations(), 0.0),
+        };
         let first = self.families.partition_point(|family| family.plane < plane);
         let own = self.families[first..].iter();
         for family in own.take_while(|family| family.plane == plane) {
@@ -194,10 +196,10 @@ impl SideErrors {
                 variance => variance,
             };
             if variance > 0.0 {
-                criterion += family.marginalise(variance, &mut block)?;
+                criterion += family.marginalise(variance, &mut equations)?;
             }
         }
-        Some((block, criterion))
+        Some((equations, criterion))
     }
 
     /// Variance of a plane's relief, where it has any.

@@ -1,12 +1,12 @@
 //! Sides whose smooth displacements are correlated, and what their samples say of them.
 
-use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Const, DMatrix, DMatrixView, Dyn, OMatrix, SMatrix, SVector, Vector2, Vector3};
 
 use super::picture_fields::{FIELDS, PictureFields};
 use super::side_basis::{Basis, ORDERS, basis};
 use super::side_moments::{Gram, SideMoments};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::Block;
+use crate::numeric::{Block, BlockEquations};
 use crate::observations::{
     BoardRelief, Figure, FreeParameters, PlaneState, Side, TERMS, directions,
 };
@@ -73,11 +73,10 @@ pub(crate) struct Family {
     log_correlation: f64,
     /// `B^T W B` with `B` the basis at the samples, side by side.
     pub gram: DMatrix<f64>,
-    /// `B^T W r`.
-    gradient: DVector<f64>,
-    /// `B^T W J`, by the plane's own parameters and by the shared ones.
-    pub own: DMatrix<f64>,
-    pub shared: DMatrix<f64>,
+    /// `J^T W B`, `J` by the plane's own parameters, so many, and by the shared ones; then
+    /// `r^T W B`.
+    beside: DMatrix<f64>,
+    own: usize,
 }
 
 /// The sides and arcs of a figure, those of one direction together if there are many: an error that is
@@ -130,9 +129,8 @@ impl Family {
             inverse_correlation: factor.inverse(),
             log_correlation: 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum(),
             gram: DMatrix::zeros(rows, rows),
-            gradient: DVector::zeros(rows),
-            own: DMatrix::zeros(rows, own),
-            shared: DMatrix::zeros(rows, shared),
+            beside: DMatrix::zeros(own + shared + 1, rows),
+            own,
         })
     }
 
@@ -172,11 +170,13 @@ impl Family {
         self.gram
             .view_mut((first, first), (ORDERS, ORDERS))
             .copy_from(&gram);
-        self.gradient.rows_mut(first, ORDERS).copy_from(&gradient);
-        self.own.rows_mut(first, ORDERS).copy_from(&weighed_own);
-        self.shared
-            .rows_mut(first, ORDERS)
-            .copy_from(&weighed_shared);
+        let mut beside = self.beside.columns_mut(first, ORDERS);
+        let (own, all) = (own.ncols(), own.ncols() + shared.ncols());
+        beside.rows_mut(0, own).tr_copy_from(&weighed_own);
+        beside
+            .rows_mut(own, all - own)
+            .tr_copy_from(&weighed_shared);
+        beside.row_mut(all).tr_copy_from(&gradient);
         Some(())
     }
 
@@ -197,11 +197,26 @@ impl Family {
         })
     }
 
+    /// `J^T W B` by the plane's own parameters, ...
+    pub fn own(&self) -> DMatrixView<'_, f64> {
+        self.beside.rows(0, self.own)
+    }
+
+    /// ... and by the shared ones.
+    pub fn shared(&self) -> DMatrixView<'_, f64> {
+        self.beside
+            .rows(self.own, self.beside.nrows() - self.own - 1)
+    }
+
     /// Takes the sides' displacements, of the given variance, out of the equations; returns their
     /// part of minus twice the log likelihood.
-    pub fn marginalise(&self, variance: f64, block: &mut Block) -> Option<f64> {
-        let count = self.sides.len();
-        let mut precision = self.gram.clone();
+    pub fn marginalise(&self, variance: f64, equations: &mut BlockEquations) -> Option<f64> {
+        let (count, size) = (self.sides.len(), self.gram.nrows());
+        let mut displaced = DMatrix::zeros(size + self.beside.nrows(), size);
+        displaced.rows_mut(0, size).copy_from(&self.gram);
+        displaced
+            .rows_mut(size, self.beside.nrows())
+            .copy_from(&self.beside);
         let mut log_determinant = ORDERS as f64 * self.log_correlation;
         for k in 0..ORDERS {
             let own = match k {
@@ -211,24 +226,12 @@ impl Family {
             log_determinant += count as f64 * own.ln();
             for i in 0..count {
                 for j in 0..count {
-                    precision[(ORDERS * i + k, ORDERS * j + k)] +=
+                    displaced[(ORDERS * i + k, ORDERS * j + k)] +=
                         self.inverse_correlation[(i, j)] / own;
                 }
             }
         }
-        let factor = precision.cholesky()?;
-        log_determinant += 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
-        // `X^T (L L^T)^-1 Y = (L^-1 X)^T (L^-1 Y)` asks for half of the solution only.
-        let lower = factor.l_dirty();
-        let gradient = lower.solve_lower_triangular(&self.gradient)?;
-        let own = lower.solve_lower_triangular(&self.own)?;
-        let shared = lower.solve_lower_triangular(&self.shared)?;
-        block.hessian -= own.tr_mul(&own);
-        block.cross -= own.tr_mul(&shared);
-        block.shared -= shared.tr_mul(&shared);
-        block.gradient -= own.tr_mul(&gradient);
-        block.shared_gradient -= shared.tr_mul(&gradient);
-        Some(log_determinant - gradient.norm_squared())
+        Some(log_determinant + equations.eliminate(displaced)?)
     }
 }
 

@@ -2,6 +2,7 @@
 //! least squares, interpolation, robust losses, the normal and the chi-squared distribution.
 
 mod arrowhead;
+mod block_equations;
 mod chebyshev;
 mod chi_square;
 mod each;
@@ -12,6 +13,7 @@ mod robust;
 mod ties;
 
 pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
+pub(crate) use block_equations::BlockEquations;
 pub(crate) use chebyshev::{
     LANES, NODES, PolynomialSums, coefficients, node_places, polynomial_at, polynomials,
 };

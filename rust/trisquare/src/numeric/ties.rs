@@ -109,20 +109,6 @@ impl Ties {
     }
 }
 
-impl Block {
-    /// The cross terms with the shared parameters, then with the multipliers.
-    pub fn cross_and_ties(&self) -> DMatrix<f64> {
-        let (own, shared) = self.cross.shape();
-        let mut all = self
-            .cross
-            .clone()
-            .resize_horizontally(shared + self.ties.ncols(), 0.0);
-        all.view_mut((0, shared), (own, self.ties.ncols()))
-            .copy_from(&self.ties);
-        all
-    }
-}
-
 impl Reduced {
     /// The same with the last parameters, which are multipliers, eliminated; and what these add to
     /// minus twice the restricted log likelihood.
@@ -254,21 +240,17 @@ mod tests {
         };
         let mut own = 0.0;
         for block in &system.blocks {
-            let inverse = block.hessian.clone().try_inverse().unwrap();
-            let cross = block.cross_and_ties();
-            sum.information += block.shared.clone().resize(all, all, 0.0);
-            sum.information -= cross.transpose() * &inverse * &cross;
-            sum.gradient += block.shared_gradient.clone().resize_vertically(all, 0.0);
-            sum.gradient -= cross.transpose() * &inverse * &block.gradient;
-            own += block.gradient.dot(&(&inverse * &block.gradient));
-            own += inverse.determinant().ln();
+            let (reduced, criterion) = block.equations().reduced().unwrap();
+            sum.information += reduced.information;
+            sum.gradient += reduced.gradient;
+            own += criterion;
         }
         let (reduced, of_ties) = sum.without_multipliers(system.tie_count());
         let expected = system.reduced_information().unwrap();
         assert!((&reduced.information - &expected).norm() < 1e-10 * expected.norm());
         // Minus twice the log likelihood, but for what ties scale: the same of two gradients.
         let inverse = expected.clone().try_inverse().unwrap();
-        let found = of_ties - own + expected.determinant().ln()
+        let found = of_ties + own + expected.determinant().ln()
             - reduced.gradient.dot(&(inverse * &reduced.gradient));
         let dense = covariance(&hessian, &left);
         let kept = (left.transpose() * &hessian * &left).determinant().ln();
