@@ -210,13 +210,9 @@ impl<L: Lens> Conditioning<'_, L> {
     }
 
     fn limit(&self, noise: f64) -> f64 {
-        let growth = if self
-            .farthest_pair()
-            .is_some_and(|(_, d)| d > DISTINCT_DEGREES)
-        {
-            (noise / COMMON_NOISE).clamp(1.0, MAX_LIMIT_GROWTH)
-        } else {
-            1.0
+        let growth = match self.pairs().any(|(_, degrees)| degrees > DISTINCT_DEGREES) {
+            true => (noise / COMMON_NOISE).clamp(1.0, MAX_LIMIT_GROWTH),
+            false => 1.0,
         };
         largest_std(self.options.fixed) * growth
     }
@@ -284,20 +280,24 @@ impl<L: Lens> Conditioning<'_, L> {
             .fold(0.0, f64::max)
     }
 
-    /// The two planes that differ most in direction, and the angle between them in degrees.
-    fn farthest_pair(&self) -> Option<((usize, usize), f64)> {
+    /// All pairs of planes, and the angles between their directions in degrees.
+    fn pairs(&self) -> impl Iterator<Item = ((usize, usize), f64)> {
         let normals: Vec<_> = self.view.planes.iter().map(|p| p.pose.normal()).collect();
-        let mut farthest: Option<((usize, usize), f64)> = None;
-        for (j, b) in normals.iter().enumerate() {
-            for (i, a) in normals[..j].iter().enumerate() {
-                let sine = a.cross(b).norm();
-                let degrees = sine.atan2(a.dot(b).abs()).to_degrees();
-                if farthest.is_none_or(|(_, largest)| degrees > largest) {
-                    farthest = Some(((i, j), degrees));
-                }
-            }
-        }
-        farthest
+        let pairs = (0..normals.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        pairs.map(move |(i, j)| {
+            let (a, b) = (&normals[i], &normals[j]);
+            let sine = a.cross(b).norm();
+            ((i, j), sine.atan2(a.dot(b).abs()).to_degrees())
+        })
+    }
+
+    /// The first two of the planes that differ most in direction, and the angle between them.
+    fn farthest_pair(&self) -> Option<((usize, usize), f64)> {
+        self.pairs()
+            .reduce(|farthest, pair| match pair.1 > farthest.1 {
+                true => pair,
+                false => farthest,
+            })
     }
 
     /// The largest angle between a plane and the image plane, in degrees.
