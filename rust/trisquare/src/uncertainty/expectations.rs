@@ -170,6 +170,12 @@ pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warni
     let limit = KNOWN * f64::from(found.image_size.width);
     let pixels: Vec<_> = places(found.image_size, COARSE_PLACES).collect();
     let uncertainty = found.projection_uncertainty().ok()?;
+    // A turn taken out makes the sum of all variances less, which says enough of nearly all lenses.
+    let variances = pixels.iter().map(|p| Some(uncertainty.at(p)?.trace()));
+    let sum: Option<f64> = variances.sum();
+    if sum.is_some_and(|sum| sum < LEAST_UNKNOWN * pixels.len() as f64 * limit * limit) {
+        return None;
+    }
     let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0)).ok()?;
     // A turn of the whole camera goes unnoticed, as in the projection map.
     let known = compare_projections(&uncertainty, &exact, &pixels).ok()?;
