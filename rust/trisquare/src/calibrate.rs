@@ -106,8 +106,9 @@ pub fn calibrate<L: Lens>(
 ///         square.polarity = Some(Polarity::DarkInside);
 ///         edges.push(square);
 ///     }
+///     let blur = sides.iter().map(|side| side.blur).fold(0.0, f64::max);
 ///     let photographs = Photographs {
-///         pictures: &[&pixels_to_keep(picture, &edges)],
+///         pictures: &[&pixels_to_keep(picture, &edges, blur)],
 ///         tones: &[tone.picture_tone()],
 ///     };
 ///     Ok(calibrate_photographs(&edges, size, &Options::default(), Some(&photographs))?)

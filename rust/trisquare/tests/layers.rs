@@ -114,7 +114,7 @@ fn no_room_but_that_of_the_lenses_names_one() {
         .flat_map(|(_, folder)| modules(&folder, true));
     let alone = modules(&source, true).into_iter();
     let all = alone.filter(|(name, _)| name != "lib").chain(in_folders);
-    let naming = all.filter(|(_, path)| before_tests(path).contains("Brown"));
+    let naming = all.filter(|(_, path)| code(path).contains("Brown"));
     let wrong: Vec<PathBuf> = naming.map(|(_, path)| path).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -59,9 +59,6 @@ impl<L: Lens> JointProblem<'_, L> {
             let held = self.options.fixed.distortion;
             first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain, held));
         }
-        if no_squares.is_some_and(|found| found.lens_is_likelier) {
-            first.reverse();
-        }
         calibration.warnings.splice(0..0, first);
     }
 

@@ -62,10 +62,8 @@ pub(crate) struct NoSquares {
     covariance: DMatrix<f64>,
     /// How far sides lie from where true squares would have them, px.
     displacement: f64,
-    /// Where fields explain the residuals about as well: the change with a lens that has them, ...
+    /// Where fields explain the residuals about as well: the change with a lens that has them.
     pub lens: Option<DVector<f64>>,
-    /// ... and whether they do so better.
-    pub lens_is_likelier: bool,
 }
 
 /// Whether the residuals ask for a lens that has the fields; `None` where that cannot be told.
@@ -119,7 +117,6 @@ pub(crate) fn beyond_lens<L: Lens>(
                 true => Some(beyond.change(&mut errors, free)?),
                 false => None,
             },
-            lens_is_likelier: beyond.flat < shapes,
         }));
     }
     if beyond.flat + CLEARLY < bent.flat && beyond.flat < bent.criterion.min(shapes) {
