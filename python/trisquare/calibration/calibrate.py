@@ -26,7 +26,7 @@ from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.images.sources import sources_of
-from trisquare.images.tone import contradiction_text, pooled, shift_text
+from trisquare.images.tone import contradicting_pictures, pooled, shift_text
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning, by_severity
 from trisquare.results.model_alternative import ModelAlternative
@@ -44,7 +44,12 @@ NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targ
 """Added to what speaks against the squares that were found."""
 
 TONE_HINT = ': use tone="auto", which estimates it'
-"""Added to what the fit to the pixels says of a stated tone curve."""
+"""What to do about a stated tone curve that the picture contradicts."""
+
+TONE_CONTRADICTED = (
+    "the edge profiles contradict the tone curve that was stated, which moves the edges"
+)
+"""Said where the fit to the pixels does not tell it."""
 
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
@@ -391,10 +396,10 @@ def _calibration(
     tone, tone_std = pooled(tones)
     tone_of_image = dict(zip(images, tones, strict=False))
     warnings = []
-    told = {code for _, code, _, _ in found.warnings}
-    text = contradiction_text(tone_of_image, gathered.names)
+    contradicting = contradicting_pictures(tone_of_image, gathered.names)
     # Of the same the fit to the pixels tells more: what it makes of the camera.
-    if text and "tone_contradicted" not in told:
+    if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
+        text = f"{TONE_CONTRADICTED}{TONE_HINT} ({contradicting})"
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
     warnings += [
@@ -405,14 +410,15 @@ def _calibration(
     untold = {
         i: own for i, own in tone_of_image.items() if i in measured and not faults[i].is_shifted
     }
-    if text := shift_text(untold, gathered.names):
-        warnings.append(CalibrationWarning(text, "no_tone_curve", "low"))
+    if shifted := shift_text(untold, gathered.names):
+        warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     by_picture = bool(images) and {figure.kind for figure in gathered.figures} == {"square"}
-    hints = {"tone_contradicted": TONE_HINT}
-    if by_picture:
-        hints["planes_contradict"] = NO_SQUARES_HINT
-    for text, code, severity, plane in found.warnings:
-        warnings.append(CalibrationWarning(text + hints.get(code, ""), code, severity, plane))
+    for text, code, severity, plane, picture in found.warnings:
+        if by_picture and code == "planes_contradict":
+            text += NO_SQUARES_HINT
+        if picture is not None:
+            text += f"{TONE_HINT} ({contradicting or gathered.names[images[picture]]})"
+        warnings.append(CalibrationWarning(text, code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation
     return Calibration(

@@ -70,28 +70,22 @@ class PictureTone:
         return replace(self, curve=(*self.curve[:2], True, 0.0), shift=None)
 
 
-def contradiction_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:
+def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str:
     """Say in which pictures, by index, the profiles contradict the stated tone curve, if in any.
 
     `names` is what messages call each of all pictures.
     """
-    asked = [
+    return "; ".join(
         f"{names[index]}: a gamma of about {tone.contradicting:.1f}"
         for index, tone in tones.items()
         if tone.contradicting is not None
-    ]
-    if not asked:
-        return None
-    return (
-        "the edge profiles contradict the tone curve that was stated, which moves the edges: use "
-        f'tone="auto", which estimates it ({"; ".join(asked)})'
     )
 
 
 def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:
     """Say in which pictures, by index, the profiles fit no tone curve, if in any.
 
-    `names` is as in `contradiction_text`.
+    `names` is as in `contradicting_pictures`.
     """
     shifts = [
         f"{names[index]}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"

@@ -69,7 +69,7 @@ pub struct Solution {
     rms: f64,
     noise_scale: f64,
     iterations: usize,
-    /// Text, code, severity, and the plane it is about.
+    /// Text, code, severity, and the plane or the picture that it is about.
     warnings: Vec<WarningMembers>,
     stage: &'static str,
     /// Model, logarithm of its evidence, and rms of those that were not chosen.
@@ -78,7 +78,13 @@ pub struct Solution {
     tones: Vec<Py<ToneFit>>,
 }
 
-type WarningMembers = (String, &'static str, &'static str, Option<usize>);
+type WarningMembers = (
+    String,
+    &'static str,
+    &'static str,
+    Option<usize>,
+    Option<usize>,
+);
 
 /// Covariance of a pose for a given camera, (6, 6), and its change by the camera's parameters,
 /// (6, n).
@@ -427,7 +433,8 @@ fn warning(warning: &Warning) -> WarningMembers {
         Severity::Medium => "medium",
         Severity::High => "high",
     };
-    (message(warning), warning.code(), severity, warning.plane())
+    let place = (warning.plane(), warning.picture());
+    (message(warning), warning.code(), severity, place.0, place.1)
 }
 
 /// The message of a warning, which advises the keywords of the Python function.

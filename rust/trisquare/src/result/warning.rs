@@ -601,6 +601,15 @@ impl Warning {
         }
     }
 
+    /// The picture that it is about, if it is about one.
+    #[must_use]
+    pub fn picture(&self) -> Option<usize> {
+        match self {
+            Self::ToneContradicted { picture, .. } => Some(*picture),
+            _ => None,
+        }
+    }
+
     /// The plane that it is about, if it is about one.
     #[must_use]
     pub fn plane(&self) -> Option<usize> {
