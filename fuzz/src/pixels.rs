@@ -119,7 +119,8 @@ pub fn calibrate_photographs(data: &[u8]) -> Outcome {
     if bytes.once_in(4) {
         damage(&mut figures, SIZE, bytes);
     }
-    let kept = pixels_to_keep(&picture, &figures);
+    let blur = bytes.between(0.0, 4.0);
+    let kept = pixels_to_keep(&picture, &figures, blur);
     let pictures = vec![&kept; 1 + bytes.below(2)];
     let tones: Vec<_> = pictures.iter().map(|_| picture_tone(tone, bytes)).collect();
     let photographs = Photographs {
