@@ -26,7 +26,7 @@ from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.images.sources import sources_of
-from trisquare.images.tone import contradicting_pictures, pooled, shift_text
+from trisquare.images.tone import contradicting_pictures, contradiction_text, pooled, shift_text
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning, by_severity
 from trisquare.results.model_alternative import ModelAlternative
@@ -42,14 +42,6 @@ LARGE_SIDE = 10.0
 
 NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
 """Added to what speaks against the squares that were found."""
-
-TONE_HINT = ': use tone="auto", which estimates it'
-"""What to do about a stated tone curve that the picture contradicts."""
-
-TONE_CONTRADICTED = (
-    "the edge profiles contradict the tone curve that was stated, which moves the edges"
-)
-"""Said where the fit to the pixels does not tell it."""
 
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
@@ -399,7 +391,7 @@ def _calibration(
     contradicting = contradicting_pictures(tone_of_image, gathered.names)
     # Of the same the fit to the pixels tells more: what it makes of the camera.
     if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
-        text = f"{TONE_CONTRADICTED}{TONE_HINT} ({contradicting})"
+        text = contradiction_text(contradicting)
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
     faults = dict(zip(gathered.images, gathered.faults, strict=False))
     warnings += [
@@ -417,7 +409,7 @@ def _calibration(
         if by_picture and code == "planes_contradict":
             text += NO_SQUARES_HINT
         if picture is not None:
-            text += f"{TONE_HINT} ({contradicting or gathered.names[images[picture]]})"
+            text = contradiction_text(contradicting or gathered.names[images[picture]], text)
         warnings.append(CalibrationWarning(text, code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation

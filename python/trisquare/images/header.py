@@ -6,7 +6,7 @@ import io
 import struct
 
 from trisquare.images.exif import ExifBlock
-from trisquare.images.integrity import JPEG_MARKER, JPEG_SIGNATURE, PNG_SIGNATURE
+from trisquare.images.integrity import JPEG_SIGNATURE, PNG_SIGNATURE, jpeg_segments
 
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257
 
@@ -53,13 +53,10 @@ def _of_usual(encoded: bytes) -> tuple[int, int] | None:
 
 
 def _of_jpeg(encoded: bytes) -> tuple[int, int] | None:
-    position = 2
-    while marker := JPEG_MARKER.search(encoded, position):
-        position = marker.end()
-        length, height, width = struct.unpack_from(">HxHH", encoded, position)
-        if marker[1][0] in STARTS_OF_FRAME:
+    for marker, position in jpeg_segments(encoded):
+        if marker in STARTS_OF_FRAME:
+            height, width = struct.unpack_from(">HH", encoded, position + 3)
             return (width, height) if width and height else None
-        position += length
     return None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from collections.abc import Iterator
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -50,23 +51,29 @@ def _png_incompleteness(encoded: bytes) -> str | None:
     return "the PNG is truncated: its end chunk is missing"
 
 
-def _jpeg_fault(encoded: bytes, max_scans: int) -> str | None:
-    """Walk the segments to the picture's own end marker, and count its scans.
+def jpeg_segments(encoded: bytes) -> Iterator[tuple[int, int]]:
+    """Yield the marker of every segment of a JPEG, and the position after it.
 
-    Searching for the marker would not do: a thumbnail in the header has one of its own, and
-    cameras append data after the last.
+    Searching for one marker would not do: a thumbnail in the header has markers of its own, and
+    cameras append data after the last. It ends where the file is cut off.
     """
-    position, scans = 2, 0
+    position = 2
     while marker := JPEG_MARKER.search(encoded, position):
-        kind = marker[1][0]
         position = marker.end()
-        if kind == JPEG_END:
-            return None
-        scans += kind == START_OF_SCAN
-        if scans > max_scans:
-            return f"the JPEG has more than the {max_scans} scans that max_scans allows"
+        yield marker[1][0], position
         if position + 2 > len(encoded):
-            break
+            return
         # After a scan's header follows its coded data, which the search passes over.
         position += struct.unpack_from(">H", encoded, position)[0]
+
+
+def _jpeg_fault(encoded: bytes, max_scans: int) -> str | None:
+    """Look for the picture's own end marker, and count its scans."""
+    scans = 0
+    for marker, _ in jpeg_segments(encoded):
+        if marker == JPEG_END:
+            return None
+        scans += marker == START_OF_SCAN
+        if scans > max_scans:
+            return f"the JPEG has more than the {max_scans} scans that max_scans allows"
     return "the JPEG is truncated: its end marker is missing"

@@ -11,6 +11,9 @@ import trisquare._core as _core
 CONTRADICTED = 5.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
+TOLD_BY_EDGES = "the edge profiles contradict the tone curve that was stated, which moves the edges"
+"""Said of a stated tone curve where the fit to the pixels does not tell more."""
+
 CoreTone: TypeAlias = "str | float | tuple[float, float, bool, float]"
 
 
@@ -80,6 +83,11 @@ def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str
         for index, tone in tones.items()
         if tone.contradicting is not None
     )
+
+
+def contradiction_text(contradicting: str, told: str = TOLD_BY_EDGES) -> str:
+    """Say what contradicts a stated tone curve, in which pictures, and what to do."""
+    return f'{told}: use tone="auto", which estimates it ({contradicting})'
 
 
 def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:

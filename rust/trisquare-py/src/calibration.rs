@@ -433,8 +433,13 @@ fn warning(warning: &Warning) -> WarningMembers {
         Severity::Medium => "medium",
         Severity::High => "high",
     };
-    let place = (warning.plane(), warning.picture());
-    (message(warning), warning.code(), severity, place.0, place.1)
+    (
+        message(warning),
+        warning.code(),
+        severity,
+        warning.plane(),
+        warning.picture(),
+    )
 }
 
 /// The message of a warning, which advises the keywords of the Python function.

@@ -3,6 +3,9 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+/// How far a stored unit vector, or a rotation, may be off one, as by digits that were cut.
+pub(crate) const CUT_DIGITS: f64 = 1e-6;
+
 /// Reads a type with a method `check` as its fields, and refuses what that refuses.
 macro_rules! read_checked {
     ($type:ident { $($field:ident: $of:ty),+ $(,)? }) => {

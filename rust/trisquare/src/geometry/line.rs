@@ -14,10 +14,6 @@ pub struct Line {
     coefficients: Vector3<f64>,
 }
 
-/// How far the length of a stored normal may be off 1, as by digits that were cut.
-#[cfg(feature = "serde")]
-const STORED_NORMAL_SLACK: f64 = 1e-6;
-
 #[cfg(feature = "serde")]
 crate::stored::read_checked!(Line {
     coefficients: Vector3<f64>,
@@ -30,7 +26,7 @@ impl Line {
     fn check(&self) -> Result<(), Error> {
         let [a, b, c] = self.coefficients.into();
         // Written so that NaN is refused, too.
-        if !((a.hypot(b) - 1.0).abs() < STORED_NORMAL_SLACK && c.is_finite()) {
+        if !((a.hypot(b) - 1.0).abs() < crate::stored::CUT_DIGITS && c.is_finite()) {
             return Err(Error::InvalidArgument(format!(
                 "the coefficients of a line, [{a}, {b}, {c}], must be finite and have a unit normal, \
                  a^2 + b^2 = 1"

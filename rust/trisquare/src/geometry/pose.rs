@@ -26,10 +26,6 @@ pub struct Pose {
     pub translation: Vector3<f64>,
 }
 
-/// How far a stored rotation may be off one, as by digits that were cut.
-#[cfg(feature = "serde")]
-const STORED_ROTATION_SLACK: f64 = 1e-6;
-
 #[cfg(feature = "serde")]
 crate::stored::read_checked!(Pose {
     rotation: Matrix3<f64>,
@@ -43,7 +39,7 @@ impl Pose {
     fn check(&self) -> Result<(), Error> {
         let gap = (self.rotation.transpose() * self.rotation - Matrix3::identity()).norm();
         // Written so that NaN is refused, too.
-        if !(gap < STORED_ROTATION_SLACK && self.rotation.determinant() > 0.0) {
+        if !(gap < crate::stored::CUT_DIGITS && self.rotation.determinant() > 0.0) {
             return Err(Error::InvalidArgument(
                 "the rotation of a pose must be a rotation matrix: columns of length 1 at right \
                  angles, determinant 1"

@@ -15,7 +15,7 @@ use super::fit::{PixelFit, PixelState, PixelSystem};
 use super::hidden_stretches::{DisturbedSide, disturbed, disturbed_sides};
 use super::photographs::{Photographs, Refusal};
 use super::scene::Scene;
-use super::stated_tone::{ContradictedTone, contradicted_tone};
+use super::stated_tone::contradicted_tone;
 use crate::image::{PictureState, PictureTone, Tone};
 use crate::lens::Lens;
 use crate::noise::drifted_to;
@@ -122,8 +122,8 @@ fn attempt<L: Lens>(
     };
     let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;
     let contradicted = match known {
-        true if problem.free.len() > 0 => contradicted_tone(&fit, &state),
-        _ => None,
+        true => contradicted_tone(&fit, &state),
+        false => None,
     };
     // The samples' stated deviations tell of the pixels' only if they were made from them.
     let of_planes = solution.planes.iter().flat_map(|plane| &plane.figures);
@@ -133,8 +133,9 @@ fn attempt<L: Lens>(
     let (mut better, fitted) =
         answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
-    if let Some(found) = contradicted {
-        better.allow_for_tone(found);
+    if let Some((warning, change)) = contradicted {
+        better.covariance += &change * change.transpose();
+        better.warnings.insert(0, warning);
     }
     let turns_back = |_| Refusal::Reason("with them the distortion turns back inside the picture");
     problem.check_reach(&better.camera).map_err(turns_back)?;
@@ -316,30 +317,6 @@ fn answer<L: Lens>(
     better.state_poses(&fitted);
     better.tones = tones;
     Some((better, fitted))
-}
-
-impl<L: Lens> Calibration<L> {
-    /// Adds to the covariance what a stated tone curve moves that the pixels contradict, and warns
-    /// of it.
-    fn allow_for_tone(&mut self, found: ContradictedTone) {
-        let ContradictedTone {
-            picture,
-            gamma,
-            std,
-            change,
-        } = found;
-        self.covariance += &change * change.transpose();
-        self.warnings.insert(
-            0,
-            Warning::ToneContradicted {
-                picture,
-                gamma,
-                std,
-                parameter: self.parameters[0].into(),
-                change: change[0],
-            },
-        );
-    }
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.

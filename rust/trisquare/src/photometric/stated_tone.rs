@@ -5,28 +5,19 @@ use nalgebra::DVector;
 use super::fit::{PixelFit, PixelState};
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
+use crate::result::Warning;
 
 /// Standard deviations of the effective gamma from which the pixels contradict a stated curve: JPEG
 /// moves it by up to six.
 const CONTRADICTED: f64 = 7.0;
 
-/// A stated tone curve that the pixels contradict.
-pub(super) struct ContradictedTone {
-    /// The picture that contradicts its own the most.
-    pub picture: usize,
-    /// The effective gamma that its pixels show, and its standard deviation.
-    pub gamma: f64,
-    pub std: f64,
-    /// By how much the free parameters change, to first order, where the curves are estimated.
-    pub change: DVector<f64>,
-}
-
 /// Frees the tone curves at the optimum of stated ones: one step of the fit tells what the pixels
-/// ask for. `None` where they ask for nothing else.
+/// ask for. Where that is something else, a warning of it, and by how much the free parameters change
+/// with it, to first order.
 pub(super) fn contradicted_tone<L: Lens>(
     fit: &PixelFit<'_>,
     optimum: &PixelState<L>,
-) -> Option<ContradictedTone> {
+) -> Option<(Warning, DVector<f64>)> {
     let stated: Vec<_> = optimum
         .pictures
         .iter()
@@ -54,11 +45,14 @@ pub(super) fn contradicted_tone<L: Lens>(
         let deviations = (gamma - stated.effective_gamma()).abs() / std;
         Some((deviations, picture, gamma, std))
     });
-    let (deviations, picture, gamma, gamma_std) = asked.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (deviations > CONTRADICTED).then(|| ContradictedTone {
+    let (deviations, picture, gamma, std) = asked.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let change = step.shared.rows(0, fit.free.len()).into_owned();
+    let warning = Warning::ToneContradicted {
         picture,
         gamma,
-        std: gamma_std,
-        change: step.shared.rows(0, fit.free.len()).into_owned(),
-    })
+        std,
+        parameter: (*fit.free.names().first()?).into(),
+        change: change[0],
+    };
+    (deviations > CONTRADICTED).then_some((warning, change))
 }
