@@ -8,8 +8,8 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::lens::Lens;
-use crate::numeric::Block;
-use crate::observations::{BoardRelief, Heights, ObservedPlane, PlaneState, Sample, TERMS, View};
+use crate::numeric::BlockEquations;
+use crate::observations::{BoardRelief, Heights, ObservedPlane, PlaneState, Sample, View};
 
 /// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
 /// sides' own errors.
@@ -121,18 +121,14 @@ impl BoardRelief {
         precisions
     }
 
-    /// Adds what is known of the heights to their plane's equations; returns its part of minus
-    /// twice the log likelihood.
-    pub fn hold(&self, variance: f64, block: &mut Block) -> f64 {
+    /// Adds what is known of the heights to their plane's equations, of which they are the last own
+    /// parameters; returns its part of minus twice the log likelihood.
+    pub fn hold(&self, variance: f64, equations: &mut BlockEquations) -> f64 {
         let precisions = self.precisions(variance);
-        let first = block.hessian.nrows() - TERMS;
-        let mut criterion = 0.0;
-        for (k, (precision, height)) in precisions.iter().zip(&self.heights).enumerate() {
-            block.hessian[(first + k, first + k)] += precision;
-            block.gradient[first + k] += precision * height;
-            criterion += precision * height * height - precision.ln();
-        }
-        criterion
+        let gradient = precisions.component_mul(&self.heights);
+        equations.add_prior(precisions.as_slice(), gradient.as_slice());
+        let logarithms: f64 = precisions.iter().map(|own| own.ln()).sum();
+        gradient.dot(&self.heights) - logarithms
     }
 }
 

@@ -18,7 +18,7 @@ pub(crate) use local::{LocalNoise, Noise, white_variance};
 pub(crate) use misfit::Misfit;
 pub(crate) use picture_fields::{FIELDS, PictureFields};
 pub(crate) use relief_fit::{Sheets, account_for_relief};
-pub(crate) use reml::Strength;
+pub(crate) use reml::{Assumption, Strength};
 pub(crate) use side_basis::{ORDERS, basis, direction, places};
 pub(crate) use side_errors::{SideErrors, rms_displacement, variance_of};
 pub(crate) use side_families::spectrum;

@@ -13,7 +13,7 @@ use nalgebra::Vector2;
 
 use super::board_relief::{FLAT, ROLLED, STIFF};
 use super::local::{Noise, white_variance};
-use super::reml::HOPELESS;
+use super::reml::{Assumption, HOPELESS};
 use super::side_errors::{SideErrors, rms_displacement};
 use crate::lens::Lens;
 use crate::numeric::Problem;
@@ -131,7 +131,11 @@ fn errors<L: Lens>(
 /// The mean variance of the relief, weighed by how likely each is, and its steepness, if there
 /// clearly is any; `drift` (px) is the standard deviation of a shift by the tone curve.
 fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64, i32)> {
-    let flat = errors.likeliest_at(FLAT, None)?;
+    let at = |relief: f64| Assumption {
+        relief,
+        fields: &[],
+    };
+    let flat = errors.likeliest_under(&[at(FLAT)], None)[0]?;
     if rms_displacement(flat.0) < BEYOND_DRIFT * drift {
         return None;
     }
@@ -145,7 +149,7 @@ fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64,
         let (mut tried, mut least) = (Vec::new(), f64::INFINITY);
         for index in 0..VARIANCES {
             let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
-            let criterion = errors.likeliest_at(variance, Some(flat.0))?.1;
+            let criterion = errors.likeliest_under(&[at(variance)], Some(flat.0))[0]?.1;
             if criterion > least + HOPELESS {
                 break;
             }

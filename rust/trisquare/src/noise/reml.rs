@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::side_errors::SideErrors;
-use crate::numeric::{Reduced, chi_square_tail};
+use crate::numeric::{BlockEquations, Reduced, chi_square_tail};
 
 /// Variances tried: each so many times the last, to what moves a side by pixels.
 const VARIANCE_RATIO: f64 = 3.0;
@@ -49,10 +49,21 @@ struct Part {
 impl Part {
     /// Adds another so many times.
     fn add(&mut self, other: &Self, times: f64) {
-        self.reduced.information += &other.reduced.information * times;
-        self.reduced.gradient += &other.reduced.gradient * times;
+        let (own, others) = (&mut self.reduced, &other.reduced);
+        let add = |sum: &mut f64, value: f64| *sum += times * value;
+        own.information.zip_apply(&others.information, add);
+        own.gradient.zip_apply(&others.gradient, add);
         self.criterion += other.criterion * times;
     }
+}
+
+/// What is assumed beside the sides' errors.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Assumption<'a> {
+    /// Variance of the planes' relief.
+    pub relief: f64,
+    /// Standard deviations of the picture's fields, if there are any.
+    pub fields: &'a [f64],
 }
 
 /// One strength of the side errors.
@@ -77,52 +88,85 @@ impl SideErrors {
     }
 
     /// The likeliest variances of the sides, of every plane's own where they clearly differ, and
-    /// minus twice their restricted log likelihood.
-    pub fn likeliest(&self) -> Option<(Vec<f64>, f64)> {
+    /// minus twice their restricted log likelihood; from the likeliest common one and its own.
+    pub fn likeliest(&self, common: (f64, f64)) -> Option<(Vec<f64>, f64)> {
         let planes = self.system.blocks.len();
-        let mut found = self.hypotheses(&vec![1.0; planes])?;
-        if let Some(apart) = self.relative_variances(&found) {
-            found.extend(self.hypotheses(&apart)?);
+        let (variance, criterion) = common;
+        let mut found = (vec![variance; planes], criterion);
+        if variance > 0.0 {
+            let together = self.hypotheses(&vec![1.0; planes])?;
+            if let Some(apart) = self.relative_variances(&together) {
+                let apart = self.hypotheses(&apart)?;
+                let best = likeliest(&apart);
+                if best.criterion < criterion {
+                    found = (best.variances.clone(), best.criterion);
+                }
+            }
         }
-        let best = likeliest(&found);
-        Some((best.variances.clone(), best.criterion))
+        Some(found)
     }
 
-    /// The likeliest common variance of the sides and its criterion at a variance of the boards'
-    /// relief: no larger than one given, for what the relief explains the sides do not.
-    pub fn likeliest_at(&self, board_relief: f64, largest: Option<f64>) -> Option<(f64, f64)> {
-        let planes = self.system.blocks.len();
-        let criterion = |variance: f64| {
-            let part = |plane: usize| self.part(plane, board_relief, variance);
-            let parts: Option<Vec<Part>> = (0..planes).map(part).collect();
-            Some((variance, self.restricted(self.joined(&parts?))?))
-        };
-        let mut best = criterion(0.0)?;
-        for index in 0..VARIANCES {
-            let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
-            if largest.is_some_and(|largest| variance > largest) {
+    /// The likeliest common variance of the sides and its criterion for every assumption, in their
+    /// order: no larger than one given, for what a relief explains the sides do not. What does not
+    /// differ between assumptions is computed once.
+    pub fn likeliest_under(
+        &mut self,
+        assumptions: &[Assumption<'_>],
+        largest: Option<f64>,
+    ) -> Vec<Option<(f64, f64)>> {
+        let mut best = vec![None; assumptions.len()];
+        let mut open = vec![true; assumptions.len()];
+        for variance in std::iter::once(0.0).chain(self.variances()) {
+            if largest.is_some_and(|largest| variance > largest) || !open.contains(&true) {
                 break;
             }
-            let Some(next) = criterion(variance) else {
-                break;
-            };
-            // A relief that explains a part leaves two optima: one of the sides, one of its own.
-            if largest.is_none() && next.1 > best.1 + HOPELESS {
-                break;
-            }
-            if next.1 < best.1 {
-                best = next;
+            let asked = (0..assumptions.len()).filter(|i| open[*i]);
+            let asked: Vec<usize> = asked.collect();
+            let by_relief =
+                || asked.chunk_by(|a, b| assumptions[*a].relief == assumptions[*b].relief);
+            let reliefs: Vec<f64> = by_relief().map(|own| assumptions[own[0]].relief).collect();
+            for (own, all) in by_relief().zip(self.sums(&reliefs, variance)) {
+                for &i in own {
+                    self.hold_fields(assumptions[i].fields);
+                    let criterion = all.clone().and_then(|all| self.restricted(all));
+                    let least = best[i].map_or(f64::INFINITY, |(_, least)| least);
+                    match criterion {
+                        Some(found) if found < least => best[i] = Some((variance, found)),
+                        // A relief that explains a part leaves two optima: one of the sides, one of
+                        // its own.
+                        Some(found) => open[i] = largest.is_some() || found <= least + HOPELESS,
+                        None => open[i] = false,
+                    }
+                }
             }
         }
-        Some(best)
+        best
+    }
+
+    /// What all planes say together at a common variance of their sides, for some variances of their
+    /// relief.
+    fn sums(&self, reliefs: &[f64], variance: f64) -> Vec<Option<Part>> {
+        let mut sums = vec![Some(self.nothing()); reliefs.len()];
+        for plane in 0..self.system.blocks.len() {
+            let begun = self.before_relief(plane, variance);
+            for (relief, all) in reliefs.iter().zip(&mut sums) {
+                let part = begun
+                    .clone()
+                    .and_then(|it| self.finished(plane, *relief, it));
+                match (&mut *all, part) {
+                    (Some(all), Some(part)) => all.add(&part, 1.0),
+                    _ => *all = None,
+                }
+            }
+        }
+        sums
     }
 
     /// White noise, then common variances times those of the planes.
     fn hypotheses(&self, relative: &[f64]) -> Option<Vec<Hypothesis>> {
         let mut found = vec![self.hypothesis(relative, 0.0)?];
         let mut best = found[0].criterion;
-        for index in 0..VARIANCES {
-            let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
+        for variance in self.variances() {
             // Rounding may leave nothing of the information where next to nothing is left.
             let Some(next) = self.hypothesis(relative, variance) else {
                 break;
@@ -160,8 +204,7 @@ impl SideErrors {
             let mut others = all.clone();
             others.add(&parts[plane], -1.0);
             let mut least = criterion;
-            for index in 0..VARIANCES {
-                let variance = self.first_variance * VARIANCE_RATIO.powi(index as i32);
+            for (index, variance) in self.variances().enumerate() {
                 // The first hypothesis is white noise.
                 let tried = together
                     .get(index + 1)
@@ -206,12 +249,29 @@ impl SideErrors {
 
     /// What one plane says of the shared parameters, and of its variances.
     fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
-        let (equations, criterion) = self.marginalise(plane, board_relief, variance)?;
+        let begun = self.before_relief(plane, variance)?;
+        self.finished(plane, board_relief, begun)
+    }
+
+    /// The same from its equations before its relief.
+    fn finished(
+        &self,
+        plane: usize,
+        board_relief: f64,
+        (mut equations, criterion): (BlockEquations, f64),
+    ) -> Option<Part> {
+        let of_relief = self.hold_relief(plane, board_relief, &mut equations);
         let (reduced, of_own) = equations.reduced()?;
         Some(Part {
             reduced,
-            criterion: criterion + of_own,
+            criterion: criterion + of_relief + of_own,
         })
+    }
+
+    /// The variances tried.
+    fn variances(&self) -> impl Iterator<Item = f64> + use<> {
+        let first = self.first_variance;
+        (0..VARIANCES).map(move |index| first * VARIANCE_RATIO.powi(index as i32))
     }
 
     /// Minus twice the restricted log likelihood of what all planes say together.
@@ -232,16 +292,21 @@ impl SideErrors {
 
     /// What several planes say together.
     fn joined(&self, parts: &[Part]) -> Part {
+        let mut all = self.nothing();
+        parts.iter().for_each(|part| all.add(part, 1.0));
+        all
+    }
+
+    /// What no plane says.
+    fn nothing(&self) -> Part {
         let size = self.system.prior.nrows() + self.system.tie_count();
-        let mut all = Part {
+        Part {
             reduced: Reduced {
                 information: DMatrix::zeros(size, size),
                 gradient: DVector::zeros(size),
             },
             criterion: 0.0,
-        };
-        parts.iter().for_each(|part| all.add(part, 1.0));
-        all
+        }
     }
 }
 

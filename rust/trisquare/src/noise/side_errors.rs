@@ -160,7 +160,8 @@ impl SideErrors {
     /// The normal equations marginalised over displacements of the planes' variances.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
-            let (found, _) = self.marginalise(plane, self.board_relief(plane), *variance)?;
+            let (mut found, _) = self.marginalise(plane, *variance)?;
+            self.hold_relief(plane, self.board_relief(plane), &mut found);
             Some(self.system.blocks[plane].with_equations(&found))
         };
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
@@ -171,23 +172,11 @@ impl SideErrors {
         })
     }
 
-    /// Takes the displacements of one plane's sides, and what is known of its relief, into its
-    /// equations; returns their part of minus twice the log likelihood.
-    pub(super) fn marginalise(
-        &self,
-        plane: usize,
-        board_relief: f64,
-        variance: f64,
-    ) -> Option<(BlockEquations, f64)> {
-        let block = &self.system.blocks[plane];
-        let (mut equations, mut criterion) = match &self.board_reliefs[plane] {
-            Some(own) => {
-                let mut block = block.clone();
-                let criterion = own.hold(board_relief, &mut block);
-                (block.equations(), criterion)
-            }
-            None => (block.equations(), 0.0),
-        };
+    /// The equations of one plane with the displacements of its sides taken into them, and their part
+    /// of minus twice the log likelihood. Nothing is known of its relief yet.
+    fn marginalise(&self, plane: usize, variance: f64) -> Option<(BlockEquations, f64)> {
+        let mut equations = self.system.blocks[plane].equations();
+        let mut criterion = 0.0;
         let first = self.families.partition_point(|family| family.plane < plane);
         let own = self.families[first..].iter();
         for family in own.take_while(|family| family.plane == plane) {
@@ -200,6 +189,34 @@ impl SideErrors {
             }
         }
         Some((equations, criterion))
+    }
+
+    /// The same with all eliminated that does not depend on what is known of the relief: the plane's
+    /// pose, where there is one.
+    pub(super) fn before_relief(
+        &self,
+        plane: usize,
+        variance: f64,
+    ) -> Option<(BlockEquations, f64)> {
+        let (equations, of_sides) = self.marginalise(plane, variance)?;
+        if self.board_reliefs[plane].is_none() {
+            return Some((equations, of_sides));
+        }
+        let pose = self.system.blocks[plane].hessian.nrows() - TERMS;
+        let (equations, of_pose) = equations.without_first(pose)?;
+        Some((equations, of_sides + of_pose))
+    }
+
+    /// Takes what is known of a plane's relief into its equations; returns its part of minus twice
+    /// the log likelihood.
+    pub(super) fn hold_relief(
+        &self,
+        plane: usize,
+        variance: f64,
+        equations: &mut BlockEquations,
+    ) -> f64 {
+        let relief = self.board_reliefs[plane].as_ref();
+        relief.map_or(0.0, |relief| relief.hold(variance, equations))
     }
 
     /// Variance of a plane's relief, where it has any.

@@ -10,6 +10,7 @@ use super::arrowhead::{Block, Reduced};
 /// The equations of a block: of its own parameters, of those it shares, of the gradient, and of the
 /// ties. Of the symmetric matrix the lower triangle counts; in the gradient's own place is what
 /// eliminations add to minus twice the logarithm of a likelihood.
+#[derive(Clone)]
 pub(crate) struct BlockEquations {
     own: usize,
     shared: usize,
@@ -82,12 +83,34 @@ impl BlockEquations {
         eliminate(unknowns, (&mut self.matrix, 0))
     }
 
+    /// Adds what is known beforehand of the last of the block's own parameters: the precision of each,
+    /// and the gradient that belongs to it.
+    pub fn add_prior(&mut self, precisions: &[f64], gradient: &[f64]) {
+        let (first, row) = (self.own - precisions.len(), self.own + self.shared);
+        for (k, (precision, gradient)) in precisions.iter().zip(gradient).enumerate() {
+            self.matrix[(first + k, first + k)] += precision;
+            self.matrix[(row, first + k)] += gradient;
+        }
+    }
+
+    /// The equations without the first of the block's own parameters, which are eliminated; and the
+    /// logarithm of their determinant, `None` if they are not positive definite.
+    pub fn without_first(mut self, count: usize) -> Option<(Self, f64)> {
+        let log_determinant = self.eliminate_first(count)?;
+        let left = self.matrix.nrows() - count;
+        let rest = Self {
+            own: self.own - count,
+            shared: self.shared,
+            matrix: self.matrix.view((count, count), (left, left)).into_owned(),
+        };
+        Some((rest, log_determinant))
+    }
+
     /// What remains for the shared parameters, and for the multipliers after them, once the block's
     /// own are eliminated; and what the block adds to minus twice the logarithm of a likelihood.
     pub fn reduced(mut self) -> Option<(Reduced, f64)> {
+        let log_determinant = self.eliminate_first(self.own)?;
         let gradient = self.own + self.shared;
-        let unknowns = self.matrix.columns(0, self.own).into_owned();
-        let log_determinant = eliminate(unknowns, (&mut self.matrix, self.own))?;
         let left = (self.own..self.matrix.nrows()).filter(|i| *i != gradient);
         let left: Vec<usize> = left.collect();
         let reduced = Reduced {
@@ -95,6 +118,12 @@ impl BlockEquations {
             gradient: DVector::from_fn(left.len(), |i, _| self.at(left[i], gradient)),
         };
         Some((reduced, log_determinant + self.at(gradient, gradient)))
+    }
+
+    /// Eliminates the first of its own parameters from all that follow.
+    fn eliminate_first(&mut self, count: usize) -> Option<f64> {
+        let unknowns = self.matrix.columns(0, count).into_owned();
+        eliminate(unknowns, (&mut self.matrix, count))
     }
 }
 

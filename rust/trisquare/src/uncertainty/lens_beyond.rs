@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::covariance::covariance;
 use crate::lens::Lens;
-use crate::noise::{FIELDS, FLAT, Noise, PictureFields, SideErrors, white_variance};
+use crate::noise::{Assumption, FIELDS, FLAT, Noise, PictureFields, SideErrors, white_variance};
 use crate::numeric::{ArrowSystem, chi_square_tail};
 use crate::observations::{BoardRelief, FreeParameters, ObservedPlane};
 use crate::refine::Refined;
@@ -75,10 +75,14 @@ pub(crate) fn beyond_lens<L: Lens>(
 ) -> Option<LensVerdict> {
     let white = white_variance(noise, refined);
     let view = &refined.view;
-    let mut errors = SideErrors::gather(planes, (free, Some(fields)), view, noise, white)?;
-    errors.hold_fields(&PictureFields::deviations(free, true));
-    if !errors.has_board_relief() {
-        let system = errors.marginal(&vec![0.0; planes.len()])?;
+    let gather = |planes: &[ObservedPlane]| {
+        SideErrors::gather(planes, (free, Some(fields)), view, noise, white)
+    };
+    let deviations = [false, true].map(|any| PictureFields::deviations(free, any));
+    let mut flat = gather(planes)?;
+    if !flat.has_board_relief() {
+        flat.hold_fields(&deviations[1]);
+        let system = flat.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.gain_of_last(FIELDS)?;
         if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
             return Some(LensVerdict::Held);
@@ -91,11 +95,9 @@ pub(crate) fn beyond_lens<L: Lens>(
             plane.board_relief = Some(BoardRelief::flat(plane, view, state)?);
         }
     }
-    let mut errors = SideErrors::gather(&planes, (free, Some(fields)), view, noise, white)?;
-    let no_fields = PictureFields::deviations(free, false);
-    let bent = Explanation::bent(&mut errors, no_fields)?;
-    let misshapen = Explanation::misshapen(&mut errors, no_fields);
-    let beyond = Explanation::bent(&mut errors, PictureFields::deviations(free, true))?;
+    let mut errors = gather(&planes)?;
+    let [bent, beyond] = Explanation::bent(&mut errors, deviations)?;
+    let misshapen = Explanation::misshapen(&mut flat, deviations[0]);
     let shapes = misshapen.as_ref().map_or(f64::INFINITY, |it| it.criterion);
     if bent.relief > NEARLY_FLAT && bent.criterion + CLEARLY < beyond.flat.min(shapes) {
         return Some(LensVerdict::NotFlat);
@@ -110,8 +112,8 @@ pub(crate) fn beyond_lens<L: Lens>(
     if let Some(misshapen) = misshapen.filter(|it| it.criterion + CLEARLY < bent.flat) {
         let as_well = beyond.flat < shapes + CLEARLY;
         return Some(LensVerdict::NoSquares(NoSquares {
-            change: misshapen.change(&mut errors, free)?,
-            covariance: misshapen.covariance(&mut errors, free)?,
+            change: misshapen.change(&mut flat, free)?,
+            covariance: misshapen.covariance(&mut flat, free)?,
             displacement: misshapen.line_variance.sqrt(),
             lens: match as_well {
                 true => Some(beyond.change(&mut errors, free)?),
@@ -145,34 +147,49 @@ struct Explanation {
 }
 
 impl Explanation {
-    /// Planes that are bent, or flat, beside fields.
-    fn bent(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
-        errors.hold_fields(&fields);
-        let tried = RELIEFS.iter().filter_map(|relief| {
-            let criterion = errors.likeliest_at(*relief, None)?.1;
-            Some((*relief, criterion))
-        });
-        let tried: Vec<(f64, f64)> = tried.collect();
-        let (_, flat) = *tried.first()?;
-        let (relief, _) = tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        errors.set_relief(relief);
-        let (variances, criterion) = errors.likeliest()?;
-        Some(Self {
-            fields,
-            relief,
-            line_variance: 0.0,
-            variances,
-            criterion: criterion + norm(&fields),
-            flat: flat + norm(&fields),
-        })
+    /// Planes that are bent, or flat, beside fields of either strength.
+    fn bent(errors: &mut SideErrors, fields: [[f64; FIELDS]; 2]) -> Option<[Self; 2]> {
+        let under = |relief| {
+            fields
+                .each_ref()
+                .map(|fields| Assumption { relief, fields })
+        };
+        let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(under).collect();
+        let found = errors.likeliest_under(&tried, None);
+        let mut likeliest = |own: usize| {
+            let found = found.iter().skip(own).step_by(fields.len());
+            let criteria = RELIEFS.into_iter().zip(found);
+            let criteria = criteria.filter_map(|(relief, found)| Some((relief, (*found)?)));
+            let criteria: Vec<(f64, (f64, f64))> = criteria.collect();
+            let (_, (_, flat)) = *criteria.first()?;
+            let by_criterion =
+                |a: &(f64, (f64, f64)), b: &(f64, (f64, f64))| a.1.1.total_cmp(&b.1.1);
+            let (relief, common) = criteria.into_iter().min_by(by_criterion)?;
+            let fields = fields[own];
+            errors.hold_fields(&fields);
+            errors.set_relief(relief);
+            let (variances, criterion) = errors.likeliest(common)?;
+            Some(Self {
+                fields,
+                relief,
+                line_variance: 0.0,
+                variances,
+                criterion: criterion + norm(&fields),
+                flat: flat + norm(&fields),
+            })
+        };
+        Some([likeliest(0)?, likeliest(1)?])
     }
 
     /// Squares that are none, beside fields; `None` without squares.
     fn misshapen(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
-        errors.hold_fields(&fields);
+        let flat = Assumption {
+            relief: FLAT,
+            fields: &fields,
+        };
         let tried = LINES.iter().filter_map(|line_variance| {
             errors.set_lines(*line_variance).then_some(())?;
-            let (variance, criterion) = errors.likeliest_at(FLAT, None)?;
+            let (variance, criterion) = errors.likeliest_under(&[flat], None)[0]?;
             Some((*line_variance, variance, criterion + norm(&fields)))
         });
         let likeliest = tried.min_by(|a, b| a.2.total_cmp(&b.2));
