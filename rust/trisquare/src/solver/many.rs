@@ -27,12 +27,7 @@ const SAMPLES_PER_SIDE: usize = 5;
 impl<L: Lens> JointProblem<'_, L> {
     /// The better of the first optima that some planes have.
     pub fn sketched(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        let starts = Starts::of(self, planes).ok()?;
-        let found = starts.best_of_first(STARTS)?;
-        match starts.is_doubtful(&found) {
-            true => starts.best_of_first(usize::MAX),
-            false => Some(found),
-        }
+        Starts::of(self, planes).ok()?.best_of_first(STARTS)
     }
 
     /// The optimum of many planes; `None` where there are few, or it is not found so.

@@ -234,13 +234,22 @@ impl<'a, L: Lens> Starts<'a, L> {
         by_law.chain(iter::once_with(linear).flatten())
     }
 
-    /// The best of the first so many optima, however doubtful.
+    /// The best of the first so many optima; where that is doubtful, of all, however doubtful.
     pub fn best_of_first(&self, count: usize) -> Option<Refined<L>> {
         let optimum =
             |start: Result<_, _>| self.finish(self.search(&self.problem.free, start.ok()?)?);
+        let mut found = self.starts().filter_map(optimum);
         let mut best = None;
-        for refined in self.starts().filter_map(optimum).take(count) {
+        for refined in found.by_ref().take(count) {
             keep_better(&mut best, refined.into());
+        }
+        if best
+            .as_ref()
+            .is_some_and(|best| self.is_doubtful(&best.refined))
+        {
+            for refined in found {
+                keep_better(&mut best, refined.into());
+            }
         }
         best.map(|best| best.refined)
     }
@@ -378,7 +387,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         })
     }
 
-    pub fn is_doubtful(&self, refined: &Refined<L>) -> bool {
+    fn is_doubtful(&self, refined: &Refined<L>) -> bool {
         let conditioning = self.problem.conditioning(self.planes, refined);
         let factor = refined.covariance_factor;
         let weakest = conditioning.weakest(&refined.system, &self.problem.free, factor);
