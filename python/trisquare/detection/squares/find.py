@@ -80,9 +80,10 @@ def find_squares(
         names |= dictionaries_of_small_tags(grey, unknown, tag_search)
     further = _further_tags(grey, squares, names)
     # What stands within a tag, or holds one, is a cell or the sheet.
-    known = _corners(further)
-    squares = [it for it in squares if it.tag or not is_among(it.outer.corners, known)]
-    squares += further
+    if further:
+        within = are_among(_corners(squares), _corners(further)).tolist()
+        squares = [it for it, is_cell in zip(squares, within, strict=True) if it.tag or not is_cell]
+        squares += further
     return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 

@@ -152,19 +152,17 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
 
 def without_repeats(quads: Quads) -> Quads:
     """Keep the first of all quads that show the same outline."""
-    centres = quads.corners.mean(axis=1)
     sizes = np.sqrt(quads.areas)
-    kept: list[int] = []
-    remaining = np.arange(len(quads))
-    while len(remaining):
-        best, others = remaining[0], remaining[1:]
-        kept.append(int(best))
-        gap = np.abs(centres[others] - centres[best]).max(axis=1)
-        gap = np.maximum(gap, np.abs(sizes[others] - sizes[best]))
-        same = gap < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * sizes[best]
-        same &= quads.dark_inside[others] == quads.dark_inside[best]
-        remaining = others[~same]
-    return quads.subset(np.array(kept, dtype=np.intp))
+    measures = np.column_stack([quads.corners.mean(axis=1), sizes]).T
+    dark = quads.dark_inside
+    is_repeat = np.zeros(len(quads), dtype=np.bool_)
+    for best, size in enumerate(sizes.tolist()):
+        if is_repeat[best]:
+            continue
+        own, others = measures[:, best, None], measures[:, best + 1 :]
+        near = np.abs(others - own) < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * size
+        is_repeat[best + 1 :] |= near[0] & near[1] & near[2] & (dark[best + 1 :] == dark[best])
+    return quads.subset(~is_repeat)
 
 
 def is_among(quad: FloatArray, others: FloatArray) -> bool:
@@ -177,12 +175,16 @@ def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
 
     Few of many are near enough to be looked at.
     """
-    low, high = others.min(axis=1) - BOX_SLACK, others.max(axis=1) + BOX_SLACK
+    # Column by column: to compare pairs and to join them takes several times as long.
+    (left, top), (right, bottom) = (
+        others.min(axis=1).T - BOX_SLACK,
+        others.max(axis=1).T + BOX_SLACK,
+    )
     middles = others.mean(axis=1)
 
     def among(quad: FloatArray) -> bool:
-        middle = quad.mean(axis=0)
-        near = ((middle >= low) & (middle <= high)).all(axis=1) | in_box(quad, middles)
+        x, y = quad.mean(axis=0)
+        near = (left <= x) & (x <= right) & (top <= y) & (y <= bottom) | in_box(quad, middles)
         return any(one_in_other(quad, other) for other in others[near])
 
     return np.array([among(quad) for quad in quads], dtype=np.bool_)
@@ -190,8 +192,9 @@ def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
 
 def in_box(outline: NDArray[np.floating[Any]], points: FloatArray) -> NDArray[np.bool_]:
     """Which of some points, shape (N, 2), lie in the box of an outline, shape (M, 2), or beside."""
-    low, high = outline.min(axis=0) - BOX_SLACK, outline.max(axis=0) + BOX_SLACK
-    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+    (left, top), (right, bottom) = outline.min(axis=0) - BOX_SLACK, outline.max(axis=0) + BOX_SLACK
+    x, y = points.T
+    return np.asarray((left <= x) & (x <= right) & (top <= y) & (y <= bottom))
 
 
 def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
