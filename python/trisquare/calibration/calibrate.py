@@ -34,7 +34,7 @@ from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected, is_reported
 from trisquare.results.residual_correlation import ResidualCorrelation
-from trisquare.results.residuals import FigureResiduals
+from trisquare.results.residuals import unchecked_residuals
 from trisquare.results.scene_line import SceneLine
 
 LARGE_SIDE = 10.0
@@ -461,8 +461,7 @@ def _calibration(
         rejected=tuple(gathered.rejected),
         edges=of_planes,
         residuals=tuple(
-            FigureResiduals(own.plane, tuple(own.distances), tuple(own.normals))
-            for own in found.residuals
+            unchecked_residuals(own.plane, own.distances, own.normals) for own in found.residuals
         ),
         lines=_scene_lines(found, figures),
         pictures=pictures,
