@@ -2,13 +2,17 @@
 
 use super::hypothesis::Hypothesis;
 use super::squareness::Candidate;
-use crate::image_size::ImageSize;
+use super::straightness::Straightness;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion};
 use crate::observations::ObservedPlane;
+use crate::solver::JointProblem;
 
 /// The planes that have homographies, and what these show.
 pub(crate) struct Pool<L> {
+    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
+    /// units of their noise; at least 1.
+    pub bent: f64,
     pub undistortion: Undistortion<L>,
     /// Their indices, ascending.
     pub places: Vec<usize>,
@@ -18,8 +22,10 @@ pub(crate) struct Pool<L> {
 }
 
 impl<L: Lens> Pool<L> {
-    pub fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>, size: ImageSize) -> Self {
+    pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
+        let Straightness { undistortion, bent } = Straightness::of(planes, problem);
         let mut pool = Self {
+            bent,
             undistortion,
             places: Vec::new(),
             candidates: Vec::new(),
@@ -27,7 +33,7 @@ impl<L: Lens> Pool<L> {
         };
         for (i, plane) in planes.iter().enumerate() {
             let one = std::slice::from_ref(plane);
-            let candidate = Candidate::of(plane, &pool.undistortion, size);
+            let candidate = Candidate::of(plane, &pool.undistortion, problem.size);
             let homographies = Homographies::estimate(one, &pool.undistortion);
             if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
                 pool.places.push(i);
@@ -43,6 +49,7 @@ impl<L: Lens> Pool<L> {
         let of_others = |i: &usize| self.places[*i] != plane;
         let rest: Vec<usize> = (0..self.places.len()).filter(of_others).collect();
         Self {
+            bent: self.bent,
             undistortion: self.undistortion.clone(),
             places: rest.iter().map(|i| self.places[*i]).collect(),
             candidates: rest.iter().map(|i| self.candidates[*i].clone()).collect(),

@@ -6,11 +6,11 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use super::candidates::Pool;
+use std::cell::OnceCell;
+
 use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT};
 use super::joint_fit::Fit;
 use super::propose::propose;
-use super::straightness::Straightness;
 use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -62,12 +62,10 @@ pub fn choose<L: Lens>(
         ..*options
     };
     let problem = JointProblem::new(size, &options);
-    let Straightness { undistortion, bent } = Straightness::of(&subsampled, &problem);
     let chooser = Chooser(Inliers {
         problem: &problem,
         planes: &subsampled,
-        pool: &Pool::of(&subsampled, undistortion, size),
-        bent,
+        pool: &OnceCell::new(),
     });
     if chooser.all_agree() {
         return Ok(Choice::of_all(&subsampled));
@@ -159,7 +157,7 @@ impl<L: Lens> Chooser<'_, L> {
 
     fn choice(&self) -> Option<Choice> {
         let inliers = &self.0;
-        let hypotheses = propose(inliers.problem, inliers.pool);
+        let hypotheses = propose(inliers.problem, inliers.pool());
         let best = hypotheses.first()?;
         let mut fits = inliers.fits(&hypotheses);
         if !fits.iter().any(|fit| inliers.agrees(fit)) {
@@ -174,7 +172,7 @@ impl<L: Lens> Chooser<'_, L> {
         let chosen = fits.next().map(|fit| inliers.completed(fit));
         let (members, lens) = match &chosen {
             Some(fit) => (fit.members.clone(), Some(fit.refined.view.lens)),
-            None => (inliers.pool.squares(best), None),
+            None => (inliers.pool().squares(best), None),
         };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let kept = members.contains(&i);

@@ -4,6 +4,8 @@
 //! A joint fit costs as much as it has planes. What is tried one by one is tried among a few dozen,
 //! those that tell most of the camera; the camera that they agree on is then put to all at once.
 
+use std::cell::OnceCell;
+
 use nalgebra::Vector3;
 
 use super::candidates::Pool;
@@ -59,23 +61,31 @@ const SQUARE_EVIDENCE: f64 = 5.0;
 pub(crate) struct Inliers<'a, L: Lens> {
     pub problem: &'a JointProblem<'a, L>,
     pub planes: &'a [ObservedPlane],
-    pub pool: &'a Pool<L>,
-    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
-    /// units of their noise; at least 1.
-    pub bent: f64,
+    /// Once it is asked for.
+    pub pool: &'a OnceCell<Pool<L>>,
 }
 
 impl<L: Lens> Inliers<'_, L> {
     /// Whether the planes of a joint fit agree: all of them together and, where they are so many
     /// that one false one would be lost among them, each by itself.
     pub fn agrees(&self, fit: &Fit<L>) -> bool {
-        fit.agrees(self.bent)
-            && (fit.members.len() <= MAX_FITTED || self.within(fit).len() == fit.members.len())
+        let agrees = |bent: f64| {
+            let all = fit.members.len();
+            fit.agrees(bent) && (all <= MAX_FITTED || Self::within(fit, bent).len() == all)
+        };
+        // What agrees as if all sides were straight agrees in any case: then nothing else is asked.
+        agrees(1.0) || agrees(self.pool().bent)
     }
 
-    /// The members of a joint fit that do not stick out of it.
-    fn within(&self, fit: &Fit<L>) -> Vec<usize> {
-        let limit = FALSE_PLANE * self.bent * fit.ordinary_misfit();
+    /// The planes without their distortion.
+    pub fn pool(&self) -> &Pool<L> {
+        self.pool
+            .get_or_init(|| Pool::of(self.planes, self.problem))
+    }
+
+    /// The members of a joint fit that do not stick out of it, where sides are so much bent.
+    fn within(fit: &Fit<L>, bent: f64) -> Vec<usize> {
+        let limit = FALSE_PLANE * bent * fit.ordinary_misfit();
         let own = fit.members.iter().zip(&fit.own_misfits);
         own.filter(|(_, own)| **own <= limit)
             .map(|(plane, _)| *plane)
@@ -95,9 +105,9 @@ impl<L: Lens> Inliers<'_, L> {
         let planes = self.planes_of(members);
         let view = first_view(
             &matrix_of(start, self.problem.size),
-            &self.pool.homographies_of(members),
+            &self.pool().homographies_of(members),
             &planes,
-            &self.pool.undistortion,
+            &self.pool().undistortion,
             *size,
             options,
         );
@@ -180,18 +190,18 @@ impl<L: Lens> Inliers<'_, L> {
     /// is known so well as a board is in any, also where another camera saw it.
     pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit<L>> {
         let in_all = |plane: &usize| {
-            let mut sets = found.iter().map(|one| self.pool.squares(one));
+            let mut sets = found.iter().map(|one| self.pool().squares(one));
             sets.all(|squares| squares.contains(plane))
         };
-        let places = self.pool.places.iter().copied();
+        let places = self.pool().places.iter().copied();
         let shared = places.filter(in_all).take(MAX_SHARED);
         let mut fits = Vec::new();
         for plane in shared {
-            let others = self.pool.without(plane);
+            let others = self.pool().without(plane);
             let hypotheses = propose(self.problem, &others);
             fits.extend(
                 Inliers {
-                    pool: &others,
+                    pool: &OnceCell::from(others),
                     ..*self
                 }
                 .fits(&hypotheses),
@@ -203,7 +213,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
-        let squares = self.most_telling(self.pool.squares(hypothesis), hypothesis);
+        let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
         let mut keep = |fit: Fit<L>| {
             let known = |members: &[usize]| {
@@ -251,7 +261,7 @@ impl<L: Lens> Inliers<'_, L> {
             .squares()
             .zip(squares)
             .filter_map(|(index, place)| {
-                let deviation = self.pool.candidates[index].deviation(&hypothesis.camera)?;
+                let deviation = self.pool().candidates[index].deviation(&hypothesis.camera)?;
                 Some((
                     deviation.covariance.determinant(),
                     deviation.directions,
@@ -305,10 +315,10 @@ impl<L: Lens> Inliers<'_, L> {
     /// tried one by one.
     fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
         let mut others: Vec<(f64, usize)> = self
-            .pool
+            .pool()
             .candidates
             .iter()
-            .zip(&self.pool.places)
+            .zip(&self.pool().places)
             .filter(|(_, place)| !fit.members.contains(place))
             .filter_map(|(c, place)| Some((squared_deviation(c, hypothesis)?, *place)))
             .filter(|(square, _)| *square < WORTH_A_TRIAL)
@@ -322,7 +332,7 @@ impl<L: Lens> Inliers<'_, L> {
             members.push(other);
             members.sort_unstable();
             if let Some(more) = self.fit(&members, &fit.camera)
-                && fit.strain(&more) < FALSE_PLANE * self.bent
+                && fit.strain(&more) < FALSE_PLANE * self.pool().bent
                 && self.agrees(&more)
             {
                 fit = more;
@@ -375,13 +385,13 @@ impl<L: Lens> Inliers<'_, L> {
     ///
     /// What dozens of planes agree on shows of every other one by itself whether it is a square.
     pub fn completed(&self, fit: Fit<L>) -> Fit<L> {
-        if self.pool.places.len() <= MAX_FITTED {
+        if self.pool().places.len() <= MAX_FITTED {
             return fit;
         }
         let prior = prior(self.problem);
         let mut doubt = prior.std;
         doubt[0] = doubt[0].min(FOCAL_DOUBT);
-        let all = &self.pool.candidates;
+        let all = &self.pool().candidates;
         let Some(hypothesis) = Hypothesis::converged(all, &prior, fit.camera, &doubt) else {
             return fit;
         };
@@ -389,7 +399,7 @@ impl<L: Lens> Inliers<'_, L> {
             camera: fit.camera,
             ..hypothesis
         };
-        let of_all = all.iter().zip(&self.pool.places);
+        let of_all = all.iter().zip(&self.pool().places);
         let promising = of_all.filter(|(candidate, place)| {
             let square = squared_deviation(candidate, &own);
             fit.members.binary_search(place).is_ok()
@@ -398,7 +408,8 @@ impl<L: Lens> Inliers<'_, L> {
         let promising: Vec<usize> = promising.map(|(_, place)| *place).collect();
         let lens = &fit.refined.view.lens;
         let placed = self.all_placed(&promising, lens);
-        let mut next = placed.and_then(|all| self.fit_of_many(&self.within(&all), lens));
+        let mut next =
+            placed.and_then(|all| self.fit_of_many(&Self::within(&all, self.pool().bent), lens));
         for _ in 0..MAX_TRIMS {
             let Some(more) = next else {
                 break;
@@ -410,7 +421,7 @@ impl<L: Lens> Inliers<'_, L> {
                     fit
                 };
             }
-            let mut members = self.within(&more);
+            let mut members = Self::within(&more, self.pool().bent);
             if members.len() == more.members.len() {
                 let mut distances = more.distances();
                 distances.sort_by(|a, b| a.0.total_cmp(&b.0));
