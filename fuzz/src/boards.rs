@@ -194,7 +194,7 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
     let any = (bytes.once_in(2)).then(|| bytes.below(2 * lines.len()));
     let span = &mut lines[line];
     let at = bytes.below(span.path.len().max(1));
-    match bytes.below(10) {
+    match bytes.below(11) {
         0 => span.path = bytes.points(SIZE, 6),
         1 => span.polarity = bytes.coefficient(),
         2 => span.bounds = [any, Some(line)],
@@ -205,6 +205,11 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
             span.path[at] += Vector2::new(bytes.coefficient(), bytes.coefficient());
         }
         7 => span.rims = vec![bytes.coefficient(); at],
+        9 => {
+            let count = bytes.below(8);
+            span.tags = vec![vec![vec![bytes.once_in(2); count]; bytes.below(8)]; at];
+            span.tag_border = bytes.coefficient();
+        }
         8 if at < span.crossings.len() => {
             span.crossings[at] = (any, bytes.seed() as usize);
         }

@@ -205,6 +205,8 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
         bounds: std::array::from_fn(|_| bytes.once_in(2).then(|| bytes.below(20))),
         crossings: Vec::new(),
         rims: Vec::new(),
+        tags: Vec::new(),
+        tag_border: 0.0,
         margin: match bytes.once_in(4) {
             true => [10.0 * bytes.coefficient(), 10.0 * bytes.coefficient()],
             false => [f64::INFINITY; 2],

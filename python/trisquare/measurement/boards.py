@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from trisquare.detection.sampling import sample
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.grid_gaps import LineSamples, measured_gap
-from trisquare.measurement.marker_margins import light_cells, marker_rims, side_margins
+from trisquare.measurement.marker_margins import light_cells, marker_rims
 from trisquare.measurement.side_spans import SideSpan
 
 PROBE = 0.25
@@ -53,9 +52,11 @@ class Board:
     kind: str = "chessboard"
     lines: tuple[FloatArray, FloatArray] | None = None
     """Where the rows and the columns are, sheet coordinates; by default one apart."""
-    margins: tuple[FloatArray, FloatArray] | None = None
-    """Pixels to the left and to the right of each row, and of each column, shape (N, 2), that hold
-    nothing else; by default as far as the next line."""
+    tags: npt.NDArray[np.bool_] | None = None
+    """Of a grid of tags, by its row and column, which cells within the border are light, in rows
+    from the top, shape (R / 2, C / 2, n, n)."""
+    tag_border: float = 0.0
+    """Width of the tags' border over their side."""
     gap: float | None = None
     """Of a grid of tags whose layout is not stated, the gap that its corners show; the measured
     edges tell it better."""
@@ -88,6 +89,8 @@ class Board:
         across, down = 2 * (places.max(axis=0) + 1)
         crossings = np.zeros((down, across, 2))
         present = np.zeros((down, across), bool)
+        tags = np.zeros((int(down) // 2, int(across) // 2, *grid.cells.shape[1:]), dtype=np.bool_)
+        tags[places[:, 1], places[:, 0]] = grid.cells
         for (x, y), corners in zip(places.tolist(), grid.corners, strict=True):
             for corner, (right, below) in zip(
                 corners, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True
@@ -99,7 +102,8 @@ class Board:
             -1.0,
             kind=grid.sheet.kind,
             lines=(_places_of_sides(down, gap), _places_of_sides(across, gap)),
-            margins=_grid_margins(places, grid, present.shape),
+            tags=tags,
+            tag_border=grid.border,
             gap=None if grid.sheet.is_stated else gap,
         )
 
@@ -130,7 +134,12 @@ class Board:
             rims = () if self.rims is None else _rims_along(self.rims, line)
             spans.append(
                 SideSpan(
-                    path, polarity, margins=self._margins(line), crossings=crossings, rims=rims
+                    path,
+                    polarity,
+                    crossings=crossings,
+                    rims=rims,
+                    tags=self._tags_along(line),
+                    tag_border=self.tag_border,
                 )
             )
         return spans
@@ -183,12 +192,18 @@ class Board:
             np.arange(across) - 0.5 * (across - 1),
         )
 
-    def _margins(self, line: GridLine) -> tuple[float, float]:
-        """Pixels to the left and to the right of a line that hold nothing else."""
-        if self.margins is None:
-            return math.inf, math.inf
-        left, right = self.margins[0 if line.is_row else 1][line.number].tolist()
-        return left, right
+    def _tags_along(self, line: GridLine) -> list[list[list[bool]]]:
+        """Return the cells of the tags beside the stretches after a line's crossings."""
+        if self.tags is None:
+            return []
+        # As a row has them, from the left and from the top.
+        beside = self.tags if line.is_row else self.tags.transpose(1, 0, 3, 2)
+        own = beside[line.number // 2]
+        if line.number % 2:
+            own = own[:, ::-1]
+        return [
+            own[place // 2].tolist() if place % 2 == 0 else [] for place in line.places.tolist()
+        ]
 
     def _contrast_sign_of_even(self, line: GridLine) -> float:
         """Which way a line gets lighter after crossings of even number."""
@@ -208,24 +223,6 @@ def _places_of_sides(count: int, gap: float) -> FloatArray:
     numbers = np.arange(count)
     places = numbers // 2 * (1.0 + gap) + numbers % 2
     return np.asarray(places - 0.5 * places[-1])
-
-
-def _grid_margins(
-    places: npt.NDArray[np.intp], grid: SheetMatch, shape: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the least margins that tags' borders and gaps leave along the rows and columns."""
-    rows, columns = (np.full((count, 2), np.inf) for count in shape)
-    for (x, y), corners in zip(places.tolist(), grid.corners, strict=True):
-        top, right, bottom, left = side_margins(corners, grid.border, grid.sheet.gap)
-        # Lines run to the right and downward, a tag's sides clockwise.
-        for lines, number, (on_left, on_right) in (
-            (rows, 2 * y, top),
-            (rows, 2 * y + 1, bottom[::-1]),
-            (columns, 2 * x, left[::-1]),
-            (columns, 2 * x + 1, right),
-        ):
-            lines[number] = np.minimum(lines[number], (on_left, on_right))
-    return rows, columns
 
 
 def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:

@@ -51,12 +51,12 @@ class Sheet:
     @classmethod
     def of(cls, match: SheetMatch) -> Sheet:
         """Add the chessboard, if the sheet has one, to the markers that were found."""
-        sheet, arrangement, model, corners, homography, border = match
+        sheet, dark_corner = match.sheet, match.arrangement.dark_corner
         lattice = None
-        if sheet.squares is not None and arrangement.dark_corner is not None:
-            crossings = _crossings(sheet.squares, model, corners, homography)
-            lattice = Board.of_board(crossings, arrangement.dark_corner, sheet.rim)
-        return cls(sheet.kind, model, corners, lattice, border, sheet.gap)
+        if sheet.squares is not None and dark_corner is not None:
+            crossings = _crossings(sheet.squares, match.model, match.corners, match.homography)
+            lattice = Board.of_board(crossings, dark_corner, sheet.rim)
+        return cls(sheet.kind, match.model, match.corners, lattice, match.border, sheet.gap)
 
     @property
     def quad(self) -> FloatArray:

@@ -33,6 +33,11 @@ class SideSpan:
     rims : sequence of float
         Of a grid line with markers beside it, for the stretch after each crossing the distance of
         the marker from the edges of its cell, over the cell's side; 0 without a marker.
+    tags : sequence of sequence of sequence of bool
+        Of a grid line between tags, for the stretch after each crossing which cells of the tag
+        beside it are light, in rows from the stretch on; empty where there is no tag.
+    tag_border : float
+        Width of the tags' border over their side.
     is_beside_others : bool
         Whether other things lie beside the edge, so that the light there changes along it.
     """
@@ -43,6 +48,8 @@ class SideSpan:
     margins: tuple[float, float] = (math.inf, math.inf)
     crossings: Sequence[tuple[int | None, int]] = ()
     rims: Sequence[float] = ()
+    tags: Sequence[Sequence[Sequence[bool]]] = ()
+    tag_border: float = 0.0
     is_beside_others: bool = False
 
 

@@ -152,6 +152,8 @@ pub struct SideSpan<'py> {
     margins: (f64, f64),
     crossings: Vec<(Option<usize>, usize)>,
     rims: Vec<f64>,
+    tags: Vec<Vec<Vec<bool>>>,
+    tag_border: f64,
     is_beside_others: bool,
 }
 
@@ -300,6 +302,8 @@ fn edge_spans(spans: Vec<SideSpan<'_>>) -> PyResult<Vec<EdgeSpan>> {
                 bounds: [span.bounds.0, span.bounds.1],
                 crossings: span.crossings,
                 rims: span.rims,
+                tags: span.tags,
+                tag_border: span.tag_border,
                 margin: [span.margins.0, span.margins.1],
                 is_beside_others: span.is_beside_others,
             })

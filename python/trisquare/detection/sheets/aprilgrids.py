@@ -73,6 +73,8 @@ class AprilGrid(NamedTuple):
     tags: list[GridTag]
     gap: float  # over the tags' side
     border: float  # likewise
+    cells: NDArray[np.bool_]
+    """Which cells within the tags' borders are light, shape (N, n, n), rows from the grid's top."""
 
     @property
     def model(self) -> FloatArray:
@@ -136,7 +138,10 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
             for place, own in _joined(index, steps).items()
         ]
         seeds = _of_one_plane(seeds, printed.gap)
-        grids.append(AprilGrid(_grown(grey, seeds, printed, name), printed.gap, border))
+        tags = _grown(grey, seeds, printed, name)
+        codes = dictionary(name).codes[[tag.number for tag in tags]]
+        cells = np.rot90(codes, -printed.turns, axes=(1, 2))
+        grids.append(AprilGrid(tags, printed.gap, border, cells))
         covered |= _covers(grids[-1], corners)
     apart: list[AprilGrid] = []
     for grid in sorted(grids, key=lambda grid: -len(grid.tags)):

@@ -52,6 +52,9 @@ class SheetMatch(NamedTuple):
         Image from sheet.
     border : float
         Width of the markers' black border, over their side.
+    cells : ndarray of bool, shape (N, n, n)
+        Which cells within the borders are light, in rows from a marker's first side on; n is 0
+        where that does not matter.
     """
 
     sheet: PrintedSheet
@@ -60,6 +63,7 @@ class SheetMatch(NamedTuple):
     corners: FloatArray
     homography: FloatArray
     border: float
+    cells: NDArray[np.bool_]
 
 
 def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Rejected]:
@@ -81,7 +85,8 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
         places = np.array([place for place, _ in seen[index]])
         corners = np.array([corners for _, corners in seen[index]])
         if len(places) >= min(LEAST_MARKERS, len(sheet.arrangements[0].corners)):
-            found.append(_fit(layout.text, sheet, places, corners, markers[0].border))
+            cells = np.zeros((len(places), 0, 0), bool)
+            found.append(_fit(layout.text, sheet, places, corners, markers[0].border, cells))
     return found
 
 
@@ -89,10 +94,11 @@ def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
     """Put a grid that was found on the sheet of the layout that most of its tags are on."""
     count = len(layout.sheets[0].arrangements[0].corners)
     index, _ = Counter(tag.number // count for tag in grid.tags).most_common(1)[0]
-    tags = [tag for tag in grid.tags if tag.number // count == index]
-    places = np.array([tag.number % count for tag in tags])
-    corners = np.array([tag.corners for tag in tags])
-    return _fit(layout.text, layout.sheet(index), places, corners, grid.border)
+    numbers = np.array([tag.number for tag in grid.tags])
+    own = numbers // count == index
+    corners = np.array([tag.corners for tag in grid.tags])[own]
+    sheet, places = layout.sheet(index), numbers[own] % count
+    return _fit(layout.text, sheet, places, corners, grid.border, grid.cells[own])
 
 
 def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
@@ -110,7 +116,8 @@ def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
             is_stated=False,
         )
         corners = np.array([tag.corners for tag in grid.tags])
-        found.append(_fit("an AprilGrid", sheet, np.arange(len(corners)), corners, grid.border))
+        places = np.arange(len(corners))
+        found.append(_fit("an AprilGrid", sheet, places, corners, grid.border, grid.cells))
     return found
 
 
@@ -151,6 +158,7 @@ def _fit(
     places: NDArray[np.intp],
     corners: FloatArray,
     border: float,
+    cells: NDArray[np.bool_],
 ) -> SheetMatch | Rejected:
     """Put markers on a sheet, or say why they are not on it."""
     fits = [
@@ -172,7 +180,13 @@ def _fit(
         return Rejected(sheet.kind, 0, quad, reason)
     kept = best.fits
     return SheetMatch(
-        sheet, best.arrangement, best.model[kept], corners[kept], best.homography, border
+        sheet,
+        best.arrangement,
+        best.model[kept],
+        corners[kept],
+        best.homography,
+        border,
+        cells[kept],
     )
 
 

@@ -175,14 +175,18 @@ impl Band<'_> {
             flips.resize(greys.len(), Flip::NONE);
             return;
         };
-        let ends = [top, top + greys.len() - 1].map(|row| column.place(row as f64));
+        let ends = [top, top + greys.len() - 1].map(|row| {
+            let row = row as f64;
+            (column.place(row), column.distance(row - column.centre))
+        });
         let constant = crossings.constant(ends);
         for (row, grey) in rows.zip(greys) {
             let distance = column.distance(row - column.centre);
-            if crossings.is_near_marker(distance) {
+            let place = column.place(row);
+            if crossings.is_near_marker(distance) || crossings.is_near_tag(place) {
                 grey.value = f64::NAN;
             }
-            flips.push(constant.unwrap_or_else(|| crossings.flip(column.place(row), distance)));
+            flips.push(constant.unwrap_or_else(|| crossings.flip(place, distance)));
         }
     }
 

@@ -14,7 +14,9 @@ use nalgebra::Vector2;
 
 use super::curve::Curve;
 use super::flip::Flip;
-use super::span::EdgeSpan;
+use super::preview::Preview;
+use super::span::{EdgeSpan, NoEdge};
+use super::tag_cells::TagCells;
 use crate::numeric::cdf_and_pdf;
 
 /// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
@@ -51,6 +53,8 @@ const NODES: [(f64, f64); 5] = [
 #[derive(Debug, Clone, Default)]
 pub(super) struct GridCrossings {
     places: Vec<Crossing>,
+    /// The tag beside the stretch after each.
+    tags: Vec<Option<TagCells>>,
     /// +1 if the line's step rises, -1 if it falls.
     polarity: f64,
 }
@@ -66,8 +70,26 @@ struct Crossing {
     angle: Angle,
     /// Sign of the contrast after it, that after the first being 1.
     sign: f64,
+    /// The next grid lines that run beside this one, on its negative side and on the other.
+    beside: [Beside; 2],
     /// The marker in the light cell after it.
     marker: Option<Marker>,
+}
+
+/// A line where the light changes back.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    /// Pixels.
+    distance: f64,
+    /// Whether it is the grid's outline: beyond it all is light.
+    is_outline: bool,
+}
+
+impl Beside {
+    const NONE: Self = Self {
+        distance: f64::INFINITY,
+        is_outline: true,
+    };
 }
 
 /// A dark square within a light cell, white being left all round it.
@@ -91,37 +113,46 @@ impl GridCrossings {
         let places = places.map(|(number, (point, other))| {
             let along = other.0.and_then(|line| direction_at(spans, line, index));
             let along = along.unwrap_or(curve.across);
-            let marker = marker_after(spans, index, number);
             Crossing {
-                marker,
+                beside: [-curve.along, curve.along]
+                    .map(|along| next_line(spans, index, number, along)),
+                marker: marker_after(spans, index, number),
                 ..Crossing::new(*point, along, blur, (curve, span.sign(other.1)))
             }
         });
+        let numbers = 0..span.crossings.len();
         Self {
             places: places.collect(),
+            tags: numbers
+                .map(|number| tag_after(spans, index, number))
+                .collect(),
             polarity: span.polarity.signum(),
         }
     }
 
     /// Where the curves that were fitted to both lines meet.
-    ///
-    /// `found` gives the curve and the blur of a span, if it was found.
-    pub fn fitted<'a>(
+    pub fn fitted(
         spans: &[EdgeSpan],
         index: usize,
         (curve, blur): (&Curve, f64),
-        found: impl Fn(usize) -> Option<(&'a Curve, f64)>,
+        previews: &[Result<Preview, NoEdge>],
     ) -> Self {
         let coarse = Self::coarse(spans, index, curve, blur);
+        let found = |line: usize| previews.get(line)?.as_ref().ok();
         let pairs = coarse.places.iter().zip(&spans[index].crossings);
-        let places = pairs.map(|(place, (other, _))| match other.and_then(&found) {
-            Some((other, blur)) => place.moved_to(curve, other, blur),
+        let places = pairs.map(|(place, (other, _))| match other.and_then(found) {
+            Some(Preview { side, .. }) => place.moved_to(curve, &side.curve, side.blur),
             None => *place,
         });
         Self {
             places: places.collect(),
-            polarity: coarse.polarity,
+            ..coarse
         }
+    }
+
+    /// Where they are, in order.
+    pub fn points(&self) -> impl Iterator<Item = Vector2<f64>> {
+        self.places.iter().map(|place| place.point)
     }
 
     /// The crossings that a column of pixels lies between, by the place where it meets the line.
@@ -138,6 +169,8 @@ impl GridCrossings {
             after,
             sign,
             polarity: self.polarity,
+            beside: beside(s, before, after),
+            tag: after.and_then(|_| self.tags.get(next.checked_sub(1)?)?.as_ref()),
             marker: before.zip(after).and_then(|(before, _)| before.marker),
         }
     }
@@ -149,6 +182,8 @@ pub(super) struct Between<'a> {
     after: Option<&'a Crossing>,
     sign: f64,
     polarity: f64,
+    beside: [Beside; 2],
+    tag: Option<&'a TagCells>,
     marker: Option<Marker>,
 }
 
@@ -159,12 +194,56 @@ impl Between<'_> {
         let after = self
             .after
             .map_or(Flip::NONE, |c| c.flip(point, distance).opposite());
-        let shift = self.sign * (before.shift * after.slope + after.shift * before.slope);
+        // Between the two, the product of their signs is their sum less 1.
         Flip {
-            slope: self.sign * before.slope * after.slope,
+            slope: self.sign * (before.slope + after.slope - 1.0),
             // Twice, since a step from -1 to 1 is meant.
-            shift: shift - 2.0 * self.polarity * self.darkened(point, distance),
+            shift: self.sign * (before.shift + after.shift)
+                + self.changed_back(point, distance)
+                + 2.0 * self.polarity * (self.lit(point) - self.darkened(point, distance)),
         }
+    }
+
+    /// What the lines beside this one change of a step from -1 to 1.
+    fn changed_back(&self, point: Vector2<f64>, distance: f64) -> f64 {
+        let inverse_blur = self.inverse_blur();
+        let change = |side: usize, sign: f64| {
+            let beside = self.beside[side];
+            let distance = distance - sign * beside.distance;
+            let blurs = sign * distance * inverse_blur;
+            if blurs < -COMPLETE {
+                return 0.0;
+            }
+            let before = self.before.map_or(1.0, |c| c.slope(point, distance));
+            let after = self.after.map_or(1.0, |c| -c.slope(point, distance));
+            let slope = self.sign * (before + after - 1.0);
+            // Beyond the outline only what was dark changes.
+            let share = match beside.is_outline {
+                true => 0.5 * (slope - sign * self.polarity),
+                false => slope,
+            };
+            -sign * share * (1.0 + step(blurs))
+        };
+        change(0, -1.0) + change(1, 1.0)
+    }
+
+    fn inverse_blur(&self) -> f64 {
+        self.before
+            .or(self.after)
+            .map_or(0.0, |crossing| crossing.inverse_blur)
+    }
+
+    /// What a tag's cells add to the dark, over the contrast.
+    fn lit(&self, point: Vector2<f64>) -> f64 {
+        let inverse_blur = self.inverse_blur();
+        let tag = self.tag.filter(|tag| !tag.is_far(point, inverse_blur));
+        tag.map_or(0.0, |tag| tag.light(point, inverse_blur))
+    }
+
+    /// Whether a pixel is too near to the cells of a tag.
+    pub fn is_near_tag(&self, point: Vector2<f64>) -> bool {
+        self.tag
+            .is_some_and(|tag| tag.is_near(point, self.inverse_blur()))
     }
 
     /// Whether a pixel so far from the line is too near to a marker.
@@ -195,15 +274,22 @@ impl Between<'_> {
     }
 
     /// That of two pixels and all between them, if it is the same.
-    pub fn constant(&self, points: [Vector2<f64>; 2]) -> Option<Flip> {
+    pub fn constant(&self, ends: [(Vector2<f64>, f64); 2]) -> Option<Flip> {
         let is_far = |crossing: &Crossing, side: f64| {
-            points
-                .iter()
-                .all(|point| side * crossing.blurs(*point) > COMPLETE)
+            ends.iter().all(|(point, distance)| {
+                let beside = self.beside[usize::from(*distance > 0.0)];
+                let clear = beside.distance - distance.abs();
+                side * crossing.blurs(*point) > COMPLETE && clear * crossing.inverse_blur > COMPLETE
+            })
         };
         let all = self.before.is_none_or(|c| is_far(c, 1.0))
             && self.after.is_none_or(|c| is_far(c, -1.0));
-        (all && self.marker.is_none()).then_some(Flip {
+        let inverse_blur = self.inverse_blur();
+        let is_dark = |tag: &TagCells| {
+            ends.iter()
+                .all(|(point, _)| tag.is_far(*point, inverse_blur))
+        };
+        (all && self.marker.is_none() && self.tag.is_none_or(is_dark)).then_some(Flip {
             slope: self.sign,
             shift: 0.0,
         })
@@ -226,6 +312,7 @@ impl Crossing {
             inverse_blur: 1.0 / blur,
             angle: Angle::of_cosine(forward.dot(&curve.across)),
             sign,
+            beside: [Beside::NONE; 2],
             marker: None,
         }
     }
@@ -260,6 +347,12 @@ impl Crossing {
 
     fn blurs(&self, point: Vector2<f64>) -> f64 {
         self.forward.dot(&(point - self.point)) * self.inverse_blur
+    }
+
+    /// What it makes of the slope of an edge so far from the point that runs as its line does.
+    fn slope(&self, point: Vector2<f64>, distance: f64) -> f64 {
+        let Angle { rho, sine, .. } = self.angle;
+        step((self.blurs(point) - rho * distance * self.inverse_blur) / sine)
     }
 
     /// From that of -1 before the crossing to that of 1 after it.
@@ -384,7 +477,7 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     let [own, across] = [side, -side].map(|side| {
         let depths = [number, number + 1]
             .into_iter()
-            .filter_map(|end| distance_to_next(spans, index, end, side * along));
+            .filter_map(|end| distances(spans, index, end, side * along).first().copied());
         depths.reduce(|one, other| 0.5 * (one + other))
     });
     // A cell at the board's rim is about as deep as the one across the line.
@@ -398,39 +491,112 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     })
 }
 
-/// Distance at a crossing from a line to the next one on the right of the given direction.
-fn distance_to_next(
+/// The lines beside a line at a place between two crossings.
+fn beside(s: f64, before: Option<&Crossing>, after: Option<&Crossing>) -> [Beside; 2] {
+    let (Some(before), Some(after)) = (before, after) else {
+        return before.or(after).map_or([Beside::NONE; 2], |one| one.beside);
+    };
+    let part = (s - before.s) / (after.s - before.s);
+    [0, 1].map(|side| {
+        let [one, other] = [before, after].map(|crossing| crossing.beside[side]);
+        // Where one crossing shows no such line, the other tells.
+        match (one.is_outline, other.is_outline) {
+            (true, false) => other,
+            (false, true) => one,
+            (is_outline, _) if one.distance.is_finite() && other.distance.is_finite() => Beside {
+                distance: one.distance + part * (other.distance - one.distance),
+                is_outline,
+            },
+            _ => {
+                if one.distance < other.distance {
+                    one
+                } else {
+                    other
+                }
+            }
+        }
+    })
+}
+
+/// The next line at a crossing of a line, on the right of the given direction.
+///
+/// Beyond the last line the grid goes on to its outline: as far as between the two lines of which
+/// the nearer is next to this one, but for the perspective.
+fn next_line(spans: &[EdgeSpan], index: usize, number: usize, along: Vector2<f64>) -> Beside {
+    if let Some(&distance) = distances(spans, index, number, along).first() {
+        return Beside {
+            distance,
+            is_outline: false,
+        };
+    }
+    let inwards = distances(spans, index, number, -along);
+    let distance = match inwards[..] {
+        [first, second, third, ..] => (second - first) * first / (third - second),
+        [first, second] => second - first,
+        _ => return Beside::NONE,
+    };
+    Beside {
+        distance,
+        is_outline: true,
+    }
+}
+
+/// Distances from a line to the next three, at most, on the right of the given direction.
+fn distances(spans: &[EdgeSpan], index: usize, number: usize, along: Vector2<f64>) -> Vec<f64> {
+    let points = following(spans, index, number, along).unwrap_or_default();
+    let here = spans[index].path.get(number).copied().unwrap_or_default();
+    let distance = |point: &Vector2<f64>| along.perp(&(point - here));
+    points.iter().map(distance).collect()
+}
+
+/// The next three crossings, at most, of the line that crosses another, on the right of the given
+/// direction, as far as none is missing.
+fn following(
     spans: &[EdgeSpan],
     index: usize,
     number: usize,
     along: Vector2<f64>,
-) -> Option<f64> {
+) -> Option<Vec<Vector2<f64>>> {
     let other = spans[index].crossings.get(number)?.0?;
     let place = position(spans, other, index)?;
-    let path = &spans[other].path;
+    let EdgeSpan {
+        path, crossings, ..
+    } = &spans[other];
     let here = path.get(place)?;
-    let next = [place.checked_sub(1), Some(place + 1)]
-        .into_iter()
-        .flatten();
-    next.filter_map(|next| Some(along.perp(&(path.get(next)? - here))))
-        .find(|distance| *distance > 0.0)
+    let runs = [-1, 1].map(|step| {
+        let mut from = place;
+        let next = || {
+            let to = from.checked_add_signed(step)?;
+            let is_next = crossings.get(to)?.1.abs_diff(crossings[from].1) == 1;
+            from = to;
+            path.get(to).filter(|_| is_next).copied()
+        };
+        std::iter::from_fn(next).take(3).collect::<Vec<_>>()
+    });
+    let is_right = |point: &Vector2<f64>| along.perp(&(point - here)) > 0.0;
+    runs.into_iter()
+        .find(|run| run.first().is_some_and(is_right))
 }
 
-/// Least distance to the neighbouring lines of the same direction, as the lines that cross both
-/// have it, pixels; infinite if there is none.
+/// The dark tag beside the stretch after a crossing, if its cells are known.
+fn tag_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<TagCells> {
+    let span = &spans[index];
+    let cells = span.tags.get(number).filter(|cells| !cells.is_empty())?;
+    let near = [*span.path.get(number)?, *span.path.get(number + 1)?];
+    let along = (near[1] - near[0]).try_normalize(f64::MIN_POSITIVE)?;
+    // The dark side.
+    let side = -span.polarity.signum() * span.sign(span.crossings.get(number)?.1);
+    let opposite = |end| following(spans, index, end, side * along)?.first().copied();
+    let far = [opposite(number)?, opposite(number + 1)?];
+    TagCells::new(near, far, span.tag_border, cells)
+}
+
+/// Least distance to the lines beside a line, the grid's outline included, as the lines that cross
+/// both have it, pixels; infinite if there is none.
 pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> f64 {
-    let mut least = f64::INFINITY;
-    let others = spans[index].crossings.iter().filter_map(|c| c.0);
-    for other in others {
-        let Some(place) = position(spans, other, index) else {
-            continue;
-        };
-        let path = &spans[other].path;
-        for end in [place.wrapping_sub(1), place + 1] {
-            if let (Some(end), Some(here)) = (path.get(end), path.get(place)) {
-                least = least.min(along.perp(&(end - here)).abs());
-            }
-        }
-    }
-    least
+    let numbers = 0..spans[index].crossings.len();
+    numbers
+        .flat_map(|number| [-along, along].map(|along| next_line(spans, index, number, along)))
+        .map(|beside| beside.distance)
+        .fold(f64::INFINITY, f64::min)
 }

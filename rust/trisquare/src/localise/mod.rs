@@ -33,6 +33,7 @@ mod side_sums;
 mod sought;
 mod span;
 mod surroundings;
+mod tag_cells;
 mod tone_fit;
 
 use crate::image::{GreyReader, Picture, SRGB, Tone, USUAL};
@@ -117,8 +118,8 @@ pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised 
         return (vec![Err(reason); spans.len()], estimate, faults);
     }
     let mut localiser = Localiser::new(picture, tone);
-    let sought = Sought::of(&localiser.reader, spans);
-    let mut previews = localiser.previews(&sought);
+    let mut sought = Sought::of(&localiser.reader, spans);
+    let mut previews = localiser.previews(&mut sought);
     let measured = localiser.measure_all(&sought.spans, &previews);
     let faults = PictureFaults::of(&localiser.reader, &previews);
     let estimate = tone_fit::estimate_tone(tone.power(), &mut previews);
@@ -146,8 +147,8 @@ const LINEAR_MISFIT: f64 = 2.5e-3;
 #[must_use]
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
-    let sought = Sought::of(&localiser.reader, spans);
-    let mut previews = localiser.previews(&sought);
+    let mut sought = Sought::of(&localiser.reader, spans);
+    let mut previews = localiser.previews(&mut sought);
     let faults = PictureFaults::of(&localiser.reader, &previews);
     let mut first = tone_fit::estimate_tone(USUAL, &mut previews);
     if picture.has_two_levels() {
@@ -174,7 +175,7 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
         false => SRGB,
     };
     let mut localiser = Localiser::new(picture, Tone::Power(assumed));
-    let previews = localiser.previews(&sought);
+    let previews = localiser.previews(&mut sought);
     let measured = localiser.measure_all(&sought.spans, &previews);
     let shift_std = first.shift_std.unwrap_or_default();
     let estimate = ToneEstimate {
@@ -214,9 +215,13 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    fn previews(&mut self, sought: &Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
+    fn previews(&mut self, sought: &mut Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
         let indices = 0..sought.spans.len();
-        indices.map(|index| self.preview(sought, index)).collect()
+        let mut previews: Vec<_> = indices.map(|index| self.preview(sought, index)).collect();
+        for index in sought.settle_crossings(&self.reader, &previews) {
+            previews[index] = self.preview(sought, index);
+        }
+        previews
     }
 
     /// Fits a span's edge to some of its pixels, away from its ends.
@@ -332,12 +337,8 @@ impl<'a> Localiser<'a> {
         let mut side = side.clone();
         let span = &spans[index];
         let is_crossed = !span.crossings.is_empty();
-        let found = |line: usize| {
-            let found: &Preview = previews.get(line)?.as_ref().ok()?;
-            Some((&found.side.curve, found.side.blur))
-        };
         let crossings = is_crossed
-            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), found));
+            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), previews));
         let (ends, limits) = match is_crossed {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
@@ -376,7 +377,7 @@ impl<'a> Localiser<'a> {
         let share = match self.tells_tone {
             true => {
                 let stride = tone_fit::stride(self.pixels.len(), spans.len());
-                let asked = self.pixels.iter().zip(&self.predictions).step_by(stride);
+                let asked = tone_fit::some_of(self.pixels.iter().zip(&self.predictions), stride);
                 ToneShare::of(&side, self.reader.curve(), asked, noise)
             }
             false => None,

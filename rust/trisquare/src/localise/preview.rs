@@ -3,6 +3,7 @@
 use super::band::Pixel;
 use super::prediction::Prediction;
 use super::side::Side;
+use super::tone_fit::some_of;
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {
@@ -22,8 +23,8 @@ impl Preview {
     /// Leaves one in so many pixels.
     pub fn thin(&mut self, stride: usize) {
         if stride > 1 {
-            self.pixels = self.pixels.iter().copied().step_by(stride).collect();
-            self.predictions = self.predictions.iter().copied().step_by(stride).collect();
+            self.pixels = some_of(self.pixels.iter().copied(), stride).collect();
+            self.predictions = some_of(self.predictions.iter().copied(), stride).collect();
         }
     }
 }

@@ -4,7 +4,9 @@ use nalgebra::Vector2;
 
 use super::coarse::{self, CoarseEdge};
 use super::curve::Curve;
+use super::grid_crossings::GridCrossings;
 use super::grid_line;
+use super::preview::Preview;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use crate::image::GreyReader;
 
@@ -21,6 +23,8 @@ const OVERLAP: f64 = 6.0;
 const MOST_DEVIATIONS: f64 = 5.0;
 /// Of the samples of a span this share must agree.
 const LEAST_SHARE: f64 = 0.4;
+/// Crossings of grid lines that are off by less, pixels, hardly move the lines.
+const SETTLED: f64 = 0.1;
 /// Points that stand for the path of a piece.
 const PATH_POINTS: usize = 5;
 
@@ -63,6 +67,39 @@ impl<'a> Sought<'a> {
         }
         sought.renumber();
         sought
+    }
+
+    /// Moves the crossings of grid lines to where the lines that were fitted meet; returns the lines
+    /// whose crossings were so far off that they have to be fitted again.
+    pub fn settle_crossings(
+        &mut self,
+        reader: &GreyReader<'_>,
+        previews: &[Result<Preview, NoEdge>],
+    ) -> Vec<usize> {
+        let settled = self.spans.iter().zip(previews).enumerate();
+        let settled = settled.filter_map(|(index, (span, preview))| {
+            if span.crossings.is_empty() {
+                return None;
+            }
+            let (curve, blur) = match (preview, &self.coarse[index]) {
+                (Ok(preview), _) => (&preview.side.curve, preview.side.blur),
+                (_, Ok(coarse)) => (&coarse.curve, coarse.blur),
+                _ => return None,
+            };
+            let crossings = GridCrossings::fitted(&self.spans, index, (curve, blur), previews);
+            let path: Vec<_> = crossings.points().collect();
+            let is_off = |(was, is): (&Vector2<f64>, &Vector2<f64>)| (is - was).norm() > SETTLED;
+            let far_off = span.path.iter().zip(&path).any(is_off);
+            far_off.then_some((index, path))
+        });
+        let (far_off, paths): (Vec<usize>, Vec<_>) = settled.unzip();
+        for (index, path) in far_off.iter().zip(paths) {
+            self.spans[*index].path = path;
+        }
+        for &index in &far_off {
+            self.coarse[index] = grid_line::find(reader, &self.spans, index);
+        }
+        far_off
     }
 
     /// Lets the spans name the pieces that they meet, instead of the spans that were asked for.

@@ -23,6 +23,12 @@ pub struct EdgeSpan {
     /// the cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty
     /// if there are none at all.
     pub rims: Vec<f64>,
+    /// Where the dark cell beside the stretch after each crossing is a tag: which of the cells within
+    /// its border are light, in rows from the stretch on; empty where it is none, or not known. Empty
+    /// if there are none at all.
+    pub tags: Vec<Vec<Vec<bool>>>,
+    /// Width of the tags' border over their side.
+    pub tag_border: f64,
     /// How far from the path, pixels, the picture is the edge's own, on the negative side and on
     /// the other: beyond it something else begins. Infinite where nothing is known of it.
     pub margin: [f64; 2],
@@ -40,6 +46,8 @@ impl EdgeSpan {
             bounds: [None; 2],
             crossings: Vec::new(),
             rims: Vec::new(),
+            tags: Vec::new(),
+            tag_border: 0.0,
             margin: [f64::INFINITY; 2],
             is_beside_others: false,
         }
