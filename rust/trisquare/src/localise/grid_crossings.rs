@@ -14,8 +14,7 @@ use nalgebra::Vector2;
 
 use super::curve::Curve;
 use super::flip::Flip;
-use super::preview::Preview;
-use super::span::{EdgeSpan, NoEdge};
+use super::span::EdgeSpan;
 use super::tag_cells::TagCells;
 use crate::numeric::cdf_and_pdf;
 
@@ -131,17 +130,18 @@ impl GridCrossings {
     }
 
     /// Where the curves that were fitted to both lines meet.
-    pub fn fitted(
+    ///
+    /// `found` gives the curve and the blur of a span, if it was found.
+    pub fn fitted<'a>(
         spans: &[EdgeSpan],
         index: usize,
         (curve, blur): (&Curve, f64),
-        previews: &[Result<Preview, NoEdge>],
+        found: impl Fn(usize) -> Option<(&'a Curve, f64)>,
     ) -> Self {
         let coarse = Self::coarse(spans, index, curve, blur);
-        let found = |line: usize| previews.get(line)?.as_ref().ok();
         let pairs = coarse.places.iter().zip(&spans[index].crossings);
-        let places = pairs.map(|(place, (other, _))| match other.and_then(found) {
-            Some(Preview { side, .. }) => place.moved_to(curve, &side.curve, side.blur),
+        let places = pairs.map(|(place, (other, _))| match other.and_then(&found) {
+            Some((other, blur)) => place.moved_to(curve, other, blur),
             None => *place,
         });
         Self {

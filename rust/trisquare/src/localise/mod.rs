@@ -34,6 +34,7 @@ mod sought;
 mod span;
 mod surroundings;
 mod tag_cells;
+mod thinning;
 mod tone_fit;
 
 use crate::image::{GreyReader, Picture, SRGB, Tone, USUAL};
@@ -337,8 +338,9 @@ impl<'a> Localiser<'a> {
         let mut side = side.clone();
         let span = &spans[index];
         let is_crossed = !span.crossings.is_empty();
+        let found = |line| preview::found(previews, line);
         let crossings = is_crossed
-            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), previews));
+            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), found));
         let (ends, limits) = match is_crossed {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
@@ -377,7 +379,7 @@ impl<'a> Localiser<'a> {
         let share = match self.tells_tone {
             true => {
                 let stride = tone_fit::stride(self.pixels.len(), spans.len());
-                let asked = tone_fit::some_of(self.pixels.iter().zip(&self.predictions), stride);
+                let asked = thinning::some_of(self.pixels.iter().zip(&self.predictions), stride);
                 ToneShare::of(&side, self.reader.curve(), asked, noise)
             }
             false => None,

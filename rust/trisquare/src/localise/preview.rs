@@ -1,9 +1,11 @@
 //! What the first fit finds of a side.
 
 use super::band::Pixel;
+use super::curve::Curve;
 use super::prediction::Prediction;
 use super::side::Side;
-use super::tone_fit::some_of;
+use super::span::NoEdge;
+use super::thinning::some_of;
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {
@@ -17,6 +19,12 @@ pub(super) struct Preview {
     pub pixels: Vec<Pixel>,
     /// What the side as it was found predicts of them.
     pub predictions: Vec<Prediction>,
+}
+
+/// The curve and the blur of a line, if it was found.
+pub(super) fn found(previews: &[Result<Preview, NoEdge>], line: usize) -> Option<(&Curve, f64)> {
+    let Preview { side, .. } = previews.get(line)?.as_ref().ok()?;
+    Some((&side.curve, side.blur))
 }
 
 impl Preview {

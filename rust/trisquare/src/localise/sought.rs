@@ -6,7 +6,7 @@ use super::coarse::{self, CoarseEdge};
 use super::curve::Curve;
 use super::grid_crossings::GridCrossings;
 use super::grid_line;
-use super::preview::Preview;
+use super::preview::{self, Preview};
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use crate::image::GreyReader;
 
@@ -77,16 +77,17 @@ impl<'a> Sought<'a> {
         previews: &[Result<Preview, NoEdge>],
     ) -> Vec<usize> {
         let settled = self.spans.iter().zip(previews).enumerate();
-        let settled = settled.filter_map(|(index, (span, preview))| {
+        let settled = settled.filter_map(|(index, (span, own))| {
             if span.crossings.is_empty() {
                 return None;
             }
-            let (curve, blur) = match (preview, &self.coarse[index]) {
+            let (curve, blur) = match (own, &self.coarse[index]) {
                 (Ok(preview), _) => (&preview.side.curve, preview.side.blur),
                 (_, Ok(coarse)) => (&coarse.curve, coarse.blur),
                 _ => return None,
             };
-            let crossings = GridCrossings::fitted(&self.spans, index, (curve, blur), previews);
+            let found = |line| preview::found(previews, line);
+            let crossings = GridCrossings::fitted(&self.spans, index, (curve, blur), found);
             let path: Vec<_> = crossings.points().collect();
             let is_off = |(was, is): (&Vector2<f64>, &Vector2<f64>)| (is - was).norm() > SETTLED;
             let far_off = span.path.iter().zip(&path).any(is_off);

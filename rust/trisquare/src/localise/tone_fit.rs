@@ -71,28 +71,11 @@ const MAX_PIXELS: usize = 1500;
 /// But of each side so many at least: they tell its own parameters as well.
 const MIN_PIXELS: usize = 300;
 
-/// Multiples of it fill the range from 0 to 1 evenly, without a period.
-const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
-
 /// One in how many of a side's pixels is asked, where the picture has so many sides: wherever along
 /// the side it is, the tone is the same.
 pub(super) fn stride(pixels: usize, sides: usize) -> usize {
     let most = (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS);
     pixels.div_ceil(most).max(1)
-}
-
-/// One in `stride` of a side's pixels, whatever the number of pixels in a column of its band: every
-/// so many, in order, might all lie on one side of the edge.
-pub(super) fn some_of<T>(
-    pixels: impl Iterator<Item = T>,
-    stride: usize,
-) -> impl Iterator<Item = T> {
-    let is_asked =
-        move |index: usize| (index as f64 * GOLDEN_RATIO).fract() * (stride as f64) < 1.0;
-    let asked = pixels
-        .enumerate()
-        .filter(move |(index, _)| is_asked(*index));
-    asked.map(|(_, pixel)| pixel)
 }
 
 /// Bins are counted from this one, before any pixel; the side's middle parts two.

@@ -8,6 +8,7 @@ mod joint_fit;
 mod propose;
 mod squareness;
 mod straightness;
+mod subsets;
 mod verdict;
 
 pub use choose::choose;

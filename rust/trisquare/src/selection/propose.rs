@@ -6,6 +6,7 @@ use nalgebra::Matrix3;
 use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, Prior};
 use super::squareness::{Candidate, Pinhole};
+use super::subsets::subsets;
 use crate::geometry::camera_matrix_from_planes;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
@@ -16,12 +17,6 @@ use crate::solver::JointProblem;
 /// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
 const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
 const FOCAL_STEPS: usize = 48;
-
-/// Pairs and triples of candidates that are asked for their camera.
-const MAX_SUBSETS: usize = 160;
-
-/// Of more candidates, only so many are combined.
-const MAX_COMBINED: usize = 24;
 
 /// Explanations that are kept.
 const MAX_HYPOTHESES: usize = 4;
@@ -155,33 +150,4 @@ pub(crate) fn matrix_of(camera: &Pinhole, size: ImageSize) -> Matrix3<f64> {
     let fx = camera[0].exp() * unit;
     let (cx, cy) = (centre.x + camera[2] * unit, centre.y + camera[3] * unit);
     Matrix3::new(fx, 0.0, cx, 0.0, fx * camera[1].exp(), cy, 0.0, 0.0, 1.0)
-}
-
-/// Pairs and triples of so many things, evenly chosen.
-fn subsets(count: usize) -> Vec<Vec<usize>> {
-    let things: Vec<usize> = (0..count)
-        .step_by(count.div_ceil(MAX_COMBINED).max(1))
-        .collect();
-    let mut all = Vec::new();
-    for (i, a) in things.iter().enumerate() {
-        for (j, b) in things.iter().enumerate().skip(i + 1) {
-            all.push(vec![*a, *b]);
-            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
-        }
-    }
-    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
-    all.into_iter().step_by(step).collect()
-}
-
-/// Triples of some things, evenly chosen where there are more.
-pub(crate) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
-    let mut all = Vec::new();
-    for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {
-        for (j, b) in things.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
-            let rest = things.iter().take(MAX_COMBINED).skip(j + 1);
-            all.extend(rest.map(|c| [*a, *b, *c]));
-        }
-    }
-    let step = all.len().div_ceil(most).max(1);
-    all.into_iter().step_by(step).collect()
 }

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector2;
 
-use super::propose::triples;
+use super::subsets::triples;
 use crate::geometry::Line;
 use crate::lens::Lens;
 use crate::linear::{Straightening, Undistortion};

@@ -1,0 +1,18 @@
+//! Some of many pixels, which stand for all.
+
+/// Multiples of it fill the range from 0 to 1 evenly, without a period.
+const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
+
+/// One in `stride` of a side's pixels, whatever the number of pixels in a column of its band: every
+/// so many, in order, might all lie on one side of the edge.
+pub(super) fn some_of<T>(
+    pixels: impl Iterator<Item = T>,
+    stride: usize,
+) -> impl Iterator<Item = T> {
+    let is_asked =
+        move |index: usize| (index as f64 * GOLDEN_RATIO).fract() * (stride as f64) < 1.0;
+    let asked = pixels
+        .enumerate()
+        .filter(move |(index, _)| is_asked(*index));
+    asked.map(|(_, pixel)| pixel)
+}

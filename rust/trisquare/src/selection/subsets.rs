@@ -1,0 +1,36 @@
+//! Pairs and triples of candidates, evenly chosen where there are many.
+
+/// Pairs and triples of candidates that are asked for their camera.
+const MAX_SUBSETS: usize = 160;
+
+/// Of more candidates, only so many are combined.
+const MAX_COMBINED: usize = 24;
+
+/// Pairs and triples of so many things, evenly chosen.
+pub(super) fn subsets(count: usize) -> Vec<Vec<usize>> {
+    let things: Vec<usize> = (0..count)
+        .step_by(count.div_ceil(MAX_COMBINED).max(1))
+        .collect();
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate() {
+        for (j, b) in things.iter().enumerate().skip(i + 1) {
+            all.push(vec![*a, *b]);
+            all.extend(things[j + 1..].iter().map(|c| vec![*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(MAX_SUBSETS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+/// Triples of some things, evenly chosen where there are more.
+pub(super) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
+    let mut all = Vec::new();
+    for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {
+        for (j, b) in things.iter().enumerate().take(MAX_COMBINED).skip(i + 1) {
+            let rest = things.iter().take(MAX_COMBINED).skip(j + 1);
+            all.extend(rest.map(|c| [*a, *b, *c]));
+        }
+    }
+    let step = all.len().div_ceil(most).max(1);
+    all.into_iter().step_by(step).collect()
+}
