@@ -73,7 +73,7 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     --------
     >>> for name, own in ts.diagnose(result).items():
     ...     print(name, f"{own.std:.2g}")
-    fx 0.075
+    fx 0.074
     fy 0.081
     cx 0.044
     cy 0.08
