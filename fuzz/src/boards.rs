@@ -205,13 +205,13 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
             span.path[at] += Vector2::new(bytes.coefficient(), bytes.coefficient());
         }
         7 => span.rims = vec![bytes.coefficient(); at],
+        8 if at < span.crossings.len() => {
+            span.crossings[at] = (any, bytes.seed() as usize);
+        }
         9 => {
             let count = bytes.below(8);
             span.tags = vec![vec![vec![bytes.once_in(2); count]; bytes.below(8)]; at];
             span.tag_border = bytes.coefficient();
-        }
-        8 if at < span.crossings.len() => {
-            span.crossings[at] = (any, bytes.seed() as usize);
         }
         // A crossing that is hidden.
         _ if at < span.path.len().min(span.crossings.len()) => {

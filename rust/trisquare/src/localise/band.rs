@@ -170,23 +170,25 @@ impl Band<'_> {
     /// What the lines that cross make of each pixel of a column; those of markers become unreadable.
     fn flips(&self, column: &Column, top: usize, greys: &mut [Grey], flips: &mut Vec<Flip>) {
         flips.clear();
-        let rows = (top..top + greys.len()).map(|row| row as f64);
         let Some(crossings) = self.crossings.map(|crossings| crossings.about(column.s)) else {
             flips.resize(greys.len(), Flip::NONE);
             return;
         };
-        let ends = [top, top + greys.len() - 1].map(|row| {
+        let seen = |row: usize| {
             let row = row as f64;
             (column.place(row), column.distance(row - column.centre))
-        });
-        let constant = crossings.constant(ends);
-        for (row, grey) in rows.zip(greys) {
-            let distance = column.distance(row - column.centre);
-            let place = column.place(row);
+        };
+        // Where nothing is felt but the line itself, no marker or tag is near.
+        if let Some(flip) = crossings.constant([top, top + greys.len() - 1].map(seen)) {
+            flips.resize(greys.len(), flip);
+            return;
+        }
+        for (row, grey) in (top..).zip(greys) {
+            let (place, distance) = seen(row);
             if crossings.is_near_marker(distance) || crossings.is_near_tag(place) {
                 grey.value = f64::NAN;
             }
-            flips.push(constant.unwrap_or_else(|| crossings.flip(place, distance)));
+            flips.push(crossings.flip(place, distance));
         }
     }
 

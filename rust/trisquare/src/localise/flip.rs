@@ -1,5 +1,8 @@
 //! What lines that cross a side make of its step.
 
+/// From so many blurs on a change of sides is complete, to 6e-5 of the contrast.
+pub(super) const COMPLETE: f64 = 4.0;
+
 /// What crossings make of a blurred step, `2 Phi(d) - 1` from -1 to 1: it times `slope`, and
 /// `shift`.
 #[derive(Debug, Clone, Copy)]

@@ -13,14 +13,13 @@ use std::f64::consts::FRAC_2_PI;
 use nalgebra::Vector2;
 
 use super::curve::Curve;
-use super::flip::Flip;
+use super::flip::{COMPLETE, Flip};
+use super::lines_beside::{Beside, distances, following, next_line, position};
 use super::span::EdgeSpan;
 use super::tag_cells::TagCells;
 use crate::numeric::cdf_and_pdf;
 
-/// From so many blurs on a line's change of sides is complete, to 6e-5 of the contrast.
-const COMPLETE: f64 = 4.0;
-/// From so many, to rounding.
+/// From so many blurs on a line's change of sides is complete to rounding.
 const ENTIRE: f64 = 7.0;
 /// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
 /// before it that does not matter ...
@@ -73,22 +72,6 @@ struct Crossing {
     beside: [Beside; 2],
     /// The marker in the light cell after it.
     marker: Option<Marker>,
-}
-
-/// A line where the light changes back.
-#[derive(Debug, Clone, Copy)]
-struct Beside {
-    /// Pixels.
-    distance: f64,
-    /// Whether it is the grid's outline: beyond it all is light.
-    is_outline: bool,
-}
-
-impl Beside {
-    const NONE: Self = Self {
-        distance: f64::INFINITY,
-        is_outline: true,
-    };
 }
 
 /// A dark square within a light cell, white being left all round it.
@@ -169,7 +152,10 @@ impl GridCrossings {
             after,
             sign,
             polarity: self.polarity,
-            beside: beside(s, before, after),
+            beside: [0, 1].map(|side| {
+                let beside = |crossing: &Crossing| (crossing.s, crossing.beside[side]);
+                Beside::between(s, before.map(beside), after.map(beside))
+            }),
             tag: after.and_then(|_| self.tags.get(next.checked_sub(1)?)?.as_ref()),
             marker: before.zip(after).and_then(|(before, _)| before.marker),
         }
@@ -214,8 +200,8 @@ impl Between<'_> {
             if blurs < -COMPLETE {
                 return 0.0;
             }
-            let before = self.before.map_or(1.0, |c| c.slope(point, distance));
-            let after = self.after.map_or(1.0, |c| -c.slope(point, distance));
+            let before = self.before.map_or(1.0, |c| step(c.skewed(point, distance)));
+            let after = self.after.map_or(1.0, |c| -step(c.skewed(point, distance)));
             let slope = self.sign * (before + after - 1.0);
             // Beyond the outline only what was dark changes.
             let share = match beside.is_outline {
@@ -349,17 +335,16 @@ impl Crossing {
         self.forward.dot(&(point - self.point)) * self.inverse_blur
     }
 
-    /// What it makes of the slope of an edge so far from the point that runs as its line does.
-    fn slope(&self, point: Vector2<f64>, distance: f64) -> f64 {
+    /// Blurs from it to the edge that lies so far from the point and runs as its line does.
+    fn skewed(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let Angle { rho, sine, .. } = self.angle;
-        step((self.blurs(point) - rho * distance * self.inverse_blur) / sine)
+        (self.blurs(point) - rho * (distance * self.inverse_blur)) / sine
     }
 
     /// From that of -1 before the crossing to that of 1 after it.
     fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
         let (own, other) = (distance * self.inverse_blur, self.blurs(point));
-        let Angle { rho, sine, .. } = self.angle;
-        let skewed = (other - rho * own) / sine;
+        let skewed = self.skewed(point, distance);
         if other.min(skewed) > ENTIRE {
             return Flip::NONE;
         }
@@ -452,12 +437,6 @@ impl EdgeSpan {
     }
 }
 
-/// Where, in the list of a line's crossings, another one crosses it.
-fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
-    let crossings = &spans.get(line)?.crossings;
-    crossings.iter().position(|c| c.0 == Some(other))
-}
-
 /// Direction of a line's coarse path where another one crosses it.
 fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2<f64>> {
     let place = position(spans, line, other)?;
@@ -491,93 +470,6 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     })
 }
 
-/// The lines beside a line at a place between two crossings.
-fn beside(s: f64, before: Option<&Crossing>, after: Option<&Crossing>) -> [Beside; 2] {
-    let (Some(before), Some(after)) = (before, after) else {
-        return before.or(after).map_or([Beside::NONE; 2], |one| one.beside);
-    };
-    let part = (s - before.s) / (after.s - before.s);
-    [0, 1].map(|side| {
-        let [one, other] = [before, after].map(|crossing| crossing.beside[side]);
-        // Where one crossing shows no such line, the other tells.
-        match (one.is_outline, other.is_outline) {
-            (true, false) => other,
-            (false, true) => one,
-            (is_outline, _) if one.distance.is_finite() && other.distance.is_finite() => Beside {
-                distance: one.distance + part * (other.distance - one.distance),
-                is_outline,
-            },
-            _ => {
-                if one.distance < other.distance {
-                    one
-                } else {
-                    other
-                }
-            }
-        }
-    })
-}
-
-/// The next line at a crossing of a line, on the right of the given direction.
-///
-/// Beyond the last line the grid goes on to its outline: as far as between the two lines of which
-/// the nearer is next to this one, but for the perspective.
-fn next_line(spans: &[EdgeSpan], index: usize, number: usize, along: Vector2<f64>) -> Beside {
-    if let Some(&distance) = distances(spans, index, number, along).first() {
-        return Beside {
-            distance,
-            is_outline: false,
-        };
-    }
-    let inwards = distances(spans, index, number, -along);
-    let distance = match inwards[..] {
-        [first, second, third, ..] => (second - first) * first / (third - second),
-        [first, second] => second - first,
-        _ => return Beside::NONE,
-    };
-    Beside {
-        distance,
-        is_outline: true,
-    }
-}
-
-/// Distances from a line to the next three, at most, on the right of the given direction.
-fn distances(spans: &[EdgeSpan], index: usize, number: usize, along: Vector2<f64>) -> Vec<f64> {
-    let points = following(spans, index, number, along).unwrap_or_default();
-    let here = spans[index].path.get(number).copied().unwrap_or_default();
-    let distance = |point: &Vector2<f64>| along.perp(&(point - here));
-    points.iter().map(distance).collect()
-}
-
-/// The next three crossings, at most, of the line that crosses another, on the right of the given
-/// direction, as far as none is missing.
-fn following(
-    spans: &[EdgeSpan],
-    index: usize,
-    number: usize,
-    along: Vector2<f64>,
-) -> Option<Vec<Vector2<f64>>> {
-    let other = spans[index].crossings.get(number)?.0?;
-    let place = position(spans, other, index)?;
-    let EdgeSpan {
-        path, crossings, ..
-    } = &spans[other];
-    let here = path.get(place)?;
-    let runs = [-1, 1].map(|step| {
-        let mut from = place;
-        let next = || {
-            let to = from.checked_add_signed(step)?;
-            let is_next = crossings.get(to)?.1.abs_diff(crossings[from].1) == 1;
-            from = to;
-            path.get(to).filter(|_| is_next).copied()
-        };
-        std::iter::from_fn(next).take(3).collect::<Vec<_>>()
-    });
-    let is_right = |point: &Vector2<f64>| along.perp(&(point - here)) > 0.0;
-    runs.into_iter()
-        .find(|run| run.first().is_some_and(is_right))
-}
-
 /// The dark tag beside the stretch after a crossing, if its cells are known.
 fn tag_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<TagCells> {
     let span = &spans[index];
@@ -589,14 +481,4 @@ fn tag_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<TagCells
     let opposite = |end| following(spans, index, end, side * along)?.first().copied();
     let far = [opposite(number)?, opposite(number + 1)?];
     TagCells::new(near, far, span.tag_border, cells)
-}
-
-/// Least distance to the lines beside a line, the grid's outline included, as the lines that cross
-/// both have it, pixels; infinite if there is none.
-pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> f64 {
-    let numbers = 0..spans[index].crossings.len();
-    numbers
-        .flat_map(|number| [-along, along].map(|along| next_line(spans, index, number, along)))
-        .map(|beside| beside.distance)
-        .fold(f64::INFINITY, f64::min)
 }

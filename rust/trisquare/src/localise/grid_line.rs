@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::coarse::{CoarseEdge, degree_for};
 use super::curve::Curve;
-use super::grid_crossings;
+use super::lines_beside;
 use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 use crate::numeric::pdf;
@@ -40,7 +40,7 @@ pub(super) fn find(
 ) -> Result<CoarseEdge, NoEdge> {
     let span = &spans[index];
     let curve = through_crossings(span).ok_or(NoEdge::NoPath)?;
-    let spacing = grid_crossings::spacing(spans, index, curve.along);
+    let spacing = lines_beside::spacing(spans, index, curve.along);
     let least_rim = span.rims.iter().copied().filter(|rim| *rim > 0.0);
     let share = least_rim.map(|rim| 0.5 * rim).fold(SHADE_SHARE, f64::min);
     let reach = SHADE_REACH.min(share * spacing);

@@ -18,6 +18,7 @@ mod faults;
 mod flip;
 mod grid_crossings;
 mod grid_line;
+mod lines_beside;
 mod measured;
 mod motion;
 mod parts;

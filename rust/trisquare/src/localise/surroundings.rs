@@ -1,7 +1,7 @@
 //! How far to all sides the pixels about an edge are its own.
 
 use super::band::SearchLimit;
-use super::grid_crossings;
+use super::lines_beside;
 use super::preview::Preview;
 use super::side::Side;
 use super::span::{EdgeSpan, NoEdge};
@@ -37,7 +37,7 @@ pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] 
     if span.crossings.is_empty() {
         return span.margin;
     }
-    let spacing = grid_crossings::spacing(spans, index, side.curve.along);
+    let spacing = lines_beside::spacing(spans, index, side.curve.along);
     span.margin
         .map(|margin| margin.min(SPACING_SHARE * spacing))
 }

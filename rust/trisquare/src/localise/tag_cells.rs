@@ -2,10 +2,9 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::flip::COMPLETE;
 use crate::numeric::cdf_and_pdf;
 
-/// From so many blurs a step is complete, to 6e-5.
-const COMPLETE: f64 = 4.0;
 /// Pixels nearer to a light cell, in blurs, would need to know its place too well.
 const CLEARANCE: f64 = 1.0;
 

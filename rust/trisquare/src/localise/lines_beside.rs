@@ -1,0 +1,126 @@
+//! The grid lines that run beside one, as the lines that cross both have them.
+
+use nalgebra::Vector2;
+
+use super::span::EdgeSpan;
+
+/// A line where the light changes back.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Beside {
+    /// Pixels.
+    pub distance: f64,
+    /// Whether it is the grid's outline: beyond it all is light.
+    pub is_outline: bool,
+}
+
+impl Beside {
+    pub const NONE: Self = Self {
+        distance: f64::INFINITY,
+        is_outline: true,
+    };
+
+    /// At a place along the line, from those at the crossings before and after it.
+    pub fn between(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
+        let (Some((start, one)), Some((end, other))) = (before, after) else {
+            return before.or(after).map_or(Self::NONE, |(_, one)| one);
+        };
+        // Where one crossing shows no such line, the other tells.
+        match (one.is_outline, other.is_outline) {
+            (true, false) => other,
+            (false, true) => one,
+            (is_outline, _) if one.distance.is_finite() && other.distance.is_finite() => Self {
+                distance: one.distance
+                    + (s - start) / (end - start) * (other.distance - one.distance),
+                is_outline,
+            },
+            _ if one.distance < other.distance => one,
+            _ => other,
+        }
+    }
+}
+
+/// The next line at a crossing of a line, on the right of the given direction.
+///
+/// Beyond the last line the grid goes on to its outline: as far as between the two lines of which
+/// the nearer is next to this one, but for the perspective.
+pub(super) fn next_line(
+    spans: &[EdgeSpan],
+    index: usize,
+    number: usize,
+    along: Vector2<f64>,
+) -> Beside {
+    if let Some(&distance) = distances(spans, index, number, along).first() {
+        return Beside {
+            distance,
+            is_outline: false,
+        };
+    }
+    let inwards = distances(spans, index, number, -along);
+    let distance = match inwards[..] {
+        [first, second, third, ..] => (second - first) * first / (third - second),
+        [first, second] => second - first,
+        _ => return Beside::NONE,
+    };
+    Beside {
+        distance,
+        is_outline: true,
+    }
+}
+
+/// Distances from a line to the next three, at most, on the right of the given direction.
+pub(super) fn distances(
+    spans: &[EdgeSpan],
+    index: usize,
+    number: usize,
+    along: Vector2<f64>,
+) -> Vec<f64> {
+    let points = following(spans, index, number, along).unwrap_or_default();
+    let here = spans[index].path.get(number).copied().unwrap_or_default();
+    let distance = |point: &Vector2<f64>| along.perp(&(point - here));
+    points.iter().map(distance).collect()
+}
+
+/// The next three crossings, at most, of the line that crosses another, on the right of the given
+/// direction, as far as none is missing.
+pub(super) fn following(
+    spans: &[EdgeSpan],
+    index: usize,
+    number: usize,
+    along: Vector2<f64>,
+) -> Option<Vec<Vector2<f64>>> {
+    let other = spans[index].crossings.get(number)?.0?;
+    let place = position(spans, other, index)?;
+    let EdgeSpan {
+        path, crossings, ..
+    } = &spans[other];
+    let here = path.get(place)?;
+    let runs = [-1, 1].map(|step| {
+        let mut from = place;
+        let next = || {
+            let to = from.checked_add_signed(step)?;
+            let is_next = crossings.get(to)?.1.abs_diff(crossings[from].1) == 1;
+            from = to;
+            path.get(to).filter(|_| is_next).copied()
+        };
+        std::iter::from_fn(next).take(3).collect::<Vec<_>>()
+    });
+    let is_right = |point: &Vector2<f64>| along.perp(&(point - here)) > 0.0;
+    runs.into_iter()
+        .find(|run| run.first().is_some_and(is_right))
+}
+
+/// Least distance to the lines beside a line, the grid's outline included, as the lines that cross
+/// both have it, pixels; infinite if there is none.
+pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> f64 {
+    let numbers = 0..spans[index].crossings.len();
+    numbers
+        .flat_map(|number| [-along, along].map(|along| next_line(spans, index, number, along)))
+        .map(|beside| beside.distance)
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Where, in the list of a line's crossings, another one crosses it.
+pub(super) fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
+    let crossings = &spans.get(line)?.crossings;
+    crossings.iter().position(|c| c.0 == Some(other))
+}
