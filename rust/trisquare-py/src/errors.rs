@@ -32,6 +32,8 @@ pub fn exception(error: Error) -> PyErr {
     }
 }
 
+const NO_PANIC: &str = "work that did not panic has a result";
+
 thread_local! {
     /// In what runs detached: where the last panic was, once there was one.
     static DETACHED: RefCell<Option<String>> = const { RefCell::new(None) };
@@ -42,6 +44,13 @@ thread_local! {
 /// # Errors
 /// `InternalError`, of which the message says what failed and where.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let (mut work, mut found) = (Some(work), None);
+    run_detached(py, &mut || found = work.take().map(|work| work()))?;
+    Ok(found.expect(NO_PANIC))
+}
+
+/// As [`detached`], compiled once for all kinds of work.
+fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()> {
     static HOOK: Once = Once::new();
     HOOK.call_once(keep_panics_silent);
     py.detach(|| {
@@ -79,11 +88,18 @@ pub fn computed_in<T: Send>(
     threads: usize,
     work: impl FnOnce() -> Result<T, Error> + Send,
 ) -> PyResult<T> {
+    let (mut work, mut found) = (Some(work), None);
+    let mut once = || found = work.take().map(|work| work());
+    detached(py, || in_pool(threads, &mut once))?;
+    found.expect(NO_PANIC).map_err(exception)
+}
+
+fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {
     let pool = (threads > 1).then(|| ThreadPoolBuilder::new().num_threads(threads).build());
     match pool {
-        Some(Ok(pool)) => computed(py, || pool.install(work)),
+        Some(Ok(pool)) => pool.install(work),
         // A system that gives no further threads has the one that asks.
-        _ => computed(py, work),
+        _ => work(),
     }
 }
 

@@ -80,6 +80,9 @@ pub struct RejectedFamily {
 ///
 /// # Errors
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
+// Compiled by its callers alone, as all that is generic: here it would be the one function that
+// compiles a calibration with each lens in this crate, too.
+#[inline]
 pub fn calibrate_by_family(
     edges: &[PlaneEdges],
     size: ImageSize,

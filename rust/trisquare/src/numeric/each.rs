@@ -1,5 +1,8 @@
 //! The same work for each of many things: in turn, or in the threads of a pool.
 
+#[cfg(feature = "rayon")]
+use std::sync::OnceLock;
+
 /// Fewer things are done in turn: a thread would take longer to wake than to do its part.
 #[cfg(feature = "rayon")]
 const LEAST: usize = 16;
@@ -8,16 +11,30 @@ const LEAST: usize = 16;
 ///
 /// With the feature `rayon`, and called in a thread of one of its pools, the threads of that pool
 /// share the work. The results are the same, to the bit.
-pub(crate) fn each<T: Send>(
+pub(crate) fn each<T: Send + Sync>(
     count: usize,
     work: impl Fn(usize) -> Option<T> + Sync + Send,
 ) -> Option<Vec<T>> {
     #[cfg(feature = "rayon")]
     if count >= LEAST && rayon::current_thread_index().is_some() {
-        use rayon::iter::{IntoParallelIterator, ParallelIterator};
-        return (0..count).into_par_iter().map(work).collect();
+        let places: Vec<OnceLock<Option<T>>> = (0..count).map(|_| OnceLock::new()).collect();
+        share(count, &|i| {
+            places[i].get_or_init(|| work(i));
+        });
+        return places
+            .into_iter()
+            .map(|found| found.into_inner()?)
+            .collect();
     }
     (0..count).map(work).collect()
+}
+
+/// Does the work in the threads of the pool. It is compiled once for all kinds of work: rayon is
+/// large.
+#[cfg(feature = "rayon")]
+fn share(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    use rayon::iter::{IntoParallelIterator, ParallelIterator};
+    (0..count).into_par_iter().for_each(work);
 }
 
 #[cfg(test)]

@@ -7,12 +7,12 @@
 
 use std::marker::PhantomData;
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::Vector3;
 
-use super::line_sums::{LineSums, RESIDUAL};
+use super::line_sums::{LineSums, OnLine, RESIDUAL, SHARED_OFFSET};
 use super::side_curve::{SideCurve, SideCurves};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem, add_rank_one, each, symmetric};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem, add_rank_one, each};
 use crate::observations::{FreeParameters, ModelLine, ObservedPlane, Sample, View};
 
 /// The samples as a least-squares problem at one scale of the noise.
@@ -26,9 +26,6 @@ pub(crate) struct EdgeProblem<'a, L> {
     curves: Option<&'a SideCurves>,
     lens: PhantomData<L>,
 }
-
-/// Columns before the shared parameters: the line's three, and the residual.
-const SHARED_OFFSET: usize = RESIDUAL + 1;
 
 impl<'a, L: Lens> EdgeProblem<'a, L> {
     pub fn new(planes: &'a [ObservedPlane], free: &'a FreeParameters, scale: f64) -> Self {
@@ -81,61 +78,67 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         Some(sums)
     }
 
+    /// What the samples on a line sum to; the part of the lens is added to the block.
+    fn sums<const N: usize>(
+        &self,
+        lens: &L,
+        line: &Vector3<f64>,
+        (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
+        block: &mut Block,
+    ) -> Option<OnLine> {
+        let sums = match curve {
+            Some(curve) => {
+                let row = |ray: &L::PixelRay| self.row(lens, ray, line);
+                curve.sums::<L, N>((lens, line), (self.loss, trust / self.scale), row)
+            }
+            None => self.sum_samples::<N>(lens, line, (samples, trust)),
+        }?;
+        Some(sums.split(self.free.len(), block))
+    }
+
     /// Adds the samples of a side on one of its model lines to its plane's block; returns their cost.
-    fn add_samples<const N: usize>(
+    fn add_samples(
         &self,
         view: &View<L>,
         (plane, figure, model): (usize, usize, &ModelLine),
-        (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
+        samples: (&[Sample], f64, Option<&SideCurve>),
         block: &mut Block,
     ) -> Option<f64> {
         let state = &view.planes[plane];
         let (lens, line) = (&view.lens, state.line(figure, &model.line));
-        let sums = match curve {
-            Some(curve) => {
-                curve.sums::<L, N>((lens, &line), (self.loss, trust / self.scale), |ray| {
-                    self.row(lens, ray, &line)
-                })
-            }
-            None => self.sum_samples::<N>(lens, &line, (samples, trust)),
-        }?;
+        // One instance per number of shared parameters, so that the innermost loops are unrolled;
+        // of the large numbers, which few lenses have, several share one with room to spare.
+        let sums = match self.free.len() {
+            0 => Self::sums::<4>,
+            1 => Self::sums::<5>,
+            2 => Self::sums::<6>,
+            3 => Self::sums::<7>,
+            4 => Self::sums::<8>,
+            5 => Self::sums::<9>,
+            6 => Self::sums::<10>,
+            7 => Self::sums::<11>,
+            8 => Self::sums::<12>,
+            9 => Self::sums::<13>,
+            10 => Self::sums::<14>,
+            11 => Self::sums::<15>,
+            12..=14 => Self::sums::<18>,
+            _ => Self::sums::<{ SHARED_OFFSET + MAX_LENS_COLUMNS }>,
+        };
+        let sums = sums(self, lens, &line, samples, block)?;
         let wrt_own = state.line_jacobian(figure, model);
-        let at = |i: usize, j: usize| symmetric(&sums.products, i, j);
-
-        let shared = self.free.len();
-        let line_square = Matrix3::from_fn(at);
-        let line_residual = Vector3::from_fn(|i, _| at(i, 3));
-        let line_shared = SMatrix::<f64, 3, MAX_LENS_COLUMNS>::from_fn(|i, j| match j < shared {
-            true => at(i, SHARED_OFFSET + j),
-            false => 0.0,
-        });
-        for i in 0..shared {
-            for j in 0..shared {
-                block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
-            }
-            block.shared_gradient[i] += at(SHARED_OFFSET + i, 3);
-        }
+        let line_shared = sums.line_shared.columns(0, self.free.len());
         block
             .hessian
-            .gemm_tr(1.0, &wrt_own, &(line_square * &wrt_own), 1.0);
+            .gemm_tr(1.0, &wrt_own, &(sums.line_square * &wrt_own), 1.0);
+        block.cross.gemm_tr(1.0, &wrt_own, &line_shared, 1.0);
         block
-            .cross
-            .gemm_tr(1.0, &wrt_own, &line_shared.columns(0, shared), 1.0);
-        block.gradient.gemv_tr(1.0, &wrt_own, &line_residual, 1.0);
+            .gradient
+            .gemv_tr(1.0, &wrt_own, &sums.line_residual, 1.0);
         Some(sums.cost)
     }
 
-    fn assemble<const N: usize>(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        let found = each(self.planes.len(), |p| self.of_plane::<N>(view, p))?;
-        let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
-        let mut system = ArrowSystem::of(self.free.len(), blocks.into_iter());
-        let cost = self.free.add_prior(&view.lens, &mut system) + costs.iter().sum::<f64>();
-        view.tie(&mut system);
-        Some((cost, system))
-    }
-
     /// The cost of a plane's samples, and its block.
-    fn of_plane<const N: usize>(&self, view: &View<L>, p: usize) -> Option<(f64, Block)> {
+    fn of_plane(&self, view: &View<L>, p: usize) -> Option<(f64, Block)> {
         let state = &view.planes[p];
         let mut block = Block::zeros(state.parameter_count(), (0..self.free.len()).collect());
         let mut cost = 0.0;
@@ -144,7 +147,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
                 let samples = (&side.samples[range], side.trust(), curve);
-                cost += self.add_samples::<N>(view, (p, f, &model), samples, &mut block)?;
+                cost += self.add_samples(view, (p, f, &model), samples, &mut block)?;
             }
         }
         state.hold_turn(&mut block.hessian);
@@ -156,24 +159,12 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
     type State = View<L>;
 
     fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        // One instance per number of shared parameters, so that the innermost loops are unrolled;
-        // of the large numbers, which few lenses have, several share one with room to spare.
-        match self.free.len() {
-            0 => self.assemble::<4>(view),
-            1 => self.assemble::<5>(view),
-            2 => self.assemble::<6>(view),
-            3 => self.assemble::<7>(view),
-            4 => self.assemble::<8>(view),
-            5 => self.assemble::<9>(view),
-            6 => self.assemble::<10>(view),
-            7 => self.assemble::<11>(view),
-            8 => self.assemble::<12>(view),
-            9 => self.assemble::<13>(view),
-            10 => self.assemble::<14>(view),
-            11 => self.assemble::<15>(view),
-            12..=14 => self.assemble::<18>(view),
-            _ => self.assemble::<{ SHARED_OFFSET + MAX_LENS_COLUMNS }>(view),
-        }
+        let found = each(self.planes.len(), |p| self.of_plane(view, p))?;
+        let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
+        let mut system = ArrowSystem::of(self.free.len(), blocks.into_iter());
+        let cost = self.free.add_prior(&view.lens, &mut system) + costs.iter().sum::<f64>();
+        view.tie(&mut system);
+        Some((cost, system))
     }
 
     fn advance(&self, view: &View<L>, step: &ArrowStep) -> View<L> {

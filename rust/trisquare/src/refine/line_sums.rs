@@ -1,10 +1,49 @@
 //! What the samples on one line sum to.
 
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use crate::lens::MAX_LENS_COLUMNS;
+use crate::numeric::{Block, symmetric};
+
 /// Column of the residual, after the three of the line.
 pub(super) const RESIDUAL: usize = 3;
+
+/// Columns before the shared parameters: the line's three, and the residual.
+pub(super) const SHARED_OFFSET: usize = RESIDUAL + 1;
 
 /// Costs, and outer products of `(l, residual, shared parameters)`, by their lower triangle.
 pub(super) struct LineSums<const N: usize> {
     pub cost: f64,
     pub products: [[f64; N]; N],
+}
+
+/// Of these sums, those that the line is part of.
+pub(super) struct OnLine {
+    pub cost: f64,
+    pub line_square: Matrix3<f64>,
+    pub line_residual: Vector3<f64>,
+    /// One column for each shared parameter; the others are zero.
+    pub line_shared: SMatrix<f64, 3, MAX_LENS_COLUMNS>,
+}
+
+impl<const N: usize> LineSums<N> {
+    /// Adds the products of the shared parameters alone to a block; the others are returned.
+    pub fn split(&self, shared: usize, block: &mut Block) -> OnLine {
+        let at = |i: usize, j: usize| symmetric(&self.products, i, j);
+        for i in 0..shared {
+            for j in 0..shared {
+                block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);
+            }
+            block.shared_gradient[i] += at(SHARED_OFFSET + i, RESIDUAL);
+        }
+        OnLine {
+            cost: self.cost,
+            line_square: Matrix3::from_fn(at),
+            line_residual: Vector3::from_fn(|i, _| at(i, RESIDUAL)),
+            line_shared: SMatrix::from_fn(|i, j| match j < shared {
+                true => at(i, SHARED_OFFSET + j),
+                false => 0.0,
+            }),
+        }
+    }
 }

@@ -118,7 +118,17 @@ impl SideCurve {
             let (_, normal) = lens.line_distance_and_normal(&ray, line);
             *cosine = [normal.dot(&self.across)];
         }
-        let (rows, cosines) = (coefficients(&rows), coefficients(&cosines));
+        Some(self.sums_of(&rows, &cosines, (loss, to_scale)))
+    }
+
+    /// The sums by the rows of the nodes, and by how their distances grow across the curve.
+    fn sums_of<const N: usize>(
+        &self,
+        rows: &[[f64; N]; NODES],
+        cosines: &[[f64; 1]; NODES],
+        (loss, to_scale): (Loss, f64),
+    ) -> LineSums<N> {
+        let (rows, cosines) = (coefficients(rows), coefficients(cosines));
 
         let distances = rows.map(|row| row[RESIDUAL]);
         let cosines = cosines.map(|[cosine]| cosine);
@@ -145,7 +155,7 @@ impl SideCurve {
             let sum = (0..TERMS).map(|m| rows[m][i] * residuals[m]).sum();
             (products[i][RESIDUAL], products[RESIDUAL][i]) = (sum, sum);
         }
-        Some(LineSums { cost, products })
+        LineSums { cost, products }
     }
 
     /// Gives the distances of the samples to a line's image, and its unit normals there; after the
