@@ -10,12 +10,19 @@ SHELL := /bin/sh
 export PATH := $(PATH):$(HOME)/.cargo/bin
 export VIRTUAL_ENV := $(CURDIR)/.venv
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Python compiles what it loads; pip would compile all.
+export PIP_NO_COMPILE := 1
+export PIP_QUIET := 1
 unexport PYTHONHOME
 unexport PYTHONPATH
 
 VENV_PYTHON := .venv/bin/python
+# The package as users have it; then what tests and lints need, what the pages need, and the core
+# as wheels have it.
 READY := .venv/.trisquare-ready
+DEV_READY := .venv/.trisquare-dev-ready
 DOCS_READY := .venv/.trisquare-docs-ready
+BENCH_READY := .venv/.trisquare-bench-ready
 SOURCES := pyproject.toml Cargo.toml Cargo.lock \
 	$(wildcard rust/*/Cargo.toml rust/*/src/*.rs rust/*/src/*/*.rs)
 
@@ -53,11 +60,11 @@ RUST_ROOMS := $(patsubst rust/trisquare/src/%/mod.rs,%,$(wildcard rust/trisquare
 RUST_TESTS := $(patsubst rust/trisquare/tests/%.rs,%,$(wildcard rust/trisquare/tests/*.rs))
 
 ifeq ($(ROOM),)
-test: $(READY)
+test: $(DEV_READY)
 	$(PYTEST) -m 'not slow'
 else ifneq ($(filter $(ROOM),$(ROOMS) $(RUST_ROOMS)),)
 # Rooms of the crate alone need no Python.
-test: $(if $(filter $(ROOM),$(ROOMS)),$(READY))
+test: $(if $(filter $(ROOM),$(ROOMS)),$(DEV_READY))
 	$(if $(filter $(ROOM),$(RUST_ROOMS)),cargo test -p trisquare $(ROOM)::)
 	$(if $(filter $(ROOM),$(RUST_TESTS)),cargo test -p trisquare --test $(ROOM))
 	$(if $(filter $(ROOM),$(ROOMS)),$(PYTEST) -m 'not slow' tests/$(ROOM))
@@ -69,27 +76,27 @@ endif
 # In two parts, so that `make test` itself, which the README names, is run on the way.
 test-all: test test-slow
 
-test-slow: $(READY)
+test-slow: $(DEV_READY)
 	cargo test --workspace
 	$(PYTEST) -m slow
 
 # `make bench NAME=tags` runs one, or several: NAME="tags tone".
 NAME ?=
 
-bench: $(READY)
+bench: $(BENCH_READY)
 	$(VENV_PYTHON) benchmarks/run.py $(NAME)
 
-bench-fast: $(READY)
+bench-fast: $(BENCH_READY)
 	$(VENV_PYTHON) benchmarks/run.py --fast
 
-bench-compare: $(READY)
+bench-compare: $(BENCH_READY)
 	$(VENV_PYTHON) benchmarks/run.py --compare
 
 # They find the benchmarks' own modules.
-experiments: $(READY)
+experiments: $(BENCH_READY)
 	PYTHONPATH=benchmarks $(VENV_PYTHON) -m experiments.run
 
-lint: $(READY)
+lint: $(DEV_READY)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	cargo clippy -p trisquare --all-targets --all-features -- -D warnings
@@ -100,7 +107,7 @@ lint: $(READY)
 	$(VENV_PYTHON) -m mypy.stubtest trisquare._core
 	.venv/bin/lint-imports
 
-format: $(READY)
+format: $(DEV_READY)
 	cargo fmt --all
 	cargo fmt --manifest-path fuzz/Cargo.toml
 	$(VENV_PYTHON) -m ruff check --fix .
@@ -121,7 +128,7 @@ FUZZ_CASES ?= 1000000
 READER_CASES ?= 100000
 FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
 
-fuzz: $(READY)
+fuzz: $(DEV_READY)
 	$(VENV_PYTHON) fuzz/readers.py --cases $(READER_CASES)
 	cd fuzz && cargo run --release --quiet --bin soak -- $(FUZZ_CASES)
 	@command -v cargo-fuzz >/dev/null || { echo 'no cargo-fuzz here: cargo install cargo-fuzz'; exit 0; }; \
@@ -130,7 +137,7 @@ fuzz: $(READY)
 			-runs=$(FUZZ_CASES) -max_len=1024 -len_control=0 -timeout=10 || exit 1; \
 	done
 
-build: $(READY)
+build: $(DEV_READY)
 
 clean:
 	rm -rf .venv target fuzz/target fuzz/found dist demo-output docs/_build docs/_generated
@@ -148,11 +155,19 @@ $(VENV_PYTHON):
 
 $(READY): $(VENV_PYTHON) $(SOURCES)
 	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
-	$(VENV_PYTHON) -m pip install --quiet 'maturin>=1.9.4,<2'
-	$(VENV_PYTHON) -m maturin develop --release --extras dev
+	$(VENV_PYTHON) -m pip install 'maturin>=1.9.4,<2'
+	$(VENV_PYTHON) -m maturin develop --profile quick --extras batch,report,serve,target
 	@touch $@
 
-# The package is there already: this adds what its extra names.
+# The package is there already: these add what an extra names.
+$(DEV_READY): $(READY)
+	$(VENV_PYTHON) -m pip install 'trisquare[dev]'
+	@touch $@
+
 $(DOCS_READY): $(READY)
-	$(VENV_PYTHON) -m pip install --quiet 'trisquare[docs]'
+	$(VENV_PYTHON) -m pip install 'trisquare[docs]'
+	@touch $@
+
+$(BENCH_READY): $(DEV_READY)
+	$(VENV_PYTHON) -m maturin develop --release
 	@touch $@

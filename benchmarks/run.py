@@ -67,6 +67,7 @@ BENCHMARKS = (
     "speed.large_picture",
     "finding.hand_outlines",
     "speed.import_time",
+    "speed.demo_time",
     "speed.threads",
     "speed.many_pictures",
     "speed.memory_flat",
