@@ -86,10 +86,12 @@ pub enum Error {
 
     /// The sides of a square do not follow each other round it.
     #[error(
-        "the sides of the square are not in order round it: side {side} does not run between its \
+        "the sides of figure {figure} are not in order round it: side {side} does not run between its \
          neighbours; give them in order, either way round"
     )]
     CrossedSides {
+        /// Index of the figure; 0 where it is only being made.
+        figure: usize,
         /// The first side found out of place.
         side: usize,
     },
@@ -279,6 +281,7 @@ impl Error {
         match &mut self {
             Error::SampleNotFinite { figure, .. }
             | Error::StraySample { figure, .. }
+            | Error::CrossedSides { figure, .. }
             | Error::CrossedParallels { figure, .. }
             | Error::TooFewLines { figure, .. }
             | Error::TooFewParallels { figure, .. }

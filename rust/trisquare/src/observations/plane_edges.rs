@@ -491,12 +491,13 @@ impl SideOrder {
                 needed: 2,
             })
         };
+        let crossed = |side| Error::CrossedSides { figure: 0, side };
         let mut corners = [Vector2::zeros(); 4];
         for side in 0..4 {
             let before = (side + 3) % 4;
             let (one, other) = (line(before, side)?, line(side, before)?);
             let corner = one.intersection(&other);
-            corners[side] = corner.ok_or(Error::CrossedSides { side })?;
+            corners[side] = corner.ok_or(crossed(side))?;
         }
         let mut turns = [0.0; 4];
         for side in 0..4 {
@@ -507,7 +508,7 @@ impl SideOrder {
                 (-CORNER_SLACK..=1.0 + CORNER_SLACK).contains(&fraction)
             });
             if !follows {
-                return Err(Error::CrossedSides { side });
+                return Err(crossed(side));
             }
             turns[side] = along.perp(&(corners[(side + 2) % 4] - end));
         }
@@ -517,7 +518,7 @@ impl SideOrder {
             Ok(Self::CounterClockwise)
         } else {
             let side = turns.iter().position(|t| *t <= 0.0).unwrap_or(0);
-            Err(Error::CrossedSides { side })
+            Err(crossed(side))
         }
     }
 }
@@ -673,6 +674,13 @@ mod tests {
             PlaneEdges::square(crossed),
             Err(Error::CrossedSides { .. })
         ));
+        let mut crossed = sides();
+        crossed.swap(1, 2);
+        let told = PlaneEdges::square(crossed).map_err(|error| error.of_figure(7).to_string());
+        assert!(
+            told.unwrap_err()
+                .starts_with("the sides of figure 7 are not in order")
+        );
         assert!(matches!(
             PlaneEdges::square(sides()[..3].to_vec()),
             Err(Error::TooFewLines { found: 3, .. })
