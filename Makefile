@@ -156,7 +156,7 @@ $(VENV_PYTHON):
 $(READY): $(VENV_PYTHON) $(SOURCES)
 	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
 	$(VENV_PYTHON) -m pip install 'maturin>=1.9.4,<2'
-	$(VENV_PYTHON) -m maturin develop --profile quick --extras batch,report,serve,target
+	$(VENV_PYTHON) -m maturin develop --profile quick --extras report,serve,target
 	@touch $@
 
 # The package is there already: these add what an extra names.
