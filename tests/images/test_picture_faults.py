@@ -7,9 +7,7 @@ import pytest
 from scenes import assert_within, errors_in_std, squares
 
 import trisquare as ts
-from trisquare import _core
 from trisquare.detection.kinds import TargetKinds
-from trisquare.images.faults import PictureFaults
 from trisquare.measurement.measure import measure
 from trisquare_scenes.broken_assumptions import patterned, shadowed
 from trisquare_scenes.picture_faults import (
@@ -121,24 +119,3 @@ def test_pixels_are_not_fitted_where_paper_is_bent_everywhere():
     assert result.stage == "edges"
     assert "side_partly_hidden" not in codes
     assert codes & {"correlated_residuals", "plane_disagrees", "planes_contradict"}
-
-
-def test_a_picture_gives_its_green_and_its_even_rows():
-    colour = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
-    assert _core.Picture(colour).of_green().size == (5, 4)
-    assert _core.Picture(colour[:, :, 1]).of_green() is None
-    assert _core.Picture(colour).of_even_rows().size == (5, 4)
-
-
-def test_a_target_that_hardly_shows_in_green_is_measured_in_all_colours():
-    class Found:
-        clipped, has_two_levels, side_error = 0.0, False, 0.0
-        motion = pattern = rows = None
-        colours = (1e-3, -1e-3, 1e-5, 1e-5, 0.2)
-
-    picture = _core.Picture(np.zeros((4, 5, 3), np.uint8))
-    faults = PictureFaults.of(Found, (1280, 960))
-    assert faults.colour_shift == pytest.approx((0.8, -0.8))
-    assert faults.mended(picture) is None
-    Found.colours = (*Found.colours[:4], 0.9)
-    assert PictureFaults.of(Found, (1280, 960)).mended(picture).size == (5, 4)

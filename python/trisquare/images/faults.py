@@ -5,23 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 import trisquare._core as _core
 from trisquare.images.tone import PictureTone
 
-CERTAIN = 6.0
-"""Standard deviations from which a displacement is not chance."""
-
-LEAST_ROW_SHIFT = 0.1
-"""Pixels by which odd rows are displaced that matter."""
-
-LEAST_COLOUR_SHIFT, TOLD_COLOUR_SHIFT = 0.1, 0.4
-"""Pixels by which a colour is displaced in the picture's corners, from which green alone is
-measured, and from which that is told: most lenses have some of it."""
-
-LEAST_GREEN = 0.5
-"""Contrast in green, in parts of the greatest, below which green is not measured alone."""
+TOLD_COLOUR_SHIFT = 0.4
+"""Pixels by which a colour is displaced in the picture's corners, from which that is told: most
+lenses have some of it, and the core measures green alone from less on."""
 
 TOLD_MOTION = 3.0
 """Length of a motion in pixels from which it is told."""
@@ -65,41 +54,18 @@ class PictureFaults:
     side_error: float = 0.0
 
     @classmethod
-    def of(cls, found: _core.PictureFaults, size: tuple[int, int]) -> PictureFaults:
-        """Judge what the edges of a picture of this size have shown."""
-        row_shift = colour_shift = None
-        is_green = False
-        # Staircases may differ from row to row.
-        if found.rows is not None and not found.has_two_levels:
-            x, y, deviations = found.rows
-            if deviations > CERTAIN and np.hypot(x, y) > LEAST_ROW_SHIFT:
-                row_shift = (x, y)
-        if found.colours is not None:
-            blue, red, blue_std, red_std, green = found.colours
-            corner = 0.5 * float(np.hypot(size[0], size[1]))
-            surely = max(abs(blue) / blue_std, abs(red) / red_std) > CERTAIN
-            if surely and corner * max(abs(blue), abs(red)) > LEAST_COLOUR_SHIFT:
-                colour_shift = (corner * blue, corner * red)
-                is_green = green > LEAST_GREEN
+    def of(cls, found: _core.PictureFaults) -> PictureFaults:
+        """Return what the edges of a picture have shown."""
         return cls(
-            row_shift,
-            colour_shift,
-            is_green,
+            found.row_shift,
+            found.colour_shift,
+            found.is_green,
             found.clipped,
             found.has_two_levels,
             found.motion,
             found.pattern,
             found.side_error,
         )
-
-    def mended(self, picture: _core.Picture) -> _core.Picture | None:
-        """Return what is to be measured in place of a picture; None for the picture itself."""
-        mended = picture
-        if self.row_shift is not None:
-            mended = mended.of_even_rows()
-        if self.is_green:
-            mended = mended.of_green() or mended
-        return None if mended is picture else mended
 
     @property
     def is_shifted(self) -> bool:

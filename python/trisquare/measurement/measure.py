@@ -85,8 +85,8 @@ def _localised(
     """Measure the spans in a picture, or in what of it agrees with itself, which is returned."""
     told = None if tone == "auto" else tone
     measured, estimate, found = _core.localise(core, spans, told)
-    faults = PictureFaults.of(found, core.size)
-    if (mended := faults.mended(core)) is not None:
+    faults = PictureFaults.of(found)
+    if (mended := found.mended(core)) is not None:
         core = mended
         measured, estimate, found = _core.localise(core, spans, told)
         faults = replace(faults, clipped=found.clipped, motion=found.motion)

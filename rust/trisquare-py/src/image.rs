@@ -39,19 +39,6 @@ impl Picture {
         Ok(Self { picture })
     }
 
-    /// The same in green light alone; None of a grey picture.
-    fn of_green(&self) -> Option<Self> {
-        let picture = self.picture.of_green()?;
-        Some(Self { picture })
-    }
-
-    /// The same without its odd rows.
-    fn of_even_rows(&self) -> Self {
-        Self {
-            picture: self.picture.of_even_rows(),
-        }
-    }
-
     /// The pixels that the fit to the pixels reads of a picture in which these figures were measured,
     /// with sides of at most this blur (pixels).
     fn near(
@@ -193,23 +180,61 @@ pub struct ToneEstimate {
 }
 
 /// What is wrong with a picture as a whole.
-#[pyclass(frozen, get_all, module = "trisquare._core")]
+#[pyclass(frozen, module = "trisquare._core")]
 pub struct PictureFaults {
+    found: trisquare::PictureFaults,
+    /// How far blue and red are displaced outward in the corners, pixels, where that matters.
+    #[pyo3(get)]
+    colour_shift: Option<(f64, f64)>,
+    /// Whether `mended` is of green light.
+    #[pyo3(get)]
+    is_green: bool,
+}
+
+#[pymethods]
+impl PictureFaults {
     /// The share of the sides whose light is clipped.
-    clipped: f64,
+    #[getter]
+    fn clipped(&self) -> f64 {
+        self.found.clipped
+    }
+
     /// Whether all pixels are black or white.
-    has_two_levels: bool,
-    /// The odd rows against the even ones: shift in x and y, pixels, and in standard deviations.
-    rows: Option<(f64, f64, f64)>,
-    /// By what blue and red are larger than green, one standard deviation of each, and the edges'
-    /// contrast in green in parts of the greatest.
-    colours: Option<(f64, f64, f64, f64, f64)>,
+    #[getter]
+    fn has_two_levels(&self) -> bool {
+        self.found.has_two_levels
+    }
+
+    /// How far odd rows are displaced against the even ones, pixels, where that matters.
+    #[getter]
+    fn row_shift(&self) -> Option<(f64, f64)> {
+        self.found.row_shift().map(|shift| (shift.x, shift.y))
+    }
+
     /// The length of a motion, pixels, and its direction, degrees.
-    motion: Option<(f64, f64)>,
+    #[getter]
+    fn motion(&self) -> Option<(f64, f64)> {
+        let motion = self.found.motion?;
+        Some((motion.length, motion.direction))
+    }
+
     /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
-    pattern: Option<f64>,
+    #[getter]
+    fn pattern(&self) -> Option<f64> {
+        self.found.pattern
+    }
+
     /// One standard deviation of what they leave unknown of each side's place, pixels.
-    side_error: f64,
+    #[getter]
+    fn side_error(&self) -> f64 {
+        self.found.side_error
+    }
+
+    /// What is to be measured in place of the picture; None for the picture itself.
+    fn mended(&self, picture: &Picture) -> Option<Picture> {
+        let picture = self.found.mended(&picture.picture)?;
+        Some(Picture { picture })
+    }
 }
 
 /// The samples of every span, and what their profiles tell of the tone curve and of faults.
@@ -250,31 +275,12 @@ pub fn localise<'py>(
     Ok((
         measured.collect::<PyResult<_>>()?,
         tone_estimate(&estimate, tone),
-        picture_faults(&faults),
+        PictureFaults {
+            colour_shift: faults.colour_shift(picture).map(Into::into),
+            is_green: faults.is_of_green(picture),
+            found: faults,
+        },
     ))
-}
-
-fn picture_faults(found: &trisquare::PictureFaults) -> PictureFaults {
-    PictureFaults {
-        clipped: found.clipped,
-        has_two_levels: found.has_two_levels,
-        motion: found.motion.map(|motion| (motion.length, motion.direction)),
-        pattern: found.pattern,
-        side_error: found.side_error,
-        rows: found
-            .rows
-            .map(|rows| (rows.shift.x, rows.shift.y, rows.shift_deviations)),
-        colours: found.colours.map(|colours| {
-            let [blue, red] = [colours.blue, colours.red];
-            (
-                blue.magnification,
-                red.magnification,
-                blue.magnification_std,
-                red.magnification_std,
-                colours.green_contrast,
-            )
-        }),
-    }
 }
 
 fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneEstimate {

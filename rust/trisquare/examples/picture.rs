@@ -32,6 +32,10 @@ fn camera_of(
     let spans = squares.iter().enumerate();
     let spans: Vec<_> = spans.flat_map(|(i, c)| sides_between(c, 4 * i)).collect();
     let (sides, tone, faults) = localise_with_unknown_tone(picture, &spans);
+    if let Some(mended) = faults.mended(picture) {
+        // The lens magnifies the colours differently, or odd rows are displaced.
+        return camera_of(&mended, squares);
+    }
 
     // 2. Sort them by square, without squares of which a side could not be measured.
     let mut edges = Vec::new();

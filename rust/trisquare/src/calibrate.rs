@@ -95,6 +95,9 @@ pub fn calibrate<L: Lens>(
 ///     size: ImageSize,
 /// ) -> Result<Calibration, Box<dyn std::error::Error>> {
 ///     let (sides, tone, faults) = localise_with_unknown_tone(picture, spans);
+///     if let Some(mended) = faults.mended(picture) {
+///         return camera_of(&mended, spans, size);
+///     }
 ///     let sides: Vec<_> = sides.into_iter().collect::<Result<_, _>>()?;
 ///     let mut edges = Vec::new();
 ///     for sides in sides.chunks(4) {
@@ -117,7 +120,7 @@ pub fn calibrate<L: Lens>(
 ///
 /// # Errors
 /// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs are not those of the figures:
-/// another count, or another size.
+/// fewer than the figures name, not one tone for each, or another size.
 pub fn calibrate_photographs<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

@@ -1,11 +1,21 @@
 //! What is wrong with a picture as a whole, told by the profiles of its edges.
 
+use nalgebra::Vector2;
+
 use super::motion::{self, MotionBlur};
 use super::parts::{self, ColourDisplacements, PartDisplacement};
 use super::pattern::pattern;
 use super::preview::Preview;
 use super::span::NoEdge;
-use crate::image::GreyReader;
+use crate::image::{GreyReader, Picture};
+
+/// Standard deviations from which a displacement is no chance.
+const CERTAIN: f64 = 6.0;
+/// Pixels from which a displacement matters: of odd rows, and of a colour in the picture's corners.
+const LEAST_ROW_SHIFT: f64 = 0.1;
+const LEAST_COLOUR_SHIFT: f64 = 0.1;
+/// Contrast in green, in parts of the greatest, below which green is not measured alone.
+const LEAST_GREEN: f64 = 0.5;
 
 /// A side is clipped where this share of its light pixels is.
 const CLIPPED_SHARE: f64 = 0.1;
@@ -64,6 +74,52 @@ impl PictureFaults {
             colours: parts::colours(reader, found()),
         }
     }
+
+    /// How far odd rows are displaced against the even ones, pixels, where that matters.
+    #[must_use]
+    pub fn row_shift(&self) -> Option<Vector2<f64>> {
+        // Staircases may differ from row to row.
+        let rows = self.rows.filter(|_| !self.has_two_levels)?;
+        let matters = rows.shift_deviations > CERTAIN && rows.shift.norm() > LEAST_ROW_SHIFT;
+        matters.then_some(rows.shift)
+    }
+
+    /// How far blue and red are displaced outward in the corners of the picture that was measured,
+    /// pixels, where that matters.
+    #[must_use]
+    pub fn colour_shift(&self, picture: &Picture) -> Option<[f64; 2]> {
+        let colours = self.colours?;
+        let corner = 0.5 * (picture.width() as f64).hypot(picture.height() as f64);
+        let parts = [colours.blue, colours.red];
+        let is_certain =
+            |part: &PartDisplacement| part.magnification.abs() > CERTAIN * part.magnification_std;
+        let shift = parts.map(|part| corner * part.magnification);
+        let matters = shift.iter().any(|shift| shift.abs() > LEAST_COLOUR_SHIFT);
+        (parts.iter().any(is_certain) && matters).then_some(shift)
+    }
+
+    /// What is to be measured in place of the picture: its even rows where odd ones are displaced,
+    /// green light where the lens magnifies the colours differently, unless the targets hardly show
+    /// in it. `None` if the picture itself is to be measured, as it has been.
+    #[must_use]
+    pub fn mended(&self, picture: &Picture) -> Option<Picture> {
+        let green = self.is_of_green(picture).then(|| picture.of_green());
+        let rows = self.row_shift();
+        match green.flatten() {
+            Some(green) if rows.is_some() => Some(green.of_even_rows()),
+            None if rows.is_some() => Some(picture.of_even_rows()),
+            green => green,
+        }
+    }
+
+    /// Whether [`mended`](Self::mended) is of green light.
+    #[must_use]
+    pub fn is_of_green(&self, picture: &Picture) -> bool {
+        let shows = self
+            .colours
+            .is_some_and(|colours| colours.green_contrast > LEAST_GREEN);
+        shows && self.colour_shift(picture).is_some()
+    }
 }
 
 fn is_clipped(preview: &Preview) -> bool {
@@ -96,4 +152,55 @@ fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
         count += 1.0;
     }
     sum / f64::max(count, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn magnified(by: f64) -> PartDisplacement {
+        PartDisplacement {
+            shift: Vector2::zeros(),
+            shift_deviations: 0.0,
+            magnification: by,
+            magnification_std: 1e-5,
+        }
+    }
+
+    fn faults(green_contrast: f64) -> PictureFaults {
+        PictureFaults {
+            colours: Some(ColourDisplacements {
+                blue: magnified(1e-3),
+                red: magnified(-1e-3),
+                green_contrast,
+            }),
+            ..PictureFaults::default()
+        }
+    }
+
+    #[test]
+    fn a_target_that_hardly_shows_in_green_is_measured_in_all_colours() {
+        let picture = Picture::from_u8(1200, 500, 3, vec![0; 1_800_000]).unwrap();
+        let dim = faults(0.2);
+        assert_eq!(dim.colour_shift(&picture), Some([0.65, -0.65]));
+        assert!(dim.mended(&picture).is_none());
+        let green = faults(0.9).mended(&picture).unwrap();
+        assert_eq!((green.channels(), green.width()), (1, 1200));
+    }
+
+    #[test]
+    fn displaced_rows_are_left_out_unless_the_picture_has_two_levels() {
+        let picture = Picture::from_u8(4, 4, 1, vec![0; 16]).unwrap();
+        let mut faults = PictureFaults::default();
+        assert!(faults.mended(&picture).is_none());
+        faults.rows = Some(PartDisplacement {
+            shift: Vector2::new(0.2, 0.0),
+            shift_deviations: 20.0,
+            ..magnified(0.0)
+        });
+        assert_eq!(faults.row_shift(), Some(Vector2::new(0.2, 0.0)));
+        assert!(faults.mended(&picture).is_some());
+        faults.has_two_levels = true;
+        assert!(faults.mended(&picture).is_none());
+    }
 }

@@ -92,7 +92,9 @@ pub enum Method {
     /// Joint maximum likelihood, from the linear steps' answer.
     #[default]
     MaximumLikelihood,
-    /// The paper's three linear steps alone.
+    /// The paper's three linear steps alone. Standard deviations are those that maximum likelihood
+    /// would have with residuals of that size: they leave out what the steps themselves lose, which
+    /// for the coefficients of a strong distortion is most of the error.
     Linear,
 }
 
