@@ -84,12 +84,9 @@ pub fn compare_projections<A: Lens, B: Lens>(
         spread -= &basis * basis.tr_mul(&spread);
         let seen = differences.iter().flatten();
         let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
-        Some(tested(
-            &difference,
-            &spread,
-            first.camera().focal().min(),
-            &again,
-        )?)
+        let focal = first.camera().focal().min();
+        let kinds = kinds_of_change(first, second);
+        Some(tested(&difference, &spread, (focal, kinds), &again)?)
     };
     Ok(ProjectionDifference {
         rotation: turned.rotation,
@@ -98,7 +95,22 @@ pub fn compare_projections<A: Lens, B: Lens>(
     })
 }
 
+/// In how many ways parameters can change: in each of two cameras of one family the same.
+fn kinds_of_change<A: Lens, B: Lens>(
+    first: &ProjectionUncertainty<'_, A>,
+    second: &ProjectionUncertainty<'_, B>,
+) -> usize {
+    if A::parameter_names() != B::parameter_names() {
+        return first.len() + second.len();
+    }
+    let is_new = |column: &&usize| !first.columns().contains(column);
+    first.len() + second.columns().iter().filter(is_new).count()
+}
+
 /// The chi-squared test of a difference against a square root of its covariance.
+///
+/// The cameras' own values differ a little, and with them what one parameter does in each: beyond
+/// the `kinds` of change that there are, directions are of the second order.
 ///
 /// What the least known direction leaves in the second order, its own size over the focal length
 /// times itself, would look significant in directions that are better known than that: they are
@@ -106,7 +118,7 @@ pub fn compare_projections<A: Lens, B: Lens>(
 fn tested(
     difference: &DVector<f64>,
     spread: &DMatrix<f64>,
-    focal: f64,
+    (focal, kinds): (f64, usize),
     again: &[Option<SeenAgain>],
 ) -> Result<DifferenceTest, Error> {
     if !spread.iter().all(|v| v.is_finite()) {
@@ -123,7 +135,8 @@ fn tested(
     let second_order = largest * (2.0 / difference.len() as f64).sqrt() / focal;
     let limit = second_order.max(ROUNDING) * largest;
     let (mut statistic, mut freedom, mut left) = (0.0, 0, difference.clone());
-    for (direction, size) in directions.column_iter().zip(sizes.iter()) {
+    // The singular values are in descending order.
+    for (direction, size) in directions.column_iter().zip(sizes.iter()).take(kinds) {
         if *size > limit {
             let component = direction.dot(difference);
             statistic += (component / size).powi(2);
@@ -192,6 +205,42 @@ mod tests {
                 .unwrap()
                 .test
                 .is_none()
+        );
+    }
+
+    #[test]
+    fn what_is_uncertain_in_both_cameras_counts_once() {
+        let names = ["fx", "cx", "k1", "k2"];
+        let values = |by: f64| {
+            [
+                500.0 + by,
+                510.0,
+                320.0 - by,
+                240.0,
+                -0.2,
+                0.05,
+                0.0,
+                0.0,
+                0.0,
+            ]
+        };
+        let (first, second) = (Brown::new(values(0.0)), Brown::new(values(3.0)));
+        let mut covariance = DMatrix::identity(4, 4);
+        covariance[(2, 2)] = 1e-6;
+        covariance[(3, 3)] = 1e-6;
+        let of =
+            |camera| ProjectionUncertainty::new(camera, &names, false, covariance.clone()).unwrap();
+        let test = |a, b| {
+            compare_projections(&of(a), &of(b), &pixels())
+                .unwrap()
+                .test
+                .unwrap()
+        };
+        let (forth, back) = (test(&first, &second), test(&second, &first));
+        assert!(forth.degrees_of_freedom <= 4, "{forth:?}");
+        assert!(
+            (forth.p_value - back.p_value).abs() < 0.01,
+            "{forth:?} {back:?}"
         );
     }
 

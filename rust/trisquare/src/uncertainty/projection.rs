@@ -91,6 +91,11 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         &self.covariance
     }
 
+    /// The free parameters, by their places among all.
+    pub(super) fn columns(&self) -> &[usize] {
+        &self.columns
+    }
+
     /// How many parameters are free.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
