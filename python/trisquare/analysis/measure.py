@@ -168,7 +168,9 @@ def measure(
         not known.
     point_std : float
         One standard deviation of each pixel's coordinates; half a pixel is what one points
-        at by hand, `detect` and `cv2.cornerSubPix` are better.
+        at by hand. `cv2.cornerSubPix` is better at crossings of a chessboard alone: at the corner
+        of a square or frame it is off by half a pixel. The squares' own corners need none of it:
+        ``plane.corners``.
 
     Returns
     -------
