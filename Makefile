@@ -89,7 +89,7 @@ bench: $(BENCH_READY)
 bench-fast: $(BENCH_READY)
 	$(VENV_PYTHON) benchmarks/run.py --fast
 
-bench-compare: $(BENCH_READY)
+bench-compare: $(DEV_READY)
 	$(VENV_PYTHON) benchmarks/run.py --compare
 
 # They find the benchmarks' own modules.
@@ -164,7 +164,7 @@ $(DEV_READY): $(READY)
 	$(VENV_PYTHON) -m pip install 'trisquare[dev]'
 	@touch $@
 
-$(DOCS_READY): $(READY)
+$(DOCS_READY): $(DEV_READY)
 	$(VENV_PYTHON) -m pip install 'trisquare[docs]'
 	@touch $@
 

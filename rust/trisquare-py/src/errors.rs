@@ -32,8 +32,6 @@ pub fn exception(error: Error) -> PyErr {
     }
 }
 
-const NO_PANIC: &str = "work that did not panic has a result";
-
 thread_local! {
     /// In what runs detached: where the last panic was, once there was one.
     static DETACHED: RefCell<Option<String>> = const { RefCell::new(None) };
@@ -44,12 +42,19 @@ thread_local! {
 /// # Errors
 /// `InternalError`, of which the message says what failed and where.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    let (mut work, mut found) = (Some(work), None);
-    run_detached(py, &mut || found = work.take().map(|work| work()))?;
-    Ok(found.expect(NO_PANIC))
+    once(work, |work| run_detached(py, work))
 }
 
-/// As [`detached`], compiled once for all kinds of work.
+/// The result of work that `run` does: what runs it is compiled once for all kinds of work.
+fn once<T: Send>(
+    work: impl FnOnce() -> T + Send,
+    run: impl FnOnce(&mut (dyn FnMut() + Send)) -> PyResult<()>,
+) -> PyResult<T> {
+    let (mut work, mut found) = (Some(work), None);
+    run(&mut || found = work.take().map(|work| work()))?;
+    Ok(found.expect("work that did not panic has a result"))
+}
+
 fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()> {
     static HOOK: Once = Once::new();
     HOOK.call_once(keep_panics_silent);
@@ -88,10 +93,10 @@ pub fn computed_in<T: Send>(
     threads: usize,
     work: impl FnOnce() -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    let (mut work, mut found) = (Some(work), None);
-    let mut once = || found = work.take().map(|work| work());
-    detached(py, || in_pool(threads, &mut once))?;
-    found.expect(NO_PANIC).map_err(exception)
+    once(work, |work| {
+        run_detached(py, &mut || in_pool(threads, work))
+    })?
+    .map_err(exception)
 }
 
 fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {

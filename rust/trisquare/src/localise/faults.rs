@@ -103,12 +103,13 @@ impl PictureFaults {
     /// in it. `None` if the picture itself is to be measured, as it has been.
     #[must_use]
     pub fn mended(&self, picture: &Picture) -> Option<Picture> {
-        let green = self.is_of_green(picture).then(|| picture.of_green());
-        let rows = self.row_shift();
-        match green.flatten() {
-            Some(green) if rows.is_some() => Some(green.of_even_rows()),
-            None if rows.is_some() => Some(picture.of_even_rows()),
-            green => green,
+        let green = match self.is_of_green(picture) {
+            true => picture.of_green(),
+            false => None,
+        };
+        match self.row_shift() {
+            Some(_) => Some(green.as_ref().unwrap_or(picture).of_even_rows()),
+            None => green,
         }
     }
 
@@ -191,6 +192,7 @@ mod tests {
     #[test]
     fn displaced_rows_are_left_out_unless_the_picture_has_two_levels() {
         let picture = Picture::from_u8(4, 4, 1, vec![0; 16]).unwrap();
+        assert!(picture.of_green().is_none());
         let mut faults = PictureFaults::default();
         assert!(faults.mended(&picture).is_none());
         faults.rows = Some(PartDisplacement {

@@ -86,7 +86,7 @@ pub fn compare_projections<A: Lens, B: Lens>(
         let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
         let focal = first.camera().focal().min();
         let kinds = kinds_of_change(first, second);
-        Some(tested(&difference, &spread, (focal, kinds), &again)?)
+        Some(tested(&difference, &spread, focal, kinds, &again)?)
     };
     Ok(ProjectionDifference {
         rotation: turned.rotation,
@@ -118,7 +118,8 @@ fn kinds_of_change<A: Lens, B: Lens>(
 fn tested(
     difference: &DVector<f64>,
     spread: &DMatrix<f64>,
-    (focal, kinds): (f64, usize),
+    focal: f64,
+    kinds: usize,
     again: &[Option<SeenAgain>],
 ) -> Result<DifferenceTest, Error> {
     if !spread.iter().all(|v| v.is_finite()) {
