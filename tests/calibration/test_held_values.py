@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import IMAGE_SIZE, camera_of, edges_of, squares
+from scenes import IMAGE_SIZE, camera_of, edges_of, parallel_squares, squares
 
 import trisquare as ts
 from trisquare import simulate
@@ -44,6 +44,21 @@ def test_one_plane_says_what_a_principal_point_at_the_centre_is_worth(seed):
     assert abs(known.camera.fx - 1100) < 5 * known.std["fx"]
     three = ts.calibrate_edges([edges, *others], IMAGE_SIZE, fix="principal_point")
     assert not warnings_of("principal_point_assumed", three)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_parallel_squares_do_not_take_the_distortion_for_a_witness_of_the_centre(seed):
+    _, truth = scene_off_centre(seed)
+    camera = simulate.TrueCamera(1100, 1100, *truth.K[:2, 2], truth.distortion, IMAGE_SIZE)
+    scene = parallel_squares(camera, np.radians([25, -15, 10]))
+    held = ts.calibrate_edges(edges_of(scene, NOISE, seed), IMAGE_SIZE, fix="principal_point")
+    (warning,) = warnings_of("principal_point_assumed", held)
+    added = float(re.match(r"fx is uncertain by ([\d.]+) px", warning)[1])
+    assert abs(held.camera.fx - 1100) < 3.5 * added
+    known = ts.calibrate_edges(
+        edges_of(scene, NOISE, seed), IMAGE_SIZE, fix="principal_point", initial=truth
+    )
+    assert not warnings_of("principal_point_assumed", known)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -282,7 +282,6 @@ fn run<L: Lens>(
         solution = found;
     }
     let mut calibration = Calibration::assemble(&problem, &solution, stage);
-    let at_edges = (&solution.refined.view.lens, calibration.rms);
     let fitted = match (stage, photographs) {
         (Stage::Edges, Some(photographs)) => {
             improve(edges, &problem, &solution, photographs, &mut calibration)
@@ -305,16 +304,9 @@ fn run<L: Lens>(
         if let Some(verdict) = verdict {
             problem.heed(&verdict, (&planes, &solution), &mut calibration);
         }
-        let assumed = assumed_centre(&calibration, at_edges, options, |lens| {
-            let initial = Some(lens);
-            let options = Options {
-                initial,
-                ..*options
-            };
-            let held =
-                calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()?;
-            Some((held.camera, held.rms))
-        });
+        let refined = &solution.refined;
+        let conditioning = problem.conditioning(&solution.planes, refined);
+        let assumed = assumed_centre(&conditioning, &calibration, refined.covariance_factor);
         calibration.warnings.splice(0..0, assumed);
         // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);

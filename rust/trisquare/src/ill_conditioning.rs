@@ -95,6 +95,16 @@ pub enum Remedy {
     },
 }
 
+impl Remedy {
+    /// Whether the principal point must be known.
+    pub(crate) fn is_of_principal_point(&self) -> bool {
+        matches!(
+            self,
+            Self::FixPrincipalPoint | Self::FixAspectAndPrincipalPoint
+        )
+    }
+}
+
 impl fmt::Display for IllConditioning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parameter = self.parameter;
@@ -179,8 +189,10 @@ impl fmt::Display for Remedy {
         match self {
             Self::HoldSkew => write!(f, "hold the skew"),
             Self::FixAspect => write!(f, "fix the aspect"),
-            Self::FixPrincipalPoint => write!(f, "fix the principal point"),
-            Self::FixAspectAndPrincipalPoint => write!(f, "fix the aspect and the principal point"),
+            Self::FixPrincipalPoint => write!(f, "fix the principal point at a known value"),
+            Self::FixAspectAndPrincipalPoint => {
+                write!(f, "fix the aspect and the principal point at known values")
+            }
             Self::Tilt { degrees } => write!(
                 f,
                 "tilt the squares by at least {degrees:.0} degrees, each in its own direction"

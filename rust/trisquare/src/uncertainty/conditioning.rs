@@ -201,12 +201,23 @@ impl<L: Lens> Conditioning<'_, L> {
         factor: f64,
     ) -> Option<DMatrix<f64>> {
         let mut system = system.clone();
+        self.bound_centre(&mut system, free, factor);
+        covariance(&system, factor)
+    }
+
+    /// Bounds the centre of distortion where it is freed from the principal point: the parameters
+    /// after the free ones.
+    pub(super) fn bound_centre(
+        &self,
+        system: &mut ArrowSystem,
+        free: &FreeParameters,
+        factor: f64,
+    ) {
         let focal = self.view.lens.focal().x;
         let prior = CENTRE_PRIOR * self.size.half_diagonal() / focal;
         for i in free.len()..system.prior.nrows() {
             system.prior[(i, i)] += factor / (prior * prior);
         }
-        covariance(&system, factor)
     }
 
     fn limit(&self, noise: f64) -> f64 {

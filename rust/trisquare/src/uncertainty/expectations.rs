@@ -11,7 +11,7 @@ use super::conditioning::largest_std;
 use super::projection::ProjectionUncertainty;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
-use crate::observations::{Fixed, Options};
+use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
 
 /// Pixels are square to this part, and principal points central to this part of the width; what
@@ -52,48 +52,6 @@ pub(crate) fn unlikely_camera<L: Lens>(
         });
     }
     warnings
-}
-
-/// Standard deviation of principal points about the centre, over the width, of each coordinate.
-const USUAL_SCATTER: f64 = 0.012;
-
-/// Samples contradict a principal point if it costs them so much (of chi-square).
-const CONTRADICTED: f64 = 18.0;
-
-/// Warns where a principal point held at the picture's centre decides of `fx`, and no plane can say
-/// that it is elsewhere.
-///
-/// `at_edges` are the lens and the root mean square residual of the edges' fit, and `held_at` gives
-/// them with the lens's principal point held.
-pub(crate) fn assumed_centre<L: Lens>(
-    found: &Calibration<L>,
-    (lens, rms): (&L, f64),
-    options: &Options<L>,
-    held_at: impl Fn(L) -> Option<(L, f64)>,
-) -> Option<Warning> {
-    if !options.fixed.principal_point || options.initial.is_some() {
-        return None;
-    }
-    let position = found.position("fx")?;
-    let samples: usize = found.planes.iter().map(|plane| plane.samples).sum();
-    let scatter = USUAL_SCATTER * f64::from(found.image_size.width);
-    let moved = [(scatter, 0.0), (0.0, scatter)]
-        .into_iter()
-        .filter_map(|(x, y)| {
-            let mut matrix = lens.camera_matrix();
-            matrix.m13 += x;
-            matrix.m23 += y;
-            let (other, own_rms) = held_at(lens.with_camera_matrix(&matrix))?;
-            let cost = samples as f64 * ((own_rms / rms).powi(2) - 1.0);
-            (cost < CONTRADICTED).then(|| other.focal().x - lens.focal().x)
-        });
-    let added = moved.map(|change| change * change).sum::<f64>().sqrt();
-    let std = found.covariance[(position, position)].max(0.0).sqrt();
-    (added > std).then_some(Warning::PrincipalPointAssumed {
-        scatter,
-        added,
-        std,
-    })
 }
 
 /// Places along either side of a picture at which its lens is asked for.

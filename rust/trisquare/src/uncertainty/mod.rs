@@ -1,5 +1,6 @@
 //! How well the camera is known, and whether the geometry determines it at all.
 
+mod assumed_centre;
 mod comparison;
 mod conditioning;
 mod contradicted_relations;
@@ -14,12 +15,13 @@ mod pose;
 mod projection;
 mod remedies;
 
+pub(crate) use assumed_centre::assumed_centre;
 pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
 pub(crate) use conditioning::{Conditioning, judged_parameters};
 pub(crate) use contradicted_relations::contradicted_relations;
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
 pub(crate) use covariance::{check_plane_count, covariance};
-pub(crate) use expectations::{assumed_centre, extrapolated_lens, poorly_known, unlikely_camera};
+pub(crate) use expectations::{extrapolated_lens, poorly_known, unlikely_camera};
 pub(crate) use known_values::disagreement;
 pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
 pub use plane_points::points_on_plane;

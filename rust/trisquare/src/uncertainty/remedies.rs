@@ -49,9 +49,13 @@ pub(crate) fn add_remedies<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     succeeds: impl Fn(Fixed) -> bool,
 ) {
-    ill_conditioning.remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
+    let mut remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
+    // Another photograph is better than a principal point that nobody knows.
+    let guesses = remedies.iter().position(Remedy::is_of_principal_point);
     let shown = remedy_by_showing(conditioning, ill_conditioning);
-    ill_conditioning.remedies.extend(shown);
+    let before = guesses.unwrap_or(remedies.len());
+    remedies.splice(before..before, shown);
+    ill_conditioning.remedies = remedies;
 }
 
 /// What to hold so that a calibration succeeds.

@@ -1,0 +1,82 @@
+//! What a principal point that is held where nobody measured it makes of the focal length.
+
+use nalgebra::{DMatrix, Matrix2, SymmetricEigen, Vector2};
+
+use super::conditioning::{Conditioning, judged_parameters};
+use crate::lens::Lens;
+use crate::numeric::Problem;
+use crate::observations::{Fixed, Options};
+use crate::refine::EdgeProblem;
+use crate::result::{Calibration, Warning};
+
+/// Standard deviation of principal points about the centre, over the width, of each coordinate.
+const USUAL_SCATTER: f64 = 0.012;
+
+/// The planes contradict a principal point if it costs them so much (of chi-square).
+const CONTRADICTED: f64 = 18.0;
+
+/// Warns where a principal point held at the picture's centre decides of `fx`, and no plane can say
+/// that it is elsewhere.
+///
+/// The centre of distortion is freed from the principal point, as where the geometry is judged: a
+/// lens polynomial does not vouch for what the planes leave open. `factor` turns the inverse of the
+/// information into a covariance.
+pub(crate) fn assumed_centre<L: Lens>(
+    conditioning: &Conditioning<'_, L>,
+    found: &Calibration<L>,
+    factor: f64,
+) -> Option<Warning> {
+    let options = conditioning.options;
+    if !options.fixed.principal_point || options.initial.is_some() {
+        return None;
+    }
+    let position = found.position("fx")?;
+    let scatter = USUAL_SCATTER * f64::from(found.image_size.width);
+    let (information, response) = freed_centre(conditioning, factor)?;
+    let directions = SymmetricEigen::new(information);
+    let open = (0..2).filter(|i| scatter.powi(2) * directions.eigenvalues[*i] < CONTRADICTED);
+    let variance =
+        open.map(|i| (scatter * response.dot(&directions.eigenvectors.column(i))).powi(2));
+    let added = variance.sum::<f64>().sqrt();
+    let std = found.covariance[(position, position)].max(0.0).sqrt();
+    (added > std).then_some(Warning::PrincipalPointAssumed {
+        scatter,
+        added,
+        std,
+    })
+}
+
+/// What the planes tell of a principal point that is held, and by how much `fx` follows it.
+fn freed_centre<L: Lens>(
+    conditioning: &Conditioning<'_, L>,
+    factor: f64,
+) -> Option<(Matrix2<f64>, Vector2<f64>)> {
+    let options = Options {
+        fixed: Fixed {
+            principal_point: false,
+            ..conditioning.options.fixed
+        },
+        ..*conditioning.options
+    };
+    let free = options.free_parameters();
+    let judged = judged_parameters(&free);
+    let problem = EdgeProblem::new(conditioning.planes, &judged, conditioning.noise_scale);
+    let (_, mut system) = problem.evaluate(conditioning.view)?;
+    conditioning.bound_centre(&mut system, &free, factor);
+    let information = system.reduced_information()? / factor;
+    let centre = [free.position("cx")?, free.position("cy")?];
+    let others = (0..information.nrows()).filter(|i| !centre.contains(i));
+    let others: Vec<usize> = others.collect();
+    let rows = |rows: &[usize]| information.select_rows(rows);
+    let cross: DMatrix<f64> = rows(&others).select_columns(&centre);
+    let follow = rows(&others)
+        .select_columns(&others)
+        .cholesky()?
+        .solve(&cross);
+    let own = rows(&centre).select_columns(&centre) - cross.tr_mul(&follow);
+    let fx = others
+        .iter()
+        .position(|i| Some(*i) == free.position("fx"))?;
+    let response = Vector2::new(-follow[(fx, 0)], -follow[(fx, 1)]);
+    Some((own.fixed_view::<2, 2>(0, 0).into_owned(), response))
+}
