@@ -2,7 +2,7 @@
 # here, in .venv and target.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all test-slow bench bench-fast bench-compare experiments lint format docs fuzz build clean
+.PHONY: help demo test test-all test-slow test-release bench bench-fast bench-compare experiments lint format docs fuzz build clean
 .NOTPARALLEL:
 SHELL := /bin/sh
 
@@ -33,6 +33,7 @@ help:
 	@echo 'make test ROOM=camera   run the tests of one room, of Python or of Rust'
 	@echo 'make test-all           run all tests: these, the slow ones, and those of the crate'
 	@echo 'make test-slow          run what test leaves out of test-all'
+	@echo 'make test-release       run the tests on what is released: optimised across crates'
 	@echo 'make bench              measure accuracy and speed (about an hour)'
 	@echo 'make bench NAME=tags    run one benchmark, or several: NAME="tags tone"'
 	@echo 'make bench-fast         run those of speed and headline accuracy (10 minutes at most)'
@@ -79,6 +80,11 @@ test-all: test test-slow
 test-slow: $(DEV_READY)
 	cargo test --workspace
 	$(PYTEST) -m slow
+
+# As wheels and users of the crate have it: optimised across crates.
+test-release: $(BENCH_READY)
+	cargo test --release -p trisquare
+	$(PYTEST) -m 'not slow'
 
 # `make bench NAME=tags` runs one, or several: NAME="tags tone".
 NAME ?=

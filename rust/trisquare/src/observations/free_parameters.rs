@@ -113,6 +113,16 @@ impl FreeParameters {
         }
     }
 
+    /// The first of them, without priors.
+    #[cfg(test)]
+    pub fn leading(&self, count: usize) -> Self {
+        Self {
+            columns: self.columns[..count].to_vec(),
+            priors: Vec::new(),
+            ..self.clone()
+        }
+    }
+
     /// What of the camera matrix is held, where something of it usually is free, and beside it the
     /// distortion if no coefficient is free.
     pub fn held(&self) -> Vec<&'static str> {

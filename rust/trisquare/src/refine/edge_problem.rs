@@ -179,7 +179,7 @@ mod tests {
     use crate::lens::DefaultLens;
     use crate::observations::{Placement, PlaneEdges, PlaneState, sort_by_plane};
     use crate::synthetic::{Scene, SceneOptions};
-    use nalgebra::{DVector, Vector2};
+    use nalgebra::{DMatrix, DVector, Vector2};
 
     const NOISE: f64 = 0.2;
 
@@ -348,6 +348,31 @@ mod tests {
             for i in 0..block.gradient.len() {
                 let set = |s: &mut ArrowStep, h: f64| s.blocks[b][i] = h;
                 check(&set, block.gradient[i], block.hessian[(i, i)]);
+            }
+        }
+    }
+
+    #[test]
+    fn every_number_of_free_parameters_gives_its_part_of_the_sums() {
+        let (planes, view) = scene(NOISE);
+        let all = EdgeProblem::new(&planes, &free(), NOISE).evaluate(&view);
+        let all = all.unwrap().1;
+        for count in 0..=free().len() {
+            let some = free().leading(count);
+            let found = EdgeProblem::new(&planes, &some, NOISE).evaluate(&view);
+            let expected = all.leading(count);
+            for (found, expected) in found.unwrap().1.blocks.iter().zip(&expected.blocks) {
+                let near = |found: &DMatrix<f64>, expected: &DMatrix<f64>| {
+                    assert!(
+                        (found - expected).amax() <= 1e-9 * expected.amax(),
+                        "{count}"
+                    );
+                };
+                near(&found.hessian, &expected.hessian);
+                if count > 0 {
+                    near(&found.shared, &expected.shared);
+                    near(&found.cross, &expected.cross);
+                }
             }
         }
     }
