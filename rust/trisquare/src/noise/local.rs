@@ -107,6 +107,21 @@ impl Noise {
     }
 }
 
+impl Noise {
+    /// Marks the stray samples among the residuals that it was measured from: they do not count.
+    pub fn set_strays_aside(&self, planes: &[ObservedPlane], residuals: &mut Residuals) {
+        for ((plane, moments), residuals) in planes.iter().zip(&self.sides).zip(residuals) {
+            let mut first = 0;
+            for (side, moments) in plane.sides().zip(moments) {
+                for stray in &moments.strays {
+                    residuals[first + stray].counts = false;
+                }
+                first += side.samples.len();
+            }
+        }
+    }
+}
+
 /// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
 pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
     // The mean of the robust weights is below 1, as if the noise were that much smaller.

@@ -1,5 +1,7 @@
 //! One pass over a side's residuals: the sums that its smooth displacement follows from.
 
+use std::array;
+
 use nalgebra::{SMatrix, Vector2};
 
 use super::side_basis::{Basis, ORDERS, basis_by_polynomials, direction, places, places_on_arc};
@@ -9,6 +11,10 @@ use crate::refine::Residual;
 
 /// A sample tells no more of a misfit than one so many times the noise away.
 const FARTHEST: f64 = 1e3;
+
+/// Neighbours among which a sample may be alone, itself included: two stray samples side by side
+/// are still told from a bend.
+const NEIGHBOURS: usize = 5;
 
 /// `B^T W B` of the basis at the samples.
 pub(crate) type Gram = SMatrix<f64, ORDERS, ORDERS>;
@@ -29,8 +35,11 @@ pub(crate) struct SideMoments {
     pub places: Vec<f64>,
     /// With the weights of the robust loss.
     pub robust: Moments,
-    /// With the samples' own weights.
+    /// With the samples' own weights, but for stray ones.
     pub plain: Moments,
+    /// Indices of the stray samples: far off the line, and far off where their neighbours lie. A
+    /// bend takes these along.
+    pub strays: Vec<usize>,
     /// Weight of the best sample.
     pub strongest: f64,
 }
@@ -60,30 +69,37 @@ impl SideMoments {
             Curve::Line(_) => places(&side.samples, &along),
             Curve::Circle(_) => places_on_arc(&side.samples),
         };
-        let (robust, plain, strongest) = summed(&places, residuals, scale);
+        let (robust, plain, strongest, strays) = summed(&places, residuals, scale);
         Self {
             along,
             places,
             robust: Moments::of(&robust),
             plain: Moments::of(&plain),
+            strays,
             strongest,
         }
     }
 }
 
-/// The sums with the weights of the robust loss and with the samples' own, and the largest weight.
-fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f64) {
+/// The sums with the weights of the robust loss and with the samples' own, the largest weight, and
+/// the stray samples.
+fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f64, Vec<usize>) {
     let (mut robust, mut plain) = (Sums::new(), Sums::new());
-    let mut strongest = f64::MIN_POSITIVE;
-    for (places, residuals) in places.chunks(LANES).zip(residuals.chunks(LANES)) {
+    let (mut strongest, mut strays) = (f64::MIN_POSITIVE, Vec::new());
+    for first in (0..places.len()).step_by(LANES) {
+        let (places, own) = (&places[first..], &residuals[first..]);
         let mut at = [0.0; LANES];
-        at[..places.len()].copy_from_slice(places);
         let [mut weights, mut values, mut plain_weights, mut plain_values] = [[0.0; LANES]; 4];
-        for (i, residual) in residuals.iter().enumerate() {
+        for (i, (place, residual)) in places.iter().zip(own).take(LANES).enumerate() {
+            at[i] = *place;
             let to_noise = residual.weight / scale;
             strongest = strongest.max(to_noise);
             let value = residual.distance * to_noise;
             let (_, weight) = Loss::Tukey.cost_and_weight(value);
+            if weight == 0.0 && is_stray(residuals, first + i, scale) {
+                strays.push(first + i);
+                continue;
+            }
             let square = to_noise * to_noise;
             weights[i] = weight * square;
             values[i] = weights[i] * residual.distance;
@@ -94,5 +110,18 @@ fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f6
         robust.add(&terms, &weights, &values);
         plain.add(&terms, &plain_weights, &plain_values);
     }
-    (robust, plain, strongest)
+    (robust, plain, strongest, strays)
+}
+
+/// Whether the robust loss would give a sample no weight if its neighbours lay on the line, either.
+fn is_stray(residuals: &[Residual], index: usize, scale: f64) -> bool {
+    let Some(last) = residuals.len().checked_sub(NEIGHBOURS) else {
+        return false;
+    };
+    let first = index.saturating_sub(NEIGHBOURS / 2).min(last);
+    let to_noise = |residual: &Residual| residual.distance * residual.weight / scale;
+    let mut near: [f64; NEIGHBOURS] = array::from_fn(|k| to_noise(&residuals[first + k]));
+    near.sort_unstable_by(f64::total_cmp);
+    let off = to_noise(&residuals[index]) - near[NEIGHBOURS / 2];
+    Loss::Tukey.cost_and_weight(off).1 == 0.0
 }

@@ -20,17 +20,18 @@ pub(crate) struct Residual {
     pub normal: Vector2<f64>,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
-    /// Whether its side belongs to the scene; an outlier says nothing about the noise.
+    /// Whether the sample and its side belong to the scene; an outlier says nothing about the noise.
     pub counts: bool,
 }
 
 /// The residuals of all samples, by plane.
 pub(crate) type Residuals = Vec<Vec<Residual>>;
 
-/// Root mean square distance, in pixels.
-pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>) -> f64 {
+/// Root mean square distance, in pixels, of those that count, or of all if none does.
+pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual> + Clone) -> f64 {
+    let any_counts = residuals.clone().any(|residual| residual.counts);
     let (mut squares, mut count) = (0.0, 0.0);
-    for residual in residuals {
+    for residual in residuals.filter(|residual| residual.counts || !any_counts) {
         squares += residual.distance * residual.distance;
         count += 1.0;
     }

@@ -58,7 +58,7 @@ pub struct Plane {
     pub pose: Pose,
     /// Its four corners as observed (distorted), in pixels.
     pub corners: [Vector2<f64>; 4],
-    /// Root mean square distance of its samples, in pixels.
+    /// Root mean square distance of its samples that count, in pixels.
     pub rms: f64,
     /// Number of its samples.
     pub samples: usize,
@@ -147,7 +147,7 @@ pub struct Calibration<L: Lens = DefaultLens> {
     /// How far the samples of every figure are from the images of its lines, in the order in which
     /// the figures of planes were given.
     pub residuals: Vec<FigureResiduals>,
-    /// Root mean square distance of all samples to the images of their lines, in pixels.
+    /// Root mean square distance of the samples that count to the images of their lines, in pixels.
     pub rms: f64,
     /// What the given standard deviations had to be multiplied by to agree with the residuals.
     pub noise_scale: f64,

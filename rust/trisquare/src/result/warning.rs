@@ -71,6 +71,27 @@ pub enum Warning {
         /// Root mean square distance of its samples, px.
         distance: f64,
     },
+    /// Some samples are where their neighbours are not.
+    #[error(
+        "{samples} of all samples {} used: {} lies {distance:.2} px off its line, and its \
+         neighbours do not. Was it measured on another edge?",
+        if *.samples == 1 { "is not" } else { "are not" },
+        numbered_sample(*.samples, [*.plane, *.figure, *.side, *.sample])
+    )]
+    StraySamples {
+        /// How many.
+        samples: usize,
+        /// Index of the plane of the farthest one.
+        plane: usize,
+        /// Which of the plane's outlines.
+        figure: usize,
+        /// Which of the outline's sides, in the order of its samples.
+        side: usize,
+        /// Which of the side's samples.
+        sample: usize,
+        /// Its distance from the side's line, px.
+        distance: f64,
+    },
     /// One plane does not fit the camera that the others show.
     #[error(
         "plane {plane} was rejected: it disagrees with all others, by {distance:.2} px: is it a \
@@ -495,6 +516,17 @@ fn or_held(held: &[Text]) -> String {
     }
 }
 
+/// The farthest of some stray samples.
+fn numbered_sample(samples: usize, [plane, figure, side, sample]: [usize; 4]) -> String {
+    let which = if samples == 1 { "" } else { "the farthest, " };
+    let outline = if figure == 0 {
+        ""
+    } else {
+        " of the other outline"
+    };
+    format!("{which}sample {sample} of side {side}{outline} of plane {plane},")
+}
+
 /// What makes sides err together.
 fn cause_of_errors(height: Option<f64>) -> String {
     match height {
@@ -530,6 +562,7 @@ impl Warning {
         match self {
             Self::Disagreement(_) => "plane_disagrees",
             Self::SideRejected { .. } => "side_rejected",
+            Self::StraySamples { .. } => "stray_samples",
             Self::PlaneRejected { .. } => "plane_rejected",
             Self::PlanesContradict { .. } | Self::NoSquares { .. } => "planes_contradict",
             Self::PlanesVary { .. } => "planes_vary",
@@ -595,6 +628,7 @@ impl Warning {
             }
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
+            | Self::StraySamples { .. }
             | Self::PixelsNotUsed { .. }
             | Self::LinesNotUsed { sigmas: None }
             | Self::PartlyHidden { .. } => Severity::Low,
@@ -616,6 +650,7 @@ impl Warning {
         match self {
             Self::Disagreement(found) => Some(found.plane),
             Self::SideRejected { plane, .. }
+            | Self::StraySamples { plane, .. }
             | Self::PlaneRejected { plane, .. }
             | Self::SidesErrTogether { plane, .. }
             | Self::PartlyHidden { plane, .. } => Some(*plane),

@@ -80,7 +80,7 @@ impl<L: Lens> Calibration<L> {
                 .collect(),
             lines: Vec::new(),
             residuals: by_figure(planes, residuals),
-            rms: root_mean_square(residuals.iter().flatten().filter(|r| r.counts)),
+            rms: root_mean_square(residuals.iter().flatten()),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
             warnings: together.into_iter().chain(disagreement).collect(),

@@ -384,6 +384,7 @@ fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
 /// Names the outliers.
 fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     let mut warnings = Vec::new();
+    let mut strays = Vec::new();
     for (p, plane) in solution.planes.iter().enumerate() {
         let residuals = &solution.refined.residuals[p];
         if plane.is_outlier() {
@@ -392,22 +393,48 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
             continue;
         }
         let mut rest = &residuals[..];
-        for (f, figure) in plane.figures.iter().enumerate() {
-            for side in &figure.sides {
-                let (own, others) = rest.split_at(side.samples.len());
-                rest = others;
-                if side.is_outlier {
-                    warnings.push(Warning::SideRejected {
-                        plane: p,
-                        figure: f,
-                        side: side.number,
-                        distance: root_mean_square(own.iter()),
-                    });
-                }
+        for (f, side) in plane.sides_by_figure() {
+            let (own, others) = rest.split_at(side.samples.len());
+            rest = others;
+            if side.is_outlier {
+                warnings.push(Warning::SideRejected {
+                    plane: p,
+                    figure: f,
+                    side: side.number,
+                    distance: root_mean_square(own.iter()),
+                });
+                continue;
             }
+            let stray = own.iter().zip(&side.samples).filter(|(own, _)| !own.counts);
+            strays.extend(stray.map(|(own, sample)| Stray {
+                distance: own.distance.abs(),
+                place: [p, f, side.number, sample.index],
+            }));
         }
     }
+    let farthest = strays
+        .iter()
+        .max_by(|a, b| a.distance.total_cmp(&b.distance));
+    warnings.extend(farthest.map(|stray| {
+        let [plane, figure, side, sample] = stray.place;
+        Warning::StraySamples {
+            samples: strays.len(),
+            plane,
+            figure,
+            side,
+            sample,
+            distance: stray.distance,
+        }
+    }));
     warnings
+}
+
+/// A sample that is where its neighbours are not.
+struct Stray {
+    /// From its line, pixels.
+    distance: f64,
+    /// Plane, outline, side and sample.
+    place: [usize; 4],
 }
 
 #[cfg(test)]

@@ -15,6 +15,9 @@ const USUAL_SCATTER: f64 = 0.012;
 /// The planes contradict a principal point if it costs them so much (of chi-square).
 const CONTRADICTED: f64 = 18.0;
 
+/// Sweeps of the symmetric eigenvalue iteration; a few suffice.
+const MAX_SWEEPS: usize = 100;
+
 /// Warns where a principal point held at the picture's centre decides of `fx`, and no plane can say
 /// that it is elsewhere.
 ///
@@ -33,7 +36,7 @@ pub(crate) fn assumed_centre<L: Lens>(
     let position = found.position("fx")?;
     let scatter = USUAL_SCATTER * f64::from(found.image_size.width);
     let (information, response) = freed_centre(conditioning, factor)?;
-    let directions = SymmetricEigen::new(information);
+    let directions = SymmetricEigen::try_new(information, f64::EPSILON, MAX_SWEEPS)?;
     let open = (0..2).filter(|i| scatter.powi(2) * directions.eigenvalues[*i] < CONTRADICTED);
     let variance =
         open.map(|i| (scatter * response.dot(&directions.eigenvectors.column(i))).powi(2));
