@@ -165,7 +165,7 @@ def test_the_table_says_what_is_held_at_which_value(run, photo, tmp_path):
 def test_a_focal_length_needs_a_file_to_be_held_at(run, photo, tmp_path):
     outcome = run("calibrate", photo, "--fix", "focal", "-o", tmp_path / "camera.json")
     assert_refused(outcome, 2, tmp_path)
-    assert "--initial" in outcome[2]
+    assert outcome[2].endswith("give its value by a camera: --initial\n")
 
 
 def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):

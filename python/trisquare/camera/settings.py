@@ -61,9 +61,7 @@ class Settings:
         names, freed = checked_fix(fix), checked_free(free)
         held = None if initial is None else camera_of(initial, "initial")
         if "focal" in names and held is None:
-            raise ValueError(
-                "to fix the focal length, give its value by a camera: initial= (--initial)"
-            )
+            raise ValueError("to fix the focal length, give its value by a camera: initial=")
         if model == AUTO and (method == "linear" or "distortion" in names):
             raise ValueError(
                 'model="auto" needs method="ml" and a free distortion: otherwise name a model'
