@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 LONGEST_NAME = 100
 """Characters that are shown of a name from a file, which may be anything."""
@@ -38,3 +43,22 @@ def nearest_name(value: str, known: Iterable[str]) -> str | None:
     by_lower = {name.lower(): name for name in known}
     found = get_close_matches(value.lower(), by_lower, n=1)
     return by_lower[found[0]] if found else None
+
+
+def advising(advice: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Return a decorator that adds advice to the error of too few or too many arguments."""
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def called(*arguments: P.args, **keywords: P.kwargs) -> T:
+            try:
+                return function(*arguments, **keywords)
+            except TypeError as error:
+                own = error.__traceback__
+                if own is not None and own.tb_next is None:  # the function was not entered
+                    raise TypeError(f"{error}: {advice}") from None
+                raise
+
+        return called
+
+    return decorate

@@ -24,6 +24,7 @@ from trisquare._support.arrays import (
 )
 from trisquare._support.lengths import length_in
 from trisquare._support.number_text import plus_minus
+from trisquare._support.suggestions import advising
 from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.camera_of import camera_of
 from trisquare.results.calibration import Calibration
@@ -142,6 +143,7 @@ class Measurement(RebuiltByConstructor):
         return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
 
 
+@advising("measure(result.planes[0], points, result)")
 def measure(
     plane: Plane,
     points: npt.ArrayLike,

@@ -10,6 +10,7 @@ import numpy as np
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare._support.lengths import length_in
+from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import LOG, Gathered, gather
@@ -47,6 +48,7 @@ OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
 
 
+@advising("several photographs are one argument, calibrate([first, second])")
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
     *,

@@ -153,6 +153,17 @@ class Calibration(Record):
     fx is known to 0.074 px, from 3 planes
     """
 
+    # Without an annotation, lest it be among `__dataclass_fields__`.
+    other_names = MappingProxyType(
+        {
+            name: f"camera.{name}"
+            for name in (
+                *("K", "fx", "fy", "cx", "cy", "skew", "distortion", "model", "image_size"),
+                *("project", "unproject", "distort_points", "undistort_points", "undistorted"),
+            )
+        }
+    )
+
     camera: Camera
     std: Mapping[str, float] = field(
         metadata=member(Kind(_checked_deviations, JsonFields.numbers_by_name))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class Plane(Record):
     >>> plane.translation.round(2).tolist()  # in units of its side
     [-1.04, -0.57, 2.33]
     """
+
+    # Without an annotation, lest it be among `__dataclass_fields__`.
+    other_names = MappingProxyType(
+        {
+            "picture": "image",
+            "R": "rotation",
+            "t": "translation",
+            "pose": "cam_from_plane()",
+        }
+    )
 
     kind: str = field(metadata=member(TEXT))
     image: int = field(metadata=member(INDEX))

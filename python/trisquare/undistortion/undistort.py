@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -261,6 +262,11 @@ def undistort(
     (960, 1280)
     """
     taken_by = camera_of(camera)
+    if isinstance(balance, str | os.PathLike):
+        raise TypeError(
+            f"balance must be a number, not {type(balance).__name__}: undistort returns the "
+            "picture, cv2.imwrite writes it"
+        )
     picture = load_picture(image)
     if rescale:
         taken_by = taken_by.rescaled(picture_size(picture))

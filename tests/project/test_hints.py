@@ -1,0 +1,49 @@
+"""What natural mistakes are answered with."""
+
+import numpy as np
+import pytest
+
+import trisquare as ts
+
+
+@pytest.fixture(scope="module")
+def result():
+    lens = ts.Camera([[900, 0, 640], [0, 900, 480], [0, 0, 1]], np.zeros(5), (1280, 960))
+    plane = ts.Plane("square", 0, np.zeros((4, 2)), np.eye(3), [0, 0, 3], 0.01, 100)
+    told = ((), "ml", None, (), "edges")
+    return ts.Calibration(lens, {}, np.zeros((0, 0)), (), (plane,), 0.01, 1.0, *told)
+
+
+def test_a_name_of_another_class_is_answered_with_the_own_one(result):
+    with pytest.raises(AttributeError, match="no attribute 'picture': did you mean 'image'"):
+        _ = result.planes[0].picture
+    with pytest.raises(AttributeError, match=r"'fx': did you mean 'camera\.fx'"):
+        _ = result.fx
+    with pytest.raises(AttributeError, match=r"no attribute 'nonsense'$"):
+        _ = result.nonsense
+
+
+@pytest.mark.parametrize("kind", [ts.Plane, ts.Calibration])
+def test_the_names_that_are_meant_are_there(kind, result):
+    own = {ts.Plane: result.planes[0], ts.Calibration: result}[kind]
+    for name, meant in kind.other_names.items():
+        assert not hasattr(own, name)
+        eval(f"own.{meant}")  # fails where there is no such attribute
+
+
+@pytest.mark.parametrize(
+    ("call", "advice"),
+    [
+        (lambda _: ts.calibrate("a.jpg", "b.jpg"), r"one argument, calibrate\(\[first, second\]\)"),
+        (lambda it: ts.measure(it, [[1, 2], [3, 4]]), r"measure\(result\.planes\[0\], points"),
+        (lambda it: ts.undistort("a.jpg", it, "out.png"), r"cv2\.imwrite"),
+    ],
+)
+def test_a_wrong_call_is_answered_with_advice(call, advice, result):
+    with pytest.raises(TypeError, match=advice):
+        call(result)
+
+
+def test_an_error_within_a_call_is_left_alone(result):
+    with pytest.raises(TypeError, match=r"not int$"):
+        ts.measure(0, [[1, 2], [3, 4]], result)
