@@ -275,6 +275,21 @@ def test_command_measures_and_draws(run, files, scene, tmp_path):
     assert np.all(np.abs(errors) < members["lengths_std"])
 
 
+def test_command_says_how_much_of_the_uncertainty_is_that_of_the_points(run, files, scene):
+    photo, camera = files
+    points = as_points(seen(scene, TRIANGLE))
+    options = ("--camera", camera, "--plane", 0)
+    variances, printed = [], []
+    for std in (0, 0.01):
+        words = ("measure", photo, *options, "--point-std", std, *points)
+        variances.append(np.sum(np.square(json.loads(run(*words, "--json")[1])["lengths_std"])))
+        printed.append(run(*words)[1])
+    assert "the points" not in printed[0]
+    share = 1 - variances[0] / variances[1]
+    assert 0.1 < share < 0.99
+    assert f"0.01 px (--point-std), make up {100 * share:.0f} % of the variance" in printed[1]
+
+
 def test_command_takes_the_side_that_the_calibration_states(run, files, scene, tmp_path):
     photo, camera = files
     points = as_points(seen(scene, TRIANGLE))
@@ -288,7 +303,7 @@ def test_command_takes_the_side_that_the_calibration_states(run, files, scene, t
         heading, *lines = printed.splitlines()
         assert code == 0
         assert heading.endswith(f", side {number:g} {unit} as calibrated")
-        assert [line.split()[-1] for line in lines] == [unit] * 2 + ["degrees", f"{unit}^2"]
+        assert [line.split()[-1] for line in lines[:-1]] == [unit] * 2 + ["degrees", f"{unit}^2"]
         found = json.loads(run("measure", photo, "--camera", stated, *points, "--json")[1])
         given = run("measure", photo, "--camera", camera, "--side", side, *points, "--json")
         assert (found["unit"], found["side"]) == (unit, pytest.approx(number))

@@ -74,7 +74,12 @@ def measure_command(
         "such as 50mm; by default the one that the calibration states, or 1. Units: "
         f"{', '.join(METRES)}.",
     ),
-    point_std: float = option(CLICKED_STD, "PX", "Standard deviation of the given pixels."),
+    point_std: float = option(
+        CLICKED_STD,
+        "PX",
+        "Standard deviation of the given pixels, by default that of a click: most of the "
+        "uncertainty of a length comes from it.",
+    ),
     rectify: Path | None = option(None, "FILE", "Draw the plane from straight above, to scale."),
     resolution: float | None = option(
         None, "PX", "Pixels per unit of length in the view from above."
@@ -152,6 +157,9 @@ def measure_command(
     if len(pixels):
         measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
         lines += _lines(measured, length)
+        if point_std > 0.0:
+            exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
+            lines.append(_share_of_points(measured, exact, point_std))
         members |= _members(measured)
         warnings += _doubts(measured, pixels, planes, plane)
     if rectify is not None:
@@ -264,3 +272,12 @@ def _lines(measured: Measurement, length: Length) -> Iterator[str]:
         yield f"angle at {i + 2}: {plus_minus(value, std)} degrees"
     if measured.area is not None and measured.area_std is not None:
         yield f"area: {length.after(plus_minus(measured.area, measured.area_std), '^2')}"
+
+
+def _share_of_points(measured: Measurement, exact: Measurement, point_std: float) -> str:
+    """Say how much of the lengths' variance is that of the pixels that were given."""
+    share = 1.0 - float(np.sum(exact.lengths_std**2) / np.sum(measured.lengths_std**2))
+    return (
+        f"the points, taken as known to {point_std:g} px (--point-std), make up "
+        f"{100 * share:.0f} % of the variance of the lengths"
+    )
