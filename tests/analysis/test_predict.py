@@ -116,6 +116,11 @@ def test_predictions_and_plans_are_frozen_and_readable():
         ({"planes": []}, ts.NotEnoughPlanesError, "0 plane"),
         ({"planes": good_plan()[:1]}, ts.NotEnoughPlanesError, "1 plane"),
         ({"planes": [*good_plan()[:2], 3]}, AttributeError, "rotation"),
+        (
+            {"planes": [simulate.Target(np.eye(3), np.array([0, 0, 30.0]), kind="chessboard")]},
+            ValueError,
+            "not a chessboard: a PlannedSquare within its outline",
+        ),
         ({"sigma": 0}, ValueError, "positive"),
         ({"sigma": -1}, ValueError, "positive"),
         ({"sigma": np.nan}, ValueError, "sigma"),

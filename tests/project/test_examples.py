@@ -2,6 +2,7 @@
 
 import doctest
 import inspect
+import re
 
 import pytest
 
@@ -35,3 +36,16 @@ def test_there_is_an_example(name):
 def test_methods_are_among_them():
     assert {"Camera.load", "Calibration.to_json", "PlaneEdges.square"} < set(CALLED)
     assert len(CALLED) > 90
+
+
+def test_the_methods_that_are_named_exist():
+    named = [
+        (name, *found)
+        for name, public in CALLED.items()
+        for found in re.findall(r"`([A-Z]\w+)\.(\w+)", public.__doc__)
+        if found[0] in ts.__all__
+    ]
+    assert len(named) > 5
+    for name, kind, member in named:
+        known = getattr(ts, kind)
+        assert member in {*dir(known), *known.__annotations__}, f"{kind}.{member} in {name}"

@@ -227,7 +227,10 @@ def outlines_of(kind: str, inner: float | None = None) -> list[FloatArray]:
         If it is neither a square nor a frame.
     """
     if kind not in OUTLINED:
-        raise ValueError(f"a prediction needs squares, tags or frames, not a {kind}")
+        raise ValueError(
+            f"a prediction needs squares, tags or frames, not a {kind}: a PlannedSquare "
+            "within its outline says the least that it will tell"
+        )
     if kind != "frame":
         return [UNIT_SQUARE]
     return [UNIT_SQUARE, UNIT_SQUARE * (FRAME_HOLE if inner is None else inner)]

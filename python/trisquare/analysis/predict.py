@@ -116,7 +116,8 @@ def predict(
     camera : Calibration or Camera
         A guess of the camera: the standard deviations depend on it but weakly.
     planes : iterable of PlannedSquare, Plane or simulate.Target
-        Where the squares will stand. Squares of several photographs simply add up.
+        Where the squares will stand: squares, tags and frames, no boards. Squares of several
+        photographs simply add up.
     sigma : float
         Standard deviation of one edge sample across its edge, pixels. By default what targets
         printed on paper have, 2: they are not quite flat, so that neighbouring samples err
@@ -139,8 +140,8 @@ def predict(
     Raises
     ------
     ValueError
-        If a square is not wholly in the picture (the message numbers it), or for other bad
-        arguments.
+        If a square is not wholly in the picture (the message numbers it), a plane is of another
+        kind, or for other bad arguments.
     NotEnoughPlanesError, DegenerateGeometryError
         If the squares would not determine the camera; the message says why and what would help.
 

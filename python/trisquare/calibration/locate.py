@@ -63,7 +63,7 @@ def locate(
     Returns
     -------
     tuple of Plane
-        With poses whose ``uncertainty`` tells what `Plane.measure` needs.
+        With poses whose ``uncertainty`` tells what `measure` needs.
 
     Raises
     ------
