@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from importlib import resources
+from itertools import combinations
 from pathlib import Path
 from types import ModuleType
 
@@ -179,6 +180,56 @@ def test_the_reference_has_every_public_name_once():
         for name in re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)$", text, re.M)
     ]
     assert sorted(named) == sorted(set(ts.__all__) - {"__version__"})
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("README.md", 5), ("how-exact.md", 3), ("target.md", 16)]
+)
+def test_the_numbers_are_those_that_were_measured(name, count):
+    sections = dict(
+        re.findall(r"<!-- benchmark: (\S+) -->\n(.*?)(?=<!--|\Z)", page("measured.md"), re.DOTALL)
+    )
+    rows = re.findall(r"^\| .* \| (.+) \| `([\w.]+)` \|$", page(name), re.MULTILINE)
+    assert len(rows) == count
+    for number, benchmark in rows:
+        cells = re.findall(r"^\| [^|]+ \| ([^|]+) \|", sections[benchmark], re.MULTILINE)
+        assert any(re.match(rf"{re.escape(number)}(?![\d.])", cell) for cell in cells), number
+
+
+PHOTOGRAPHS = CHECKOUT.parent / "shared" / "data"
+ALL_PAIRS = {"orthogonal": [(0, 1), (0, 2), (1, 2)]}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PHOTOGRAPHS.is_dir(), reason="needs the photographs")
+@pytest.mark.parametrize(
+    ("row", "photographs", "options"),
+    [
+        ("wooden corner of three boards, left", "ortho-corner/left_calib.jpg", {}),
+        ("wooden corner of three boards, right", "ortho-corner/right_calib.jpg", {}),
+        ("left, `--orthogonal` of all three pairs", "ortho-corner/left_calib.jpg", ALL_PAIRS),
+        ("right, `--orthogonal` of all three pairs", "ortho-corner/right_calib.jpg", ALL_PAIRS),
+        ("13 of a chessboard", "opencv-chess", {}),
+    ],
+)
+def test_the_numbers_of_photographs_are_those_of_today(row, photographs, options):
+    (shown,) = re.findall(
+        rf"^\| {re.escape(row)}.* \| fx ([\d.]+) \+- ([\d.]+) \|$",
+        page("how-exact.md"),
+        re.MULTILINE,
+    )
+    found = ts.calibrate(PHOTOGRAPHS / photographs, **options)
+    decimals = len(shown[0].partition(".")[2])
+    assert shown == (f"{found.camera.fx:.{decimals}f}", f"{found.std['fx']:.{decimals}f}")
+    if "corner" in row:
+        angles = [
+            np.degrees(np.arccos(abs(one.rotation[:, 2] @ other.rotation[:, 2])))
+            for one, other in combinations(found.planes, 2)
+        ]
+        low, high = re.findall(
+            r"planes of the corner are at ([\d.]+) to ([\d.]+)", page("how-exact.md")
+        )[0]
+        assert float(low) - 0.05 < min(angles) < max(angles) < float(high) + 0.05
 
 
 def table_rows(text, heading):

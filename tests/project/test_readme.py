@@ -40,16 +40,6 @@ def test_the_commands_are_targets_of_the_makefile():
         assert re.search(rf"^{target}:", makefile, re.MULTILINE)
 
 
-def test_the_numbers_are_those_that_were_measured():
-    measured = (CHECKOUT / "docs" / "measured.md").read_text("utf-8")
-    sections = dict(re.findall(r"<!-- benchmark: (\S+) -->\n(.*?)(?=<!--|\Z)", measured, re.DOTALL))
-    rows = re.findall(r"^\| .* \| (.+) \| `([\w.]+)` \|$", README, re.MULTILINE)
-    assert len(rows) == 5
-    for number, benchmark in rows:
-        cells = re.findall(r"^\| [^|]+ \| ([^|]+) \|", sections[benchmark], re.MULTILINE)
-        assert any(re.match(rf"{re.escape(number)}(?![\d.])", cell) for cell in cells), number
-
-
 def test_it_is_short():
     assert len(README.splitlines()) <= MOST_LINES
 
