@@ -75,7 +75,9 @@ def folder(given, tmp_path, monkeypatch):
     ],
 )
 def test_what_a_page_shows_runs(name, folder, capsys):
-    run_page(name, capsys)
+    names = run_page(name, capsys)
+    if name == "batch.md":  # its two nights are of one camera
+        assert (names["changed"], names["found"].same) == ([], True)
 
 
 def test_a_text_that_differs_is_told():
