@@ -112,6 +112,24 @@ def test_limits_for_production_decide_the_exit_code(batch, folder):
     assert "Limits" in (folder / "out/summary.html").read_text()
 
 
+def test_those_that_passed_with_a_high_warning_are_told(batch, folder):
+    assert batch("in", "-o", "out")[0] == 0
+    records = folder / "out/results.jsonl"
+    first, second = map(json.loads, records.read_text().splitlines())
+    first["warnings"] = [{"code": "glare", "severity": "high", "text": "glare"}]
+    records.write_text("".join(json.dumps(own) + "\n" for own in (first, second)))
+    code, out, _ = batch("in", "-o", "out")
+    assert code == 0
+    assert "(0 done now): 2 passed (1 with a warning of high severity), 0 beyond" in out
+    answer = json.loads(batch("in", "-o", "out", "--json")[1])
+    assert (answer["passed"], answer["passed_with_high_warning"]) == (2, 1)
+    (folder / "limits.toml").write_text('[warnings]\nmost = "medium"\n')
+    code, out, _ = batch("in", "-o", "out", "--limits", "limits.toml")
+    assert code == 6
+    assert "1 passed, 1 beyond the limits" in out
+    assert "a: beyond limits: warnings: glare is high, above medium" in out
+
+
 def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
     (folder / "in" / "bad\x1b[31m.png").write_text("hello")
     (folder / "empty").mkdir()

@@ -32,6 +32,11 @@ def violations(tmp_path, text, record=RECORD):
         ("[noise_scale]\nleast = 0.5\nmost = 2", []),
         ("[k3]\nmost = 1", ["k3: the model radial1 has none"]),
         ("[std.cx]\nmost = 1", ["std.cx: the model radial1 has none, or holds it"]),
+        ('[std.fx]\nmost = "0.05 %"', []),
+        ('[std.fx]\nmost = "0.04 %"', ["std.fx 0.05 % is above 0.04 %"]),
+        ('[std.k1]\nleast = "1.1 %"', ["std.k1 1 % is below 1.1 %"]),
+        ('[std.cx]\nmost = "1 %"', ["std.cx: the model radial1 has none, or holds it"]),
+        ('[warnings]\nmost = "none"', []),
     ],
 )
 def test_cameras_pass_or_not(tmp_path, text, expected):
@@ -39,6 +44,29 @@ def test_cameras_pass_or_not(tmp_path, text, expected):
     assert len(found) == len(expected)
     for own, beginning in zip(found, expected, strict=True):
         assert own.startswith(beginning)
+
+
+@pytest.mark.parametrize(
+    ("most", "expected"),
+    [
+        ("high", []),
+        ("medium", ["warnings: glare is high, above medium"]),
+        ("low", ["warnings: glare is high, bent is medium, above low"]),
+    ],
+)
+def test_warnings_may_be_so_severe(tmp_path, most, expected):
+    warnings = [
+        {"code": code, "severity": severity, "text": ""}
+        for code, severity in (("glare", "high"), ("bent", "medium"), ("bent", "medium"))
+    ]
+    record = RECORD | {"warnings": warnings}
+    assert violations(tmp_path, f'[warnings]\nmost = "{most}"', record) == expected
+
+
+def test_a_parameter_of_zero_is_known_to_no_part_of_it(tmp_path):
+    record = RECORD | {"values": {"fx": 1000.0, "k1": 0.0}}
+    found = violations(tmp_path, '[std.k1]\nmost = "1 %"', record)
+    assert found == ["std.k1 inf % is above 1 %"]
 
 
 @pytest.mark.parametrize(
@@ -56,6 +84,12 @@ def test_cameras_pass_or_not(tmp_path, text, expected):
         ('[fx]\nmost = "1"', "real numbers"),
         ("[fx]\nmost = true", "real numbers"),
         ("[fx]\nleast = 2\nmost = 1", "least is above most"),
+        ('[std.fx]\nleast = 1\nmost = "1 %"', r"\[std\.fx\] least must be in per cent"),
+        ('[std.fx]\nmost = "1"', "as \"1 %\", not '1'"),
+        ('[warnings]\nmost = "hihg"', "unknown severity 'hihg': did you mean 'high'"),
+        ("[warnings]\nmost = 1", "unknown severity '1'"),
+        ('[warnings]\nleast = "low"', r"\[warnings\] unknown key 'least'"),
+        ("[warnings]", "must be a table with most"),
         ("fx = 1", "must be a table"),
         ("[fx]", "must be a table"),
         ("std = 1", "unknown parameter 'std'"),

@@ -10,7 +10,7 @@ from batches import record_of
 import trisquare as ts
 from trisquare.batch.fleet import Distribution, Fleet, verdict
 from trisquare.batch.page import MOST_SHOWN, summary_page
-from trisquare.batch.requirements import Requirement
+from trisquare.batch.requirements import Requirement, WarningRequirement
 from trisquare.batch.summary import columns, rows, write_csv, write_parquet
 
 STD = 0.5
@@ -199,6 +199,21 @@ def count(cameras, fleet):
 
     with tempfile.TemporaryDirectory() as folder:
         return write_csv(f"{folder}/x.csv", rows(cameras, fleet, LIMITS), ["name"])
+
+
+def test_the_page_has_the_limits_and_those_that_passed_with_a_high_warning():
+    warnings = [
+        {"code": "x", "severity": severity, "text": "blurred"} for severity in ("low", "high")
+    ]
+    cameras = [camera("a"), camera("b", warnings=warnings), camera("c", 2000.0, warnings=warnings)]
+    fleet = Fleet.of(cameras)
+    limits = [*LIMITS, Requirement("std.fx", None, 0.5, " %"), WarningRequirement("high")]
+    page = summary_page(rows(cameras, fleet, limits), fleet, count(cameras, fleet), limits)
+    text = " ".join(page.decode().split())
+    assert "2 passed (1 with a warning of high severity), 1 beyond the limits" in text
+    assert '<td class="number">0.5 %</td>' in text
+    assert '<td class="number">high</td>' in text
+    assert [own.get("severity") for own in rows(cameras, fleet, limits)] == ["", "high", "high"]
 
 
 def test_the_page_of_a_thousand_failures_can_be_opened():

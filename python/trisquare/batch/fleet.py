@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.batch.requirements import Requirement
+from trisquare.batch.requirements import AnyRequirement
 
 FEWEST = 8
 """Cameras of a kind whose spread is known well enough to call one of them an outlier."""
@@ -156,7 +156,7 @@ class Verdict:
 
 
 def verdict(
-    record: Mapping[str, Any], fleet: Fleet, requirements: Sequence[Requirement]
+    record: Mapping[str, Any], fleet: Fleet, requirements: Sequence[AnyRequirement]
 ) -> Verdict:
     """Judge a camera by its record, its fleet and the limits for production."""
     if record.get("earlier"):

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from trisquare._support.html_pages import page_environment
 from trisquare._support.number_text import with_its_std
 from trisquare.batch.fleet import FEWEST, OUTLYING, Distribution, Fleet
-from trisquare.batch.requirements import PARAMETERS, Requirement
+from trisquare.batch.requirements import PARAMETERS, AnyRequirement
 from trisquare.batch.summary import Counts
 
 MOST_SHOWN = 200
@@ -47,7 +47,7 @@ def summary_page(
     rows: Iterable[Mapping[str, Any]],
     fleet: Fleet,
     counts: Counts,
-    requirements: Sequence[Requirement],
+    requirements: Sequence[AnyRequirement],
 ) -> bytes:
     """Lay out the page, in UTF-8; the same for the same arguments."""
     beyond: list[Mapping[str, Any]] = []

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from trisquare._support.json_members import JsonFields, parse_json
+from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import Job
 from trisquare.batch.requirements import OTHERS, PARAMETERS
+from trisquare.results.calibration_warning import SEVERITIES
 
 LARGEST = 1e100
 """Of a camera's numbers: those of a damaged line are not to overflow in the summary."""
@@ -50,8 +52,10 @@ def _check_camera(fields: JsonFields) -> None:
     for name in OTHERS:
         _check_number(fields.value(name), 0.0)
     for warning in fields.objects("warnings"):
-        for member in ("code", "severity", "text"):
-            warning.text(member)
+        warning.text("code")
+        warning.text("text")
+        if (severity := warning.text("severity")) not in SEVERITIES:
+            raise unknown("severity", severity, SEVERITIES)
 
 
 def _check_number(value: Any, least: float) -> None:

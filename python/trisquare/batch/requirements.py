@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from trisquare._support.paths import naming, read_text
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import PathLike
 from trisquare.camera.lens_models import COEFFICIENTS
+from trisquare.results.calibration_warning import SEVERITIES
 
 PARAMETERS = tuple(
     dict.fromkeys(
@@ -20,6 +22,10 @@ PARAMETERS = tuple(
 )
 OTHERS = ("rms_px", "noise_scale", "planes")
 KEYS = ("nominal", "within", "least", "most")
+
+WARNINGS = "warnings"
+NO_WARNING = "none"
+SEVERITIES_ALLOWED = (*SEVERITIES, NO_WARNING)
 
 MOST_CHARACTERS = 10_000
 """Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory
@@ -30,15 +36,28 @@ PER_CENT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*")
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One number of a camera and its bounds, each of which may be None."""
+    """One number of a camera and its bounds, each of which may be None.
+
+    Attributes
+    ----------
+    name : str
+        As `quantity` has it.
+    least, most : float or None
+    unit : {"", " %"}
+        Of the bounds: per cent of a standard deviation's parameter.
+    """
 
     name: str
     least: float | None
     most: float | None
+    unit: str = ""
 
     def violation(self, record: Mapping[str, Any]) -> str | None:
         """Say how a camera's record is beyond the bounds; None if it is not."""
         value = quantity(record, self.name)
+        if value is not None and self.unit:
+            parameter = quantity(record, self.name.removeprefix("std."))
+            value = 100.0 * value / abs(parameter) if parameter else math.inf
         if value is None:
             return f"{self.name}: the model {record['model']} has none, or holds it"
         for bound, is_beyond, word in (
@@ -46,8 +65,42 @@ class Requirement:
             (self.most, self.most is not None and value > self.most, "above"),
         ):
             if is_beyond:
-                return f"{self.name} {value:.6g} is {word} {bound:.6g}"
+                return f"{self.name} {value:.6g}{self.unit} is {word} {bound:.6g}{self.unit}"
         return None
+
+    @property
+    def bounds(self) -> tuple[str, str]:
+        """The least and the most as texts, empty where there is none."""
+        least, most = (
+            "" if bound is None else f"{bound:.6g}{self.unit}" for bound in (self.least, self.most)
+        )
+        return least, most
+
+
+@dataclass(frozen=True, slots=True)
+class WarningRequirement:
+    """The highest severity that a camera's warnings may have, or ``"none"``."""
+
+    most: str
+    name: str = WARNINGS
+
+    def violation(self, record: Mapping[str, Any]) -> str | None:
+        """Say which warnings are more severe; None if none is."""
+        allowed = SEVERITIES_ALLOWED.index(self.most)
+        beyond = dict.fromkeys(
+            f"{own['code']} is {own['severity']}"
+            for own in record["warnings"]
+            if SEVERITIES_ALLOWED.index(own["severity"]) < allowed
+        )
+        return f"warnings: {', '.join(beyond)}, above {self.most}" if beyond else None
+
+    @property
+    def bounds(self) -> tuple[str, str]:
+        """As of a `Requirement`."""
+        return "", self.most
+
+
+AnyRequirement = Requirement | WarningRequirement
 
 
 def quantity(record: Mapping[str, Any], name: str) -> float | None:
@@ -58,11 +111,13 @@ def quantity(record: Mapping[str, Any], name: str) -> float | None:
     return None if value is None else float(value)
 
 
-def read_requirements(path: PathLike) -> list[Requirement]:
+def read_requirements(path: PathLike) -> list[AnyRequirement]:
     """Read limits for production from a TOML file.
 
     A table for each number: ``[fx]``, ``[std.cx]``, ``[rms_px]``, ``[noise_scale]``, ``[planes]``,
-    with ``least`` and ``most``, or ``nominal`` and ``within`` (a number, or ``"1 %"``).
+    with ``least`` and ``most``, or ``nominal`` and ``within`` (a number, or ``"1 %"``). Of a
+    standard deviation ``least`` and ``most`` may be in per cent of its parameter. ``[warnings]``
+    has the highest severity allowed, ``most = "medium"``.
 
     Raises
     ------
@@ -97,25 +152,37 @@ def _tables(document: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
                 if parameter not in PARAMETERS:
                     raise unknown("parameter", parameter, PARAMETERS)
                 yield f"std.{parameter}", own
-        elif name in (*PARAMETERS, *OTHERS):
+        elif name in (*PARAMETERS, *OTHERS, WARNINGS):
             yield name, table
         else:
             raise unknown(
                 "parameter",
                 name,
-                (*PARAMETERS, *OTHERS),
-                f"a parameter, std.PARAMETER, {', '.join(OTHERS)}",
+                (*PARAMETERS, *OTHERS, WARNINGS),
+                f"a parameter, std.PARAMETER, {', '.join((*OTHERS, WARNINGS))}",
             )
 
 
-def _requirement(name: str, table: Any) -> Requirement:
+def _requirement(name: str, table: Any) -> AnyRequirement:
+    keys = ("most",) if name == WARNINGS else KEYS
     if not isinstance(table, dict) or not table:
-        raise ValueError(f"[{name}] must be a table with {', '.join(KEYS)}")
+        raise ValueError(f"[{name}] must be a table with {', '.join(keys)}")
     for key in table:
-        if key not in KEYS:
-            raise ValueError(f"[{name}] {unknown('key', key, KEYS)}")
+        if key not in keys:
+            raise ValueError(f"[{name}] {unknown('key', key, keys)}")
+    if name == WARNINGS:
+        if table["most"] not in SEVERITIES_ALLOWED:
+            raise ValueError(
+                f"[{name}] {unknown('severity', str(table['most']), SEVERITIES_ALLOWED)}"
+            )
+        return WarningRequirement(table["most"])
+    bounds = {key: table[key] for key in ("least", "most") if key in table}
+    unit = ""
+    if name.startswith("std.") and any(isinstance(own, str) for own in bounds.values()):
+        unit = " %"
+        bounds = {key: _per_cent(name, key, own) for key, own in bounds.items()}
     least, most = (
-        None if key not in table else _number(name, key, table[key]) for key in ("least", "most")
+        None if key not in bounds else _number(name, key, bounds[key]) for key in ("least", "most")
     )
     if ("nominal" in table) != ("within" in table):
         raise ValueError(f"[{name}] nominal and within belong together")
@@ -127,7 +194,7 @@ def _requirement(name: str, table: Any) -> Requirement:
         least, most = nominal - within, nominal + within
     if least is not None and most is not None and least > most:
         raise ValueError(f"[{name}] least is above most")
-    return Requirement(name, least, most)
+    return Requirement(name, least, most, unit)
 
 
 def _number(name: str, key: str, value: Any) -> float:
@@ -139,11 +206,16 @@ def _number(name: str, key: str, value: Any) -> float:
 
 def _within(name: str, value: Any, nominal: float) -> float:
     if isinstance(value, str):
-        match = PER_CENT.fullmatch(value)
-        if match is None:
-            raise ValueError(f'[{name}] within must be a number or as "1 %", not {value!r}')
-        return abs(nominal) * float(match[1]) / 100.0
+        return abs(nominal) * _per_cent(name, "within", value) / 100.0
     within = _number(name, "within", value)
     if within < 0:
         raise ValueError(f"[{name}] within must not be negative, but is {within}")
     return within
+
+
+def _per_cent(name: str, key: str, value: Any) -> float:
+    match = PER_CENT.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        expected = "a number or" if key == "within" else "in per cent like the other bound,"
+        raise ValueError(f'[{name}] {key} must be {expected} as "1 %", not {value!r}')
+    return float(match[1])

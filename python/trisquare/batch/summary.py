@@ -11,12 +11,23 @@ from typing import Any
 
 from trisquare._support.writing import PathLike, replacing
 from trisquare.batch.fleet import Fleet, verdict
-from trisquare.batch.requirements import OTHERS, PARAMETERS, Requirement
+from trisquare.batch.requirements import OTHERS, PARAMETERS, AnyRequirement
+from trisquare.results.calibration_warning import SEVERITIES
 
 CHUNK = 5_000
 """Rows of a Parquet file that are in memory at a time."""
 
-TEXTS = ("name", "status", "error", "model", "beyond_limits", "outlying", "retake", "warnings")
+TEXTS = (
+    "name",
+    "status",
+    "error",
+    "model",
+    "beyond_limits",
+    "outlying",
+    "retake",
+    "severity",
+    "warnings",
+)
 WHOLE = ("width", "height", "planes")
 
 
@@ -24,10 +35,12 @@ WHOLE = ("width", "height", "planes")
 class Counts:
     """How many cameras of a batch there are of each status.
 
-    Those of earlier runs that this one was not given count nowhere else.
+    Those of earlier runs that this one was not given count nowhere else. Those that passed with a
+    warning of high severity are among those that passed.
     """
 
     passed: int
+    passed_with_high_warning: int
     beyond_limits: int
     failed: int
     earlier: int
@@ -46,7 +59,7 @@ class Counts:
 
 
 def rows(
-    records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[Requirement]
+    records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[AnyRequirement]
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each camera: the columns of `columns`, those that do not apply left out."""
     for record in records:
@@ -62,6 +75,7 @@ def rows(
             row["model"] = record["model"]
             row["beyond_limits"] = "; ".join(found.violations)
             row["outlying"] = "; ".join(found.outlying)
+            row["severity"] = _highest_severity(record)
             row["warnings"] = "; ".join(own["code"] for own in record["warnings"])
             row |= {name: record[name] for name in OTHERS} | record["values"]
             row |= {f"std_{name}": std for name, std in record["std"].items()}
@@ -84,6 +98,7 @@ def columns(fleet: Fleet) -> list[str]:
         "beyond_limits",
         "outlying",
         "retake",
+        "severity",
         "warnings",
         "photographs",
     ]
@@ -98,13 +113,15 @@ def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequen
         If it cannot be written.
     """
     reasons = ("retake", "outlying")
-    counts = dict.fromkeys(("passed", "beyond limits", "failed", "earlier", *reasons), 0)
+    high = "passed with high"
+    counts = dict.fromkeys(("passed", high, "beyond limits", "failed", "earlier", *reasons), 0)
     with replacing(path) as file:
         text = io.TextIOWrapper(file, "utf-8", "backslashreplace", newline="", write_through=True)
         table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         for row in rows:
             counts[row["status"]] += 1
+            counts[high] += (row["status"], row.get("severity")) == ("passed", SEVERITIES[0])
             for reason in reasons:
                 counts[reason] += bool(row.get(reason))
             table.writerow({**row, "photographs": ";".join(row["photographs"])})
@@ -155,3 +172,9 @@ def _text(value: Any) -> Any:
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode()
     return [_text(own) for own in value] if isinstance(value, list) else value
+
+
+def _highest_severity(record: Mapping[str, Any]) -> str:
+    """Return that of a camera's warnings, empty without any."""
+    found = {warning["severity"] for warning in record["warnings"]}
+    return next((severity for severity in SEVERITIES if severity in found), "")

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from trisquare.batch.fleet import Fleet
 from trisquare.batch.inputs import camera_pattern, find_jobs
 from trisquare.batch.limits import JobLimits
-from trisquare.batch.requirements import Requirement, read_requirements
+from trisquare.batch.requirements import AnyRequirement, read_requirements
 from trisquare.batch.run import WINDOW, Submission, finished
 from trisquare.batch.store import Store
 from trisquare.batch.summary import (
@@ -175,6 +175,7 @@ def batch_command(
         "cameras": counts.total,
         "done_now": done,
         "passed": counts.passed,
+        "passed_with_high_warning": counts.passed_with_high_warning,
         "beyond_limits": counts.beyond_limits,
         "failed": counts.failed,
         "earlier": counts.earlier,
@@ -271,7 +272,7 @@ def mpi_executor() -> Executor:
 
 
 def _write_summary(
-    output: Path, store: Store, requirements: list[Requirement], parquet: bool
+    output: Path, store: Store, requirements: list[AnyRequirement], parquet: bool
 ) -> tuple[Fleet, Counts, list[str]]:
     fleet = Fleet.of(store.records())
     shown = columns(fleet)
@@ -297,10 +298,13 @@ def _report(
     output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
 ) -> list[RenderableType]:
     noun = "camera" if counts.total == 1 else "cameras"
+    high = ""
+    if counts.passed_with_high_warning:
+        high = f" ({counts.passed_with_high_warning} with a warning of high severity)"
     lines = [
         f"{output}: {counts.total} {noun} ({done} done now): {counts.passed} "
-        f"passed, {counts.beyond_limits} beyond the limits, {counts.failed} failed; photographs "
-        f"of {counts.retake} to take again, {counts.outlying} unlike the others"
+        f"passed{high}, {counts.beyond_limits} beyond the limits, {counts.failed} failed; "
+        f"photographs of {counts.retake} to take again, {counts.outlying} unlike the others"
     ]
     if counts.earlier:
         noun, are, do = (
