@@ -106,6 +106,8 @@ def test_limits_for_production_decide_the_exit_code(batch, folder):
     code, out, _ = batch("in", "-o", "out", "--limits", "limits.toml")
     assert code == 6
     assert "0 passed, 2 beyond the limits, 0 failed" in out
+    answer = json.loads(batch("in", "-o", "out", "--limits", "limits.toml", "--json")[1])
+    assert answer["limits"] == ["std.fx <= 1e-09"]
     assert "a: beyond limits: std.fx" in out
     (folder / "limits.toml").write_text("[std.fx]\nmost = 1e9\n")
     assert batch("in", "-o", "out", "--limits", "limits.toml", "-q") == (0, "", "")

@@ -63,6 +63,20 @@ def test_warnings_may_be_so_severe(tmp_path, most, expected):
     assert violations(tmp_path, f'[warnings]\nmost = "{most}"', record) == expected
 
 
+def test_limits_are_named_in_one_line(tmp_path):
+    path = tmp_path / "limits.toml"
+    path.write_text(
+        '[fx]\nnominal = 1000\nwithin = "1 %"\n[planes]\nleast = 3\n[std.fx]\nmost = "0.5 %"\n'
+        '[warnings]\nmost = "low"\n'
+    )
+    assert [str(own) for own in read_requirements(path)] == [
+        "990 <= fx <= 1010",
+        "planes >= 3",
+        "std.fx <= 0.5 %",
+        "warnings <= low",
+    ]
+
+
 def test_a_parameter_of_zero_is_known_to_no_part_of_it(tmp_path):
     record = RECORD | {"values": {"fx": 1000.0, "k1": 0.0}}
     found = violations(tmp_path, '[std.k1]\nmost = "1 %"', record)

@@ -13,9 +13,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from batches import make_pictures, quick
+from batches import SIZE, make_pictures, quick
+from scenes import squares
 
 import trisquare as ts
+from trisquare import simulate
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.run import Submission, finished
 from trisquare.batch.workers import Workers
@@ -240,6 +242,20 @@ def test_cameras_are_calibrated_as_alone(tmp_path):
     assert not found["b"].is_done
     with pytest.raises(ValueError, match="b: ValueError"):
         _ = found["b"].calibration
+
+
+def test_a_failure_has_what_was_found_and_rejected(tmp_path):
+    """As `error_members` has it in this process."""
+    picture = simulate.render(squares(3, count=1, image_size=SIZE), np.random.default_rng(3))
+    picture[300:, 380:] = 20  # a shape that the border cuts
+    cv2.imwrite(str(tmp_path / "a.png"), picture)
+    with pytest.raises(ts.TrisquareError) as caught:
+        ts.calibrate(tmp_path / "a.png")
+    (own,) = ts.calibrate_many([ts.Job("a", (tmp_path / "a.png",))], workers=1)
+    assert own.record["format"] == "trisquare-batch-record/1"
+    assert own.record["error"] == ts.error_members(caught.value)
+    assert len(own.record["error"]["found"]) == 1
+    assert own.record["error"]["rejected"]
 
 
 def test_limits_of_size_hold_in_every_format(tmp_path):

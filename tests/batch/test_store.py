@@ -153,7 +153,7 @@ def test_lines_of_others_are_dropped(tmp_path):
 @pytest.mark.parametrize(
     "damage",
     [
-        *({name: None} for name in record_of(job("a")) if name != "software"),
+        *({name: None} for name in record_of(job("a")) if name not in ("format", "software")),
         *({name: "12"} for name in ("image_size", "values", "std", "rms_px", "planes", "warnings")),
         *({name: float("nan")} for name in ("rms_px", "noise_scale")),
         {"key": 3},
@@ -163,6 +163,8 @@ def test_lines_of_others_are_dropped(tmp_path):
         {"values": {"fz": 1.0}},
         {"std": {"fx": -1.0}},
         {"warnings": [{"code": "a"}]},
+        {"warnings": [{"code": "a", "text": "b", "severity": "dire"}]},
+        {"format": "trisquare-batch-record/2"},
         {"status": "failed"},
         {"status": "failed", "error": {"code": "DetectionError"}, "limits": {}},
         {"status": "failed", "error": {"code": "A", "text": "b"}, "limits": [1]},

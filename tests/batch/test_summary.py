@@ -154,6 +154,8 @@ def test_the_table_holds_every_number(tmp_path):
     assert read[-3]["status"] == "beyond limits"
     assert read[-3]["beyond_limits"] == "fx 1100 is above 1050"
     assert read[-2]["error"] == "DetectionError"
+    assert {own["limits"] for own in read} == {"fx <= 1050"}
+    assert {own["format"] for own in read} == {"trisquare-batch-table/1"}
     write_parquet(tmp_path / "summary.parquet", rows(CAMERAS, fleet, LIMITS), shown)
     table = pyarrow.parquet.read_table(tmp_path / "summary.parquet").to_pylist()
     assert list(table[0]) == shown

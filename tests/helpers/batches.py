@@ -31,6 +31,7 @@ def make_pictures(folder, names):
 
 def record_of(job, **more):
     return {
+        "format": "trisquare-batch-record/1",
         "name": job.name,
         "status": "done",
         "photographs": list(job.photographs),

@@ -8,6 +8,7 @@ from trisquare._support.json_members import JsonFields, parse_json
 from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import Job
 from trisquare.batch.requirements import OTHERS, PARAMETERS
+from trisquare.batch.worker import RECORD_FORMAT
 from trisquare.results.calibration_warning import SEVERITIES
 
 LARGEST = 1e100
@@ -24,6 +25,8 @@ def record_in(line: bytes) -> dict[str, Any]:
     """
     record = parse_json(line)
     fields = JsonFields(record)
+    if fields.has("format"):  # which older lines lack
+        fields.check_format(RECORD_FORMAT)
     for name in ("name", "key", "status"):
         fields.text(name)
     fields.texts("photographs")

@@ -76,6 +76,12 @@ class Requirement:
         )
         return least, most
 
+    def __str__(self) -> str:
+        least, most = self.bounds
+        if not most:
+            return f"{self.name} >= {least}"
+        return " <= ".join(filter(None, (least, self.name, most)))
+
 
 @dataclass(frozen=True, slots=True)
 class WarningRequirement:
@@ -98,6 +104,9 @@ class WarningRequirement:
     def bounds(self) -> tuple[str, str]:
         """As of a `Requirement`."""
         return "", self.most
+
+    def __str__(self) -> str:
+        return f"{self.name} <= {self.most}"
 
 
 AnyRequirement = Requirement | WarningRequirement

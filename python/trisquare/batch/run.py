@@ -37,9 +37,9 @@ class JobResult(Frozen):
     ----------
     job : Job
     record : mapping
-        The line of ``results.jsonl``: ``name``, ``status`` (``"done"`` or ``"failed"``),
-        ``photographs``, and either ``values``, ``std``, ``rms_px``, ``noise_scale``, ``planes``
-        and ``warnings``, or ``error`` as `error_members` has it.
+        The line of ``results.jsonl``: ``format``, ``name``, ``status`` (``"done"`` or
+        ``"failed"``), ``photographs``, ``software``, and either ``values``, ``std``, ``rms_px``,
+        ``noise_scale``, ``planes`` and ``warnings``, or ``error`` as `error_members` has it.
     json : str or None
         The calibration as JSON; None if it failed.
 

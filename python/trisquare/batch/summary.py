@@ -14,6 +14,8 @@ from trisquare.batch.fleet import Fleet, verdict
 from trisquare.batch.requirements import OTHERS, PARAMETERS, AnyRequirement
 from trisquare.results.calibration_warning import SEVERITIES
 
+TABLE_FORMAT = "trisquare-batch-table/1"
+
 CHUNK = 5_000
 """Rows of a Parquet file that are in memory at a time."""
 
@@ -27,6 +29,8 @@ TEXTS = (
     "retake",
     "severity",
     "warnings",
+    "limits",
+    "format",
 )
 WHOLE = ("width", "height", "planes")
 
@@ -62,6 +66,7 @@ def rows(
     records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[AnyRequirement]
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each camera: the columns of `columns`, those that do not apply left out."""
+    limits = "; ".join(map(str, requirements))
     for record in records:
         found = verdict(record, fleet, requirements)
         row: dict[str, Any] = {
@@ -69,6 +74,8 @@ def rows(
             "status": found.status,
             "photographs": record["photographs"],
             "retake": "; ".join(found.retake),
+            "limits": limits,
+            "format": TABLE_FORMAT,
         }
         if record["status"] == "done":
             row["width"], row["height"] = record["image_size"]
@@ -101,6 +108,8 @@ def columns(fleet: Fleet) -> list[str]:
         "severity",
         "warnings",
         "photographs",
+        "limits",
+        "format",
     ]
 
 

@@ -27,6 +27,8 @@ Answer = tuple[dict[str, Any], "str | None"]
 
 READY = "ready"
 
+RECORD_FORMAT = "trisquare-batch-record/1"
+
 # Jobs come as pickles, for a lens may be among their options. Answers are lines of JSON: what has
 # read the files of strangers is not to be unpickled.
 
@@ -66,11 +68,8 @@ def success(job: Job, result: Any) -> dict[str, Any]:
     from trisquare.results.calibration_warning import warning_members
 
     return {
-        "name": job.name,
-        "status": "done",
-        "photographs": list(job.photographs),
+        **_heading(job, "done"),
         "file": f"cameras/{job.file_name}",
-        "software": __version__,
         "image_size": list(result.camera.image_size),
         "model": result.camera.model,
         "values": named_numbers(result.camera),
@@ -95,13 +94,22 @@ class AnyJob(Protocol):
 
 
 def failure(job: AnyJob, code: str, text: str) -> dict[str, Any]:
-    """Return the record of a job that failed, as `error_members` has its error."""
+    """Return the record of a job that failed without an error of its own."""
+    return failed_with(job, code_members(code, text))
+
+
+def failed_with(job: AnyJob, error: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of a job that failed with an error, as `error_members` has it."""
+    return {**_heading(job, "failed"), "error": error}
+
+
+def _heading(job: AnyJob, status: str) -> dict[str, Any]:
     return {
+        "format": RECORD_FORMAT,
         "name": job.name,
-        "status": "failed",
+        "status": status,
         "photographs": list(job.photographs),
         "software": __version__,
-        "error": code_members(code, text),
     }
 
 
@@ -168,8 +176,7 @@ def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> An
         allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
         return failure(job, "MemoryError", f"{str(error) or 'not enough memory'} ({allowed})"), None
     except BaseException as error:  # a panic of the core is no Exception
-        members = error_members(error)
-        return failure(job, members["code"], members["text"]), None
+        return failed_with(job, error_members(error)), None
     finally:
         faulthandler.cancel_dump_traceback_later()
 
