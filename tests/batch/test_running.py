@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from batches import SIZE, make_pictures, quick
+from batches import SIZE, encoded, make_pictures, quick
 from scenes import squares
 
 import trisquare as ts
@@ -44,8 +44,19 @@ def test_a_process_that_dies_takes_its_own_job_only():
     for name, record in found.items():
         assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
     assert found["die-1"]["error"]["text"] == (
-        "its process died 2 times (SIGKILL). The usual cause is too little memory: max_memory "
-        "allows 4 GB"
+        "probably the system is out of memory, its process died 2 times (SIGKILL): run fewer jobs "
+        "at a time, or lower max_pixels, 500000000"
+    )
+
+
+def test_a_process_that_ends_itself_is_said_to_lack_memory():
+    """So does the core, where it does not get the memory that it asks for."""
+    found = outcomes(jobs_of("abort-1", "a"), max_memory=2e9)
+    assert code_of(found["a"]) == "done"
+    assert code_of(found["abort-1"]) == "MemoryError"
+    assert found["abort-1"]["error"]["text"] == (
+        "probably out of memory, its process died 2 times (SIGABRT): allow more than max_memory, "
+        "2 GB, or lower max_pixels, 500000000"
     )
 
 
@@ -115,6 +126,18 @@ def test_a_job_that_eats_memory_is_given_up():
     found = outcomes(jobs_of("eat-1", "a"), max_memory=2e8)
     assert code_of(found["a"]) == "done"
     assert found["eat-1"]["error"]["text"] == "not enough memory (max_memory allows 0.2 GB)"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded on Linux")
+@pytest.mark.parametrize("megabytes", [0.001, 5, 20, 120, 200])
+def test_too_little_memory_is_always_told_as_such(tmp_path, megabytes):
+    """By the decoder, by Python, by the core, or by a thread that cannot start."""
+    picture = cv2.resize(cv2.imdecode(np.frombuffer(encoded(0), np.uint8), 1), None, fx=9, fy=9)
+    cv2.imwrite(str(tmp_path / "a.png"), picture)
+    limits = {"max_memory": 1e6 * megabytes, "workers": 1}
+    (own,) = ts.calibrate_many([ts.Job("a", (tmp_path / "a.png",))], **limits)
+    assert code_of(own.record) == "MemoryError"
+    assert "max_memory" in own.record["error"]["text"]
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])

@@ -36,7 +36,7 @@ CURES = {
     "ConvergenceError": "the targets do not fit one camera: are they flat squares?",
     "TimeLimitError": "the picture takes too long: a hostile file, or --max-seconds is too little",
     "WorkerDiedError": "the process died of it: a hostile file, or too little memory",
-    "MemoryError": "the picture is too large: --max-memory allows more",
+    "MemoryError": "the picture is too large: raise --max-memory, or refuse it by --max-pixels",
 }
 
 

@@ -169,8 +169,11 @@ def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> An
     A watchdog that waits for nobody ends the process if it takes too long.
     """
     seconds = min(limits.max_seconds, threading.TIMEOUT_MAX)
-    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.stderr)
     try:
+        try:
+            faulthandler.dump_traceback_later(seconds, exit=True, file=sys.stderr)
+        except RuntimeError as error:  # its thread has no room
+            raise MemoryError from error
         return work(job, limits)
     except MemoryError as error:
         allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"

@@ -26,9 +26,12 @@ LARGEST_SIZE = 2**62
 ENDING = 5.0
 """Seconds that a process that closed its output has to end by itself: how it ends is told."""
 
-MEMORY_ENDS = ("SIGKILL", "SIGABRT")
-"""How processes end that lack memory, and cannot say so themselves as a ``MemoryError``: the system
-ends them, or they end themselves where an allocation fails."""
+ALLOCATION_FAILED = "SIGABRT"
+"""How a process ends itself where compiled code lacks memory: what Python asks for and does not get
+is a ``MemoryError`` there."""
+
+KILLED = "SIGKILL"
+"""How the system ends a process where it lacks memory."""
 
 ONE_THREAD = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")},
@@ -110,9 +113,14 @@ class Workers:
                 self._idle.append(process)
             return record, calibration
         text = f"its process died {ATTEMPTS} times ({how})"
-        if how in MEMORY_ENDS:
+        pixels = f"or lower max_pixels, {self._limits.max_pixels}"
+        if how == ALLOCATION_FAILED:
             memory = f"{self._limits.max_memory / 1e9:.3g} GB"
-            text += f". The usual cause is too little memory: max_memory allows {memory}"
+            advice = f"allow more than max_memory, {memory}, {pixels}"
+            return failure(job, "MemoryError", f"probably out of memory, {text}: {advice}"), None
+        if how == KILLED:
+            advice = f"run fewer jobs at a time, {pixels}"
+            text = f"probably the system is out of memory, {text}: {advice}"
         return failure(job, "WorkerDiedError", text), None
 
     def close(self) -> None:
