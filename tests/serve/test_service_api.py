@@ -377,6 +377,35 @@ def test_a_damaged_body_is_an_error(client, content, kind):
 
 
 @pytest.mark.parametrize(
+    ("route", "expected"),
+    [
+        ("find", "send multipart/form-data with the fields picture, options"),
+        ("report", "send multipart/form-data with the fields picture, result, options"),
+        ("predict", "send a JSON object"),
+    ],
+)
+def test_a_photograph_as_the_body_is_told_what_to_send(client, route, expected):
+    kind = {"content-type": "image/png"}
+    error = error_of(client.post(f"/api/{route}", content=PHOTO, headers=kind), 400)
+    assert error["text"].endswith(f": {expected}")
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        (["photo"], "unknown field 'photo': choose one of picture, result, options"),
+        (["picture", "resutl"], "did you mean 'result'? choose one of picture, result, options"),
+        (["camera"], "unknown field 'camera'"),
+        (["picture", "result", "result"], "the field 'result' is given twice"),
+        (["options", "options"], "the field 'options' is given twice"),
+    ],
+)
+def test_a_field_that_a_route_does_not_know_is_refused(client, fields, text):
+    files = [(field, ("a", b"{}")) for field in fields]
+    assert text in error_of(client.post("/api/overlay", files=files), 400)["text"]
+
+
+@pytest.mark.parametrize(
     ("route", "options"),
     [
         ("calibrate", {"targets": "/etc/layout.json"}),

@@ -27,7 +27,7 @@ from trisquare.formats.registry import FORMATS
 from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
 from trisquare.serve.schema import api_schema
-from trisquare.serve.tasks import CONTENT, Task
+from trisquare.serve.tasks import CONTENT, FILES, Task
 from trisquare.serve.uploads import Upload, received
 
 UPLOAD_SECONDS = 300.0
@@ -208,7 +208,7 @@ async def _run(jobs: Jobs, name: str, request: Request) -> Response:
     with place:
         try:
             with anyio.fail_after(UPLOAD_SECONDS):
-                upload = await received(request, place.folder)
+                upload = await received(request, place.folder, FILES[name])
         except (ValueError, TypeError) as error:
             return problem(**error_members(error))
         except TimeoutError:

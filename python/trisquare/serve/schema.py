@@ -8,7 +8,7 @@ from trisquare._core import __version__
 from trisquare.batch.limits import JobLimits
 from trisquare.formats.registry import FORMAT_NAMES
 from trisquare.serve.limits import MOST_PICTURES
-from trisquare.serve.tasks import TASKS
+from trisquare.serve.tasks import FILES, TASKS
 
 POINTS = {
     "type": "array",
@@ -126,20 +126,6 @@ MEDIA: dict[str, tuple[str, ...]] = {
     "report": ("text/html",),
     "convert": ("text/plain",),
 }
-
-FILES: dict[str, tuple[str, ...]] = {
-    "find": ("picture",),
-    "calibrate": ("picture",),
-    "predict": (),
-    "overlay": ("picture", "result"),
-    "undistort": ("picture", "camera"),
-    "preview": ("picture",),
-    "frames": ("picture",),
-    "report": ("picture", "result"),
-    "convert": ("camera",),
-    "compare": ("first", "second"),
-}
-"""What must be sent with a request; `picture` may be repeated where several make sense."""
 
 SEVERAL = ("calibrate", "report")
 

@@ -22,6 +22,20 @@ TASKS: Mapping[str, Sequence[str]] = {
 }
 """The options that each task knows."""
 
+FILES: Mapping[str, tuple[str, ...]] = {
+    "find": ("picture",),
+    "calibrate": ("picture",),
+    "predict": (),
+    "overlay": ("picture", "result"),
+    "undistort": ("picture", "camera"),
+    "preview": ("picture",),
+    "frames": ("picture",),
+    "report": ("picture", "result"),
+    "convert": ("camera",),
+    "compare": ("first", "second"),
+}
+"""Files that must be sent with a request; `picture` may be repeated where several make sense."""
+
 CONTENT = "answer.bin"
 """The file in the task's folder that holds an answer which is a file."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from starlette.datastructures import UploadFile
 from starlette.requests import Request
 
+from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import safe_file_name
 from trisquare.serve.limits import MOST_PICTURES
 
@@ -31,8 +32,8 @@ class Upload:
     options: dict[str, Any]
 
 
-async def received(request: Request, folder: Path) -> Upload:
-    """Read the body of a request: a form, or JSON that is the options.
+async def received(request: Request, folder: Path, known: Sequence[str]) -> Upload:
+    """Read the body of a request: a form with files of the fields known, or JSON of options.
 
     Files keep their names as far as these are names and nothing else, so that messages and
     outlines can say them.
@@ -44,8 +45,13 @@ async def received(request: Request, folder: Path) -> Upload:
     HTTPException
         If the form is damaged.
     """
+    fields = (*known, "options")
     if not request.headers.get("content-type", "").startswith("multipart/form-data"):
-        return Upload((), {}, _options(await request.body()))
+        try:
+            return Upload((), {}, _options(await request.body()))
+        except ValueError as error:
+            sent = f"multipart/form-data with the fields {', '.join(fields)}"
+            raise ValueError(f"{error}: send {sent if known else 'a JSON object'}") from error
     photographs: list[str] = []
     files: dict[str, str] = {}
     options: dict[str, Any] | None = None
@@ -53,7 +59,11 @@ async def received(request: Request, folder: Path) -> Upload:
         max_files=MOST_PICTURES + MOST_FIELDS, max_fields=MOST_FIELDS, max_part_size=LARGEST_FIELD
     ) as form:
         for field, value in form.multi_items():
-            if field == "options" and options is None:
+            if field not in fields:
+                raise unknown("field", field, fields)
+            if field in files or (field == "options" and options is not None):
+                raise ValueError(f"the field {field!r} is given twice")
+            if field == "options":
                 options = _options(value if isinstance(value, str) else await value.read())
             elif not isinstance(value, UploadFile):
                 raise ValueError(f"the field {field!r} must be a file")
@@ -61,10 +71,8 @@ async def received(request: Request, folder: Path) -> Upload:
                 if len(photographs) == MOST_PICTURES:
                     raise ValueError(f"more than {MOST_PICTURES} pictures")
                 photographs.append(await _kept(value, folder, photographs))
-            elif field in ("result", "camera", "first", "second") and field not in files:
-                files[field] = await _kept(value, folder, (*photographs, *files.values()), field)
             else:
-                raise ValueError(f"the field {field!r} is unknown, or is given twice")
+                files[field] = await _kept(value, folder, (*photographs, *files.values()), field)
     return Upload(tuple(photographs), files, options or {})
 
 
