@@ -120,6 +120,28 @@ def test_a_picture_of_another_size_than_most_is_left_out(tmp_path, paths):
     assert (result.camera.fx, result.std) == (alone.camera.fx, alone.std)
 
 
+def test_an_initial_camera_of_another_size_is_told_before_anything_is_searched(monkeypatch):
+    from trisquare.measurement import measure
+
+    known = ts.calibrate(PICTURES[0]).camera
+    small = [picture[:-2] for picture in PICTURES]
+
+    def unwanted(*arguments):
+        raise AssertionError("a picture is searched")
+
+    monkeypatch.setattr(measure, "search", unwanted)
+    for pictures in (small[0], small, BLANK[:-2]):
+        with pytest.raises(ValueError, match=r"pictures of 1280 x 960, these have 1280 x 958"):
+            ts.calibrate(pictures, initial=known)
+
+
+def test_pictures_of_another_size_than_most_do_not_go_with_the_initial_camera():
+    known = ts.calibrate(PICTURES[0]).camera
+    result = ts.calibrate([PICTURES[0][:-2], *PICTURES], initial=known)
+    assert [warning.code for warning in result.warnings] == ["other_size"]
+    assert [plane.image for plane in result.planes] == [1, 1, 1, 2, 2, 2]
+
+
 def test_pictures_of_different_depth_need_one_stated_tone():
     deep = BLANK.astype(np.uint16) * 257
     with pytest.raises(ValueError, match=r"picture 1 has uint16 pixels.* give one tone curve"):

@@ -238,9 +238,16 @@ def calibrate_photographs(
     threads = thread_count(threads, len(photographs))
     camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
     sought = Sought.check(
-        kinds, tone, outlines, photographs.sources, lines=lines, camera_held=camera_held
+        kinds,
+        tone,
+        outlines,
+        photographs.sources,
+        lines=lines,
+        camera_held=camera_held,
+        image_size=None if settings.initial is None else settings.initial.image_size,
     )
     gathered = gather(photographs, sought, progress, threads=threads, explain_all=explain)
+    settings.check_image_size(gathered.image_size)
     by_hand = outlines is not None
     try:
         if not gathered.figures:

@@ -33,6 +33,9 @@ class Sought:
         Whether the lines of the scene are found as well.
     camera_held : bool
         Whether nothing of the camera is estimated.
+    image_size : (int, int) or None
+        Of the initial camera, if one is given: in photographs of another size nothing is looked
+        for, since they are left out or all are refused.
     """
 
     kinds: TargetKinds
@@ -40,6 +43,7 @@ class Sought:
     drawings: Annotations | None
     lines: bool
     camera_held: bool
+    image_size: tuple[int, int] | None
 
     @classmethod
     def check(
@@ -51,6 +55,7 @@ class Sought:
         *,
         lines: bool,
         camera_held: bool,
+        image_size: tuple[int, int] | None,
     ) -> Sought:
         """Check the arguments, and read the outlines that are drawn on the `sources`.
 
@@ -65,7 +70,7 @@ class Sought:
         if not sources:
             raise ValueError("no picture given")
         drawings = None if outlines is None else Annotations.read(outlines, sources)
-        return cls(kinds, checked, drawings, lines, camera_held)
+        return cls(kinds, checked, drawings, lines, camera_held, image_size)
 
     def tone_of(self, photograph: Photograph) -> str | float:
         """Return the tone curve of a photograph.
@@ -142,13 +147,14 @@ def measured_photograph(
 
     photograph = load()
     tone, annotated = sought.tone_of(photograph), sought.annotated_on(photograph)
-    # In one that was given before nothing is looked for either.
-    looked_at = () if photograph.repeats else annotated
+    size = picture_size(photograph.pixels)
+    is_of_use = not photograph.repeats and sought.image_size in (None, size)
+    looked_at = annotated if is_of_use else ()
     measured = measure(photograph.pixels, sought.kinds, tone, looked_at)
     if not is_alone:
         measured = measured._replace(search=measured.search.reduced())
     nothing, lines = "", []
-    if not photograph.repeats:
+    if is_of_use:
         if not measured.figures:
             nothing = _nothing_in(photograph.pixels, sought.kinds, annotated)
         if sought.lines:
@@ -157,7 +163,7 @@ def measured_photograph(
             lines = lines_beside(photograph.pixels, measured.figures)
     return MeasuredPhotograph(
         photograph.name,
-        picture_size(photograph.pixels),
+        size,
         photograph.remarks.items(),
         annotated,
         measured,

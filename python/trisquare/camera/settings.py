@@ -85,18 +85,20 @@ class Settings:
             return fitted
         return self.initial.model
 
-    def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
-        """Return the initial camera as the core takes it; it must be of the pictures' size."""
-        if self.initial is None:
-            return None
-        if self.initial.image_size != image_size:
+    def check_image_size(self, image_size: tuple[int, int]) -> None:
+        """Raise ValueError where the initial camera is not of the pictures' size."""
+        if self.initial is not None and self.initial.image_size != image_size:
             own, other = ("{} x {}".format(*size) for size in (self.initial.image_size, image_size))
             raise ValueError(
                 f"the initial camera is for pictures of {own}, these have {other}: if only the "
                 "resolution differs, scale it (Camera.rescaled; trisquare convert --rescale "
                 f"{image_size[0]}x{image_size[1]})"
             )
-        return camera_for_core(self.initial)
+
+    def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
+        """Return the initial camera as the core takes it; it must be of the pictures' size."""
+        self.check_image_size(image_size)
+        return None if self.initial is None else camera_for_core(self.initial)
 
 
 def _alike(camera: Camera) -> list[str]:
