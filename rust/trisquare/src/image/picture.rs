@@ -14,10 +14,7 @@ pub enum PictureError {
         channels: usize,
     },
     /// The number of values is not `width * height * channels`, or it is zero.
-    #[error(
-        "a picture of {width} x {height} pixels with {channels} channel(s) needs as many values, and at \
-         least one, not {count}"
-    )]
+    #[error("{}", size_text(*width, *height, *channels, *count))]
     Size {
         /// Pixels in a row.
         width: usize,
@@ -187,6 +184,27 @@ fn green<T: Copy>(values: &[T]) -> Vec<T> {
     values.iter().skip(1).step_by(3).copied().collect()
 }
 
+/// What is wrong with the number of values; rows that are too long are told as padded.
+fn size_text(width: usize, height: usize, channels: usize, count: usize) -> String {
+    let picture = format!("a picture of {width} x {height} pixels with {channels} channel(s)");
+    let Some(row) = width
+        .checked_mul(channels)
+        .filter(|row| *row > 0 && height > 0)
+    else {
+        return format!("{picture} is none: {count} values are given");
+    };
+    let needed = row.saturating_mul(height);
+    let stride = count / height;
+    let padded = match count.is_multiple_of(height) && stride > row {
+        true => format!(
+            ": if each row of {stride} values ends in {} of padding, leave these out",
+            stride - row
+        ),
+        false => String::new(),
+    };
+    format!("{picture} needs {needed} values, {row} a row without padding, not {count}{padded}")
+}
+
 fn check(width: usize, height: usize, channels: usize, count: usize) -> Result<(), PictureError> {
     if channels != 1 && channels != 3 {
         return Err(PictureError::Channels { channels });
@@ -216,6 +234,18 @@ mod tests {
             PictureError::Channels { channels: 2 }
         );
         assert!(Picture::from_u8(2, 2, 1, vec![0; 5]).is_err());
+        let told = |width, height, count| {
+            let refused = Picture::from_u8(width, height, 3, vec![0; count]);
+            refused.unwrap_err().to_string()
+        };
+        assert_eq!(
+            told(5, 4, 64),
+            "a picture of 5 x 4 pixels with 3 channel(s) needs 60 values, 15 a row without \
+             padding, not 64: if each row of 16 values ends in 1 of padding, leave these out"
+        );
+        assert!(told(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));
+        assert!(told(0, 4, 64).ends_with("is none: 64 values are given"));
+        assert!(told(usize::MAX, 1, 1).ends_with("is none: 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
     }

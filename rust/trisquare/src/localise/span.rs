@@ -63,8 +63,8 @@ impl EdgeSpan {
             Some("its bounds and crossings must be indices of the spans that are given with it")
         } else if !self.crossings.is_empty() && self.crossings.len() != self.path.len() {
             Some("its crossings must be one for each point of its path, or none")
-        } else if self.margin.iter().any(|margin| margin.is_nan()) {
-            Some("its margins must be numbers")
+        } else if !self.margin.iter().all(|margin| *margin >= 0.0) {
+            Some("its margins must be numbers that are not negative")
         } else {
             None
         }
