@@ -175,6 +175,7 @@ def test_a_wrong_plane_is_refused(change, error, message):
         ({"std": {"fx": 1.0, "cx": 1.0}}, ValueError, "cy"),
         ({"std": {"fx": math.nan, "cx": 1.0, "cy": 1.0}}, ValueError, "fx"),
         ({"parameters": "fx"}, TypeError, "parameters"),
+        ({"parameters": ("fx", "cx", "fx")}, ValueError, "parameters has fx twice"),
         ({"rms": math.inf}, ValueError, "rms"),
         ({"warnings": "odd"}, TypeError, "warnings"),
         ({"method": None}, TypeError, "method"),
@@ -292,6 +293,17 @@ def test_a_missing_or_wrong_member_is_named(path):
             named = "camera.fx"
         with pytest.raises(ValueError, match=named):
             Calibration.from_json(text)
+
+
+@pytest.mark.parametrize(("place", "value"), [((0, 1), 0.01), ((1, 1), -0.16), ((1, 2), math.pi)])
+def test_a_matrix_that_is_no_covariance_is_refused(place, value):
+    row, column = place
+
+    def replace(parent, name):
+        parent[name][row][column] = value
+
+    with pytest.raises(ValueError, match='"covariance" must be symmetric and positive'):
+        Calibration.from_json(changed(("covariance",), replace))
 
 
 @pytest.mark.parametrize(

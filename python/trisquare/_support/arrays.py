@@ -19,8 +19,6 @@ NORMAL_MEDIAN = 0.6745
 
 # No camera comes near; float64 resolves 1e-7 px so far out.
 LARGEST_SIDE = 10**9
-# Of a correlation: covariances come from inverting information that may be ill-conditioned.
-COVARIANCE_ROUNDING = 1e-6
 # What the compiled core counts with.
 LARGEST_INDEX = 2**63 - 1
 
@@ -132,28 +130,6 @@ def size_of_image(value: Any) -> tuple[int, int]:
             f"image_size must be positive and at most {LARGEST_SIDE}, not {size!s:.60}"
         )
     return size
-
-
-def is_covariance(matrix: FloatArray) -> bool:
-    """Tell whether a square matrix is symmetric and positive semidefinite, to rounding.
-
-    Judged as a correlation matrix: the parameters' units differ by many powers of ten.
-    """
-    std = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if np.any(np.diag(matrix) < 0.0):
-        return False
-    # What is known exactly is correlated with nothing.
-    unit = np.where(std > 0.0, std, 1.0)
-    with np.errstate(over="ignore"):
-        correlation = matrix / unit[:, None] / unit
-    if not np.all(np.abs(correlation) <= 1.0 + COVARIANCE_ROUNDING):
-        return False
-    if np.any(np.abs(correlation - correlation.T) > COVARIANCE_ROUNDING):
-        return False
-    if np.any(correlation[std == 0.0] != 0.0):
-        return False
-    values = np.linalg.eigvalsh(0.5 * (correlation + correlation.T))
-    return bool(np.all(values >= -COVARIANCE_ROUNDING))
 
 
 def not_negative(value: Any, name: str) -> float:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy.typing as npt
 
+import trisquare._core as _core
 from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
     instances,
-    is_covariance,
     not_negative,
     real_array,
     real_number,
@@ -201,6 +201,9 @@ class Calibration(Record):
         size = len(self.parameters)
         covariance = real_array(self.covariance, "covariance", (size, size))
         object.__setattr__(self, "covariance", covariance)
+        twice = [name for name in self.parameters if self.parameters.count(name) > 1]
+        if twice:
+            raise ValueError(f"parameters has {twice[0]} twice")
         missing = [name for name in self.parameters if name not in self.std]
         if missing:
             raise ValueError(f"std lacks the free parameters {', '.join(missing)}")
@@ -439,7 +442,9 @@ class Calibration(Record):
         members = JsonFields.parse(text, RESULT_FORMAT)
         size = len(members.texts("parameters"))
         covariance = members.array("covariance", (size, size))
-        if not is_covariance(covariance):  # the directions' variances, of which numpy takes roots
+        if not _core.is_covariance(
+            covariance
+        ):  # the directions' variances, of which numpy takes roots
             raise ValueError('"covariance" must be symmetric and positive semidefinite')
         image_size = members.integers("image_size")
         edges = members.objects("edges") if members.has("edges") else ()

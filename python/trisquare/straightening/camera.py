@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+import trisquare._core as _core
 from trisquare._support.arrays import (
     FloatArray,
     RebuiltByConstructor,
-    is_covariance,
     real_array,
     real_number,
     size_of_image,
@@ -107,7 +107,7 @@ class UnscaledCamera(RebuiltByConstructor):
         object.__setattr__(self, "image_size", size_of_image(self.image_size))
         for name, shape in (("coefficients", (2,)), ("centre", (2,)), ("covariance", (4, 4))):
             object.__setattr__(self, name, real_array(getattr(self, name), name, shape))
-        if not is_covariance(self.covariance):
+        if not _core.is_covariance(self.covariance):
             raise ValueError("covariance must be symmetric and positive semidefinite")
 
     @property

@@ -240,6 +240,12 @@ fn uncertain<'a, L: Lens>(
     })
 }
 
+/// Whether a matrix is symmetric and positive semidefinite, to rounding.
+#[pyfunction]
+pub fn is_covariance(matrix: PyReadonlyArray2<'_, f64>) -> bool {
+    trisquare::internals::is_covariance(&arrays::matrix(&matrix))
+}
+
 /// Covariance, in pixels, of the projections of the directions seen at pixels.
 #[pyfunction]
 #[pyo3(signature = (camera, pixels))]

@@ -30,9 +30,10 @@ mod _core {
     #[pymodule_export]
     use crate::lens::{
         can_project, can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
-        largest_rectangle, nearest_lens, points_on_plane, points_on_plane_with_covariance,
-        project_points, projection_covariance, undistort_pixels, undistorted_view,
-        unproject_pixels, valid_pixel_radius, valid_radius, view_directions, view_pixels,
+        is_covariance, largest_rectangle, nearest_lens, points_on_plane,
+        points_on_plane_with_covariance, project_points, projection_covariance, undistort_pixels,
+        undistorted_view, unproject_pixels, valid_pixel_radius, valid_radius, view_directions,
+        view_pixels,
     };
     #[pymodule_export]
     use crate::linear::{

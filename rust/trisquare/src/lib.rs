@@ -25,7 +25,8 @@
 //! A lens of your own is a type with the trait [`Lens`]: `tests/any_lens/equidistant.rs` of the package is
 //! a short one, which runs through the whole pipeline.
 //!
-//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4, `undistort` is 8. Straight lines
+//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4, `boards` has several figures
+//! on each plane, `undistort` is 8. Straight lines
 //! without squares have [`fit_distortion`] alone. [`predict`] says beforehand how well planes would
 //! determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
 //!
@@ -122,7 +123,7 @@ pub use uncertainty::{
 pub mod internals {
     pub use crate::image::GreyBytes;
     pub use crate::lens::{largest_rectangle, monotonic_radius};
-    pub use crate::numeric::cdf;
+    pub use crate::numeric::{cdf, is_covariance};
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
         ArcLimits, FittedQuad, FourSided, GreyFloats, Lattice, POINTS_PER_SIDE, SideLimits, Sides,

@@ -80,6 +80,18 @@ fn members_that_stored_options_do_not_have_are_the_defaults() {
 }
 
 #[test]
+fn members_that_options_do_not_know_are_refused() {
+    for (text, expected) in [
+        (r#"{"fixd": {"aspect": true}}"#, "unknown field `fixd`"),
+        (r#"{"fixed": {"aspct": true}}"#, "unknown field `aspct`"),
+        (r#"{"model": "Fisheye9"}"#, "unknown variant `Fisheye9`"),
+    ] {
+        let refused = serde_json::from_str::<Options<Fisheye>>(text).unwrap_err();
+        assert!(refused.to_string().contains(expected), "{refused}");
+    }
+}
+
+#[test]
 fn a_choice_of_models_is() {
     let scene = Scene::random(4, SceneOptions::default());
     let edges = scene.edges(2, 0.1, 12.0);
@@ -166,7 +178,24 @@ fn a_calibration_whose_fields_contradict_each_other_is_refused() {
     for (member, other, expected) in [
         ("/covariance", smaller.clone(), "covariance is 2 x 2"),
         ("/covariance/0/0", json!(-1.0), "covariance must be finite"),
+        (
+            "/covariance/0/1",
+            json!(1e3),
+            "covariance must be finite, symmetric",
+        ),
         ("/parameters", json!(["fx"]), "parameters has 1 names"),
+        ("/parameters/1", json!("fx"), "parameters has fx twice"),
+        ("/rms", json!(-0.1), "rms must not be negative, but is -0.1"),
+        (
+            "/noise_scale",
+            json!(-1.0),
+            "noise_scale must not be negative",
+        ),
+        (
+            "/planes/1/rms",
+            json!(-0.1),
+            "planes[1].rms must not be negative",
+        ),
         (
             "/residual_correlation/added",
             smaller,

@@ -1,10 +1,11 @@
 //! Numerical tools that know nothing of cameras: normal equations in the shape of an arrow, damped
-//! least squares, interpolation, robust losses, the normal and the chi-squared distribution.
+//! least squares, interpolation, robust losses, covariances, the normal and the chi-squared distribution.
 
 mod arrowhead;
 mod block_equations;
 mod chebyshev;
 mod chi_square;
+mod covariance;
 mod each;
 mod levenberg;
 mod normal;
@@ -19,6 +20,7 @@ pub(crate) use chebyshev::{
 };
 pub use chi_square::chi_square_tail;
 pub(crate) use chi_square::normal_deviate;
+pub use covariance::is_covariance;
 pub(crate) use each::each;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;

@@ -18,7 +18,7 @@ const LARGEST_PARAMETER: f64 = 1e9;
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
-    serde(default)
+    serde(default, deny_unknown_fields)
 )]
 pub struct Fixed {
     /// The ratio `fy / fx`.
@@ -47,7 +47,8 @@ impl Default for Fixed {
 
 /// Everything a caller may decide about a calibration, and with which lens.
 ///
-/// Of stored ones, members that are absent have their defaults, as those of an older version may.
+/// Of stored ones, members that are absent have their defaults, as those of an older version may;
+/// members that are not known are refused.
 ///
 /// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other; what differs is
 /// named:
@@ -67,6 +68,7 @@ impl Default for Fixed {
     derive(serde::Serialize, serde::Deserialize),
     serde(
         default = "Options::new",
+        deny_unknown_fields,
         bound(
             serialize = "L::Model: serde::Serialize",
             deserialize = "L::Model: serde::Deserialize<'de>"
@@ -106,6 +108,19 @@ impl Default for Options {
 
 impl<L: Lens> Options<L> {
     /// Maximum likelihood, the lens's default model, and nothing but the skew held.
+    ///
+    /// The default model has few of a lens's coefficients, since each that is free takes certainty
+    /// from the others: `k1` and `k2` of [`Brown`](crate::Brown), and likewise of
+    /// [`Rational`](crate::Rational) and [`ThinPrism`](crate::ThinPrism), all four of a
+    /// [`Fisheye`](crate::Fisheye). All coefficients of a lens are free in its richest model:
+    ///
+    /// ```
+    /// use trisquare::{Options, Rational, RationalModel};
+    ///
+    /// let few = Options::<Rational>::new();
+    /// assert_eq!(few.model, RationalModel::Brown(trisquare::BrownModel::Radial2));
+    /// let all = Options::<Rational> { model: RationalModel::Rational, ..Options::new() };
+    /// ```
     pub fn new() -> Self {
         Self {
             method: Method::default(),

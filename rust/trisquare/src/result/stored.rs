@@ -10,6 +10,7 @@ use super::warning::{Stage, Warning};
 use crate::image::ToneFit;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::numeric::is_covariance;
 
 /// The fields of a [`Calibration`], as they are before they are checked against each other.
 #[derive(Deserialize)]
@@ -59,10 +60,15 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
             ));
         }
     }
-    let covariance = &read.covariance;
-    let has_negative = covariance.diagonal().iter().any(|variance| *variance < 0.0);
-    if has_negative || !covariance.iter().all(|v| v.is_finite()) {
-        return Some("covariance must be finite, and its diagonal not negative".into());
+    let twice = |i: &usize| read.parameters[..*i].contains(&read.parameters[*i]);
+    if let Some(i) = (0..count).find(twice) {
+        return Some(format!("parameters has {} twice", read.parameters[i]));
+    }
+    if !is_covariance(&read.covariance) {
+        return Some("covariance must be finite, symmetric and positive semidefinite".into());
+    }
+    if let Some((name, value)) = negative(read) {
+        return Some(format!("{name} must not be negative, but is {value}"));
     }
     let names = L::parameter_names().len();
     for (i, plane) in read.planes.iter().enumerate() {
@@ -90,6 +96,18 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
         }
     }
     None
+}
+
+/// The first of the numbers that none can be negative, and is; and its name.
+fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
+    let own = [("rms", read.rms), ("noise_scale", read.noise_scale)];
+    let own = own.map(|(name, value)| (name.to_owned(), value));
+    let planes = read.planes.iter().enumerate();
+    let planes = planes.map(|(i, plane)| (format!("planes[{i}].rms"), plane.rms));
+    let lines = read.lines.iter().enumerate();
+    let lines = lines.filter_map(|(i, line)| Some((format!("lines[{i}].rms"), line.rms?)));
+    let mut all = own.into_iter().chain(planes).chain(lines);
+    all.find(|(_, value)| *value < 0.0)
 }
 
 /// Reads the names of some of a lens's parameters.
