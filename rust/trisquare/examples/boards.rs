@@ -1,0 +1,157 @@
+//! Calibrates cameras from planes with several figures each: frames, sheets of squares, and boards
+//! of which a detector gives the corners: `cargo run --release -p trisquare --example boards`.
+
+use nalgebra::Vector2;
+use trisquare::synthetic::{Scene, SceneOptions};
+use trisquare::{
+    Brown, Calibration, Error, Freedom, Lens, Line, Options, PlaneEdges, Pose, calibrate,
+};
+
+/// Samples along the four sides of a square, in pixels.
+type Sides = Vec<Vec<Vector2<f64>>>;
+
+// [frame]
+/// A frame from the sides of its two outlines; `plane` is a number of its own for each.
+fn frame(plane: u64, outer: Sides, inner: Sides) -> Result<[PlaneEdges; 2], Error> {
+    let outer = PlaneEdges {
+        plane: Some(plane),
+        ..PlaneEdges::square(outer)?
+    };
+    let inner = PlaneEdges {
+        plane: Some(plane),
+        freedom: Freedom::Size, // concentric and turned alike; of how large a hole is estimated
+        ..PlaneEdges::square(inner)?
+    };
+    Ok([outer, inner])
+}
+// [end of frame]
+
+// [sheet]
+/// One of the squares of a sheet, where `centre` and `side` are known: the sheet's X runs along
+/// side 0, its Y along side 1, and the sides follow each other clockwise on the screen.
+fn on_sheet(
+    plane: u64,
+    sides: Sides,
+    centre: Vector2<f64>,
+    side: f64,
+) -> Result<PlaneEdges, Error> {
+    let square = PlaneEdges::square(sides)?; // of side 1, about the origin
+    let placed = |line: &Line| {
+        let [a, b, c] = line.coefficients().into();
+        Line::new(a, b, side * c - a * centre.x - b * centre.y)
+    };
+    let lines = square.lines.iter().map(placed).collect::<Result<_, _>>()?;
+    Ok(PlaneEdges {
+        lines,
+        plane: Some(plane),
+        freedom: Freedom::Fixed,
+        ..square
+    })
+}
+// [end of sheet]
+
+// [board]
+/// A chessboard from its inner corners, `corners[row][column]` in pixels, each good to `std`: the
+/// grid's lines are the figure's, and a corner is a sample of the two that it lies on. Rows and
+/// columns are counted so that a column's numbers grow clockwise from a row's on the screen.
+fn board(corners: &[Vec<Vector2<f64>>], std: f64) -> Result<PlaneEdges, Error> {
+    let (rows, columns) = (corners.len(), corners[0].len());
+    let mut lines = Vec::new();
+    let mut points = Vec::new();
+    for (row, own) in corners.iter().enumerate() {
+        lines.push(Line::new(0.0, 1.0, -(row as f64))?); // y = row; the unit is a cell
+        points.push(own.clone());
+    }
+    for column in 0..columns {
+        lines.push(Line::new(1.0, 0.0, -(column as f64))?);
+        points.push((0..rows).map(|row| corners[row][column]).collect());
+    }
+    Ok(PlaneEdges {
+        std: Some(points.iter().map(|own| vec![std; own.len()]).collect()),
+        ..PlaneEdges::new(lines, points)
+    })
+}
+// [end of board]
+
+/// Where points of a plane are seen.
+fn seen(camera: &Brown, pose: &Pose, x: f64, y: f64) -> Vector2<f64> {
+    let point = pose.transform(&Vector2::new(x, y));
+    camera.project(&point).expect("the scene is in sight")
+}
+
+/// Samples along the sides of a square of a plane, clockwise.
+fn sides_of(camera: &Brown, pose: &Pose, centre: Vector2<f64>, side: f64) -> Sides {
+    let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+    let corner = |i: usize| centre + side * Vector2::from(corners[i % 4]);
+    let sample = |i: usize, part: f64| corner(i) + part * (corner(i + 1) - corner(i));
+    let side_of = |i: usize| {
+        let points = (1..20).map(|k| sample(i, f64::from(k) / 20.0));
+        points.map(|p| seen(camera, pose, p.x, p.y)).collect()
+    };
+    (0..4).map(side_of).collect()
+}
+
+/// The cameras of frames, of sheets and of boards, from samples without noise.
+fn cameras(scene: &Scene) -> Result<[Calibration; 3], Error> {
+    let camera = &scene.camera;
+    let planes = || (0..).zip(&scene.poses);
+    let calibrated = |edges: &[PlaneEdges]| calibrate(edges, scene.size, &Options::default());
+    let square = |pose: &Pose, x, side| sides_of(camera, pose, Vector2::new(x, 0.0), side);
+
+    let mut frames = Vec::new();
+    for (plane, pose) in planes() {
+        frames.extend(frame(
+            plane,
+            square(pose, 0.0, 1.0),
+            square(pose, 0.0, 0.6),
+        )?);
+    }
+    let mut sheets = Vec::new();
+    for (plane, pose) in planes() {
+        for (x, side) in [(-0.25, 0.3), (0.2, 0.5)] {
+            let centre = Vector2::new(x, 0.0);
+            sheets.push(on_sheet(plane, square(pose, x, side), centre, side)?);
+        }
+    }
+    let mut boards = Vec::new();
+    for (_, pose) in planes() {
+        let row = |y: usize| {
+            let place = |k: usize| 0.15 * k as f64 - 0.45;
+            (0..7)
+                .map(|x| seen(camera, pose, place(x), place(y)))
+                .collect()
+        };
+        boards.push(board(&(0..6).map(row).collect::<Vec<_>>(), 0.1)?);
+    }
+    Ok([
+        calibrated(&frames)?,
+        calibrated(&sheets)?,
+        calibrated(&boards)?,
+    ])
+}
+
+fn main() -> Result<(), Error> {
+    let scene = Scene::random(1, SceneOptions::default());
+    println!("true camera: {:.5?}", scene.camera.parameters());
+    for (name, found) in ["frames", "sheets", "boards"].iter().zip(cameras(&scene)?) {
+        println!("{name}: {:.5?}", found.camera.parameters());
+    }
+    Ok(())
+}
+
+#[test]
+fn the_recipes_find_the_camera() {
+    for seed in 1..4 {
+        let scene = Scene::random(seed, SceneOptions::default());
+        for found in cameras(&scene).unwrap() {
+            let pairs = found.camera.parameters().into_iter();
+            for (own, truth) in pairs.zip(scene.camera.parameters()) {
+                assert!(
+                    (own - truth).abs() < 1e-6 * truth.abs().max(1.0),
+                    "{own} {truth}"
+                );
+            }
+            assert_eq!(found.planes.len(), 3);
+        }
+    }
+}
