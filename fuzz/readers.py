@@ -129,7 +129,10 @@ def readers() -> Iterator[Reader]:
     yield Reader("manifest/jobs.csv", _use_manifest, (csv,))
     jobs = b'{"name": "a", "photographs": ["a.jpg"]}\n{"name": "b", "photographs": "b.jpg"}\n'
     yield Reader("manifest/jobs.jsonl", _use_manifest, (jobs,))
-    limits = b'[fx]\nnominal = 1000\nwithin = "1 %"\n[std.cx]\nmost = 0.5\n[planes]\nleast = 3\n'
+    limits = (
+        b'[fx]\nnominal = 1000\nwithin = "1 %"\n[std.cx]\nmost = 0.5\n[planes]\nleast = 3\n'
+        b'[std.fx]\nmost = "0.5 %"\n[warnings]\nmost = "medium"\n'
+    )
     yield Reader("limits/limits.toml", read_requirements, (limits,))
     yield Reader(f"records/{RECORDS}", _use_records, (_records(),))
     whole = (_json({"outlines": [{"corners": corners}], "image_size": [64, 48], "focal": 60.0}),)
