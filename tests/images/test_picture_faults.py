@@ -75,6 +75,19 @@ def test_moire_is_told_before_what_it_does_to_sides(seed):
     assert_within(result, SCENE, 4)
 
 
+@pytest.mark.parametrize(("blur", "is_told"), [(2.0, False), (3.5, True)])
+def test_a_picture_out_of_focus_is_told(blur, is_told):
+    picture = photograph(SCENE, np.random.default_rng(145), UNDAMAGED, noise=2.0, blur=blur)
+    result = ts.calibrate(picture)
+    told = [warning for warning in result.warnings if warning.code == "out_of_focus"]
+    assert len(told) == is_told
+    if is_told:
+        assert told[0].severity == "medium"
+        shown = float(re.search(r"by ([\d.]+) px", told[0])[1])
+        assert shown == pytest.approx(np.hypot(blur, 1 / np.sqrt(12)), abs=0.2)
+    assert_within(result, SCENE, 4)
+
+
 def test_shadows_and_compression_are_no_pattern():
     shadow = shadowed(np.random.default_rng(143), photo(UNDAMAGED, 143))
     for picture in (shadow, photo(PictureFault(jpeg_quality=30), 144)):

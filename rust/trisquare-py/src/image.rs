@@ -218,6 +218,12 @@ impl PictureFaults {
         Some((motion.length, motion.direction))
     }
 
+    /// The middle one of the sides' blurs, one standard deviation, pixels.
+    #[getter]
+    fn blur(&self) -> f64 {
+        self.found.blur
+    }
+
     /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
     #[getter]
     fn pattern(&self) -> Option<f64> {

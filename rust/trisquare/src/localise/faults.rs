@@ -8,6 +8,7 @@ use super::pattern::pattern;
 use super::preview::Preview;
 use super::span::NoEdge;
 use crate::image::{GreyReader, Picture};
+use crate::numeric::median;
 
 /// Standard deviations from which a displacement is no chance.
 const CERTAIN: f64 = 6.0;
@@ -42,6 +43,8 @@ pub struct PictureFaults {
     pub colours: Option<ColourDisplacements>,
     /// The camera's motion while the shutter was open.
     pub motion: Option<MotionBlur>,
+    /// The middle one of the sides' blurs, one standard deviation, px.
+    pub blur: f64,
     /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
     pub pattern: Option<f64>,
     /// One standard deviation of what they leave unknown of each side's place, px.
@@ -65,6 +68,7 @@ impl PictureFaults {
         let moved = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
         Self {
             motion,
+            blur: median(found().map(|preview| preview.side.blur).collect()).unwrap_or(0.0),
             pattern: pattern(reader, found()),
             side_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
