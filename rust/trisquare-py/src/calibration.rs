@@ -7,9 +7,9 @@ use pyo3::types::{IntoPyDict, PyDict};
 use pyo3::{PyClass, PyClassInitializer};
 use trisquare::lens::SKEW;
 use trisquare::{
-    Brown, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize, Lens, Method,
-    ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges, RejectedFamily, Relation,
-    Setting, Severity, Stage, Warning, relate_planes,
+    Brown, BrownModel, Choice, DistortionModel, Error, FamilyChoice, Fisheye, Fixed, ImageSize,
+    Lens, Method, ModelChoice, Options, Photographs, PictureTone, Plane, PlaneEdges,
+    RejectedFamily, Relation, Setting, Severity, Stage, Warning, relate_planes,
 };
 
 use crate::any_lens::{AnyLens, CameraMembers, family_of, in_family, model_of, with_lens};
@@ -256,19 +256,29 @@ impl Task<'_> {
     /// With the lens that the data ask for.
     fn outcome_by_family(mut self, py: Python<'_>, options: &Options<Brown>) -> PyResult<Outcome> {
         let (choice, found) = computed_in(py, self.threads, || {
-            let choice = self.chosen(options);
             let wide: Options<Fisheye> = Options {
                 method: options.method,
                 fixed: options.fixed,
                 initial: options.initial.map(|lens| in_family(&AnyLens::Brown(lens))),
                 ..Options::new()
             };
-            // The lens that more planes agree with; of equals the usual one.
-            let choice = match (choice, self.chosen(&wide)) {
-                (Ok(plain), Ok(wide)) if kept(&wide) > kept(&plain) => wide,
-                (Err(_), Ok(wide)) => wide,
-                (plain, _) => plain?,
+            let rich = Options {
+                model: BrownModel::Brown,
+                ..*options
             };
+            // The lens that more planes agree with; of equals the first.
+            let mut choice = self.chosen(options);
+            for other in [&|| self.chosen(&rich), &|| self.chosen(&wide)] as [&dyn Fn() -> _; 2] {
+                if choice.as_ref().is_ok_and(keeps_all) {
+                    break;
+                }
+                choice = match (choice, other()) {
+                    (Ok(before), Ok(other)) if kept(&other) > kept(&before) => Ok(other),
+                    (Err(_), Ok(other)) => Ok(other),
+                    (before, _) => before,
+                };
+            }
+            let choice = choice?;
             self.keep(choice.as_ref())?;
             let photographs = self.photographs.as_ref();
             let found =
@@ -303,6 +313,11 @@ impl Task<'_> {
 fn kept(choice: &Option<Choice>) -> usize {
     let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
     verdicts.filter(|verdict| verdict.kept).count()
+}
+
+fn keeps_all(choice: &Option<Choice>) -> bool {
+    let mut verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
+    verdicts.all(|verdict| verdict.kept)
 }
 
 fn outcome<T>(
