@@ -48,7 +48,7 @@ def test_stray_samples_are_left_out(places, distance, seed, model):
     assert warning.startswith(f"{len(places)} of all samples")
     if len(places) == 1:
         ((figure, side, sample),) = places
-        assert f"sample {sample} of side {side} of plane {figure}, lies" in warning
+        assert f"sample {sample} of side {side} of plane {figure} lies" in warning
     others = [w.code for w in found.warnings if w.code != "stray_samples"]
     assert others == [w.code for w in without.warnings]
     assert found.camera.model == without.camera.model

@@ -73,8 +73,8 @@ pub enum Warning {
     },
     /// Some samples are where their neighbours are not.
     #[error(
-        "{samples} of all samples {} used: {} lies {distance:.2} px off its line, and its \
-         neighbours do not. Was it measured on another edge?",
+        "{samples} of all samples {} used: {} {distance:.2} px off its line, and its neighbours \
+         do not. Was it measured on another edge?",
         if *.samples == 1 { "is not" } else { "are not" },
         numbered_sample(*.samples, [*.plane, *.figure, *.side, *.sample])
     )]
@@ -518,13 +518,16 @@ fn or_held(held: &[Text]) -> String {
 
 /// The farthest of some stray samples.
 fn numbered_sample(samples: usize, [plane, figure, side, sample]: [usize; 4]) -> String {
-    let which = if samples == 1 { "" } else { "the farthest, " };
+    let (which, lies) = match samples {
+        1 => ("", " lies"),
+        _ => ("the farthest, ", ", lies"),
+    };
     let outline = if figure == 0 {
         ""
     } else {
         " of the other outline"
     };
-    format!("{which}sample {sample} of side {side}{outline} of plane {plane},")
+    format!("{which}sample {sample} of side {side}{outline} of plane {plane}{lies}")
 }
 
 /// What makes sides err together.

@@ -49,12 +49,18 @@ impl<L: Lens> Calibration<L> {
         } = solution;
         let free = &problem.free;
         let Correlated {
-            covariance,
+            mut covariance,
             disagreement,
-            residual_correlation,
+            mut residual_correlation,
         } = correlated.clone();
         let together = residual_correlation.warnings(&covariance, free);
-        let disagreement = disagreement.map(Warning::Disagreement);
+        let disagreement = disagreement.map(|(found, change)| {
+            // Which of the planes is true, nobody knows.
+            let doubt = &change * change.transpose();
+            covariance += &doubt;
+            residual_correlation.added += doubt;
+            Warning::Disagreement(found)
+        });
         let residuals = &refined.residuals;
         Self {
             camera: refined.view.lens,

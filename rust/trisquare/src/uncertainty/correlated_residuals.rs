@@ -35,8 +35,9 @@ const SMALL_DRIFT: f64 = 0.01;
 pub(crate) struct Correlated {
     /// Of the free parameters.
     pub covariance: DMatrix<f64>,
-    /// The plane that disagrees with the rest, if any does.
-    pub disagreement: Option<Disagreement>,
+    /// The plane that disagrees with the rest, if any does, and by how much the free parameters
+    /// change without it.
+    pub disagreement: Option<(Disagreement, DVector<f64>)>,
     pub residual_correlation: ResidualCorrelation,
 }
 

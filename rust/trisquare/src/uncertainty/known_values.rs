@@ -19,7 +19,8 @@ const DISAGREEMENT: f64 = 4.0;
 /// a plane is left out is of no consequence, however significant.
 const CONSEQUENCE: f64 = 0.002;
 
-/// The plane that disagrees most with the rest, if any does beyond chance.
+/// The plane that disagrees most with the rest, if any does beyond chance, and by how much the free
+/// parameters change without it.
 ///
 /// At the optimum, plane `p` has the reduced gradient `g_p`, whose
 /// covariance is `S_p - S_p S^-1 S_p` with `S_p` its information and `S` that of all; leaving it
@@ -30,7 +31,7 @@ pub(crate) fn disagreement(
     free: &FreeParameters,
     focal: f64,
     factor: f64,
-) -> Option<Disagreement> {
+) -> Option<(Disagreement, DVector<f64>)> {
     let contributions = system.contributions()?;
     if contributions.len() < 3 || free.len() == 0 {
         return None;
@@ -44,7 +45,7 @@ pub(crate) fn disagreement(
         .map(|part| &part.gradient)
         .sum::<DVector<f64>>();
     let left = &inverse * (left + &system.prior_gradient);
-    let mut worst: Option<Disagreement> = None;
+    let mut worst: Option<(Disagreement, DVector<f64>)> = None;
     for (plane, part) in contributions.iter().enumerate() {
         let information = &part.information;
         let gradient = &part.gradient - information * &left;
@@ -65,13 +66,14 @@ pub(crate) fn disagreement(
             .fold(0.0f64, f64::max);
         if sigmas > DISAGREEMENT
             && moved > CONSEQUENCE
-            && worst.as_ref().is_none_or(|w| sigmas > w.sigmas)
+            && worst.as_ref().is_none_or(|(w, _)| sigmas > w.sigmas)
         {
-            worst = Some(Disagreement {
+            let found = Disagreement {
                 plane,
                 focal_change: free.position("fx").map_or(0.0, |i| change[i] / focal),
                 sigmas,
-            });
+            };
+            worst = Some((found, change));
         }
     }
     worst

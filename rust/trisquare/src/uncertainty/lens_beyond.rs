@@ -31,8 +31,10 @@ const RELIEFS: [f64; 5] = [FLAT, NEARLY_FLAT, 1e-5, 1e-4, 1e-2];
 /// The least of them: it takes up what little a model leaves.
 const NEARLY_FLAT: f64 = 1e-6;
 
-/// Variances (px^2) tried of where the sides lie of squares that are none.
-const LINES: [f64; 4] = [0.01, 0.1, 1.0, 10.0];
+/// Variances (px^2) tried of where the sides lie of squares that are none, each so many times the one
+/// before.
+const LINES: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e3];
+const LINES_RATIO: f64 = 10.0;
 
 /// What the residuals say of the lens.
 pub(crate) enum LensVerdict {
@@ -192,9 +194,18 @@ impl Explanation {
             let (variance, criterion) = errors.likeliest_under(&[flat], None)[0]?;
             Some((*line_variance, variance, criterion + norm(&fields)))
         });
-        let likeliest = tried.min_by(|a, b| a.2.total_cmp(&b.2));
+        let tried: Vec<(f64, f64, f64)> = tried.collect();
         errors.set_lines(0.0);
-        let (line_variance, variance, criterion) = likeliest?;
+        let by_criterion = |a: &usize, b: &usize| tried[*a].2.total_cmp(&tried[*b].2);
+        let likeliest = (0..tried.len()).min_by(by_criterion)?;
+        let (at, variance, criterion) = tried[likeliest];
+        // Between those tried it follows a parabola over their logarithms.
+        let around = likeliest.checked_sub(1).zip(tried.get(likeliest + 1));
+        let line_variance = around.map_or(at, |(before, after)| {
+            let [before, after] = [tried[before].2, after.2].map(|other| other - criterion);
+            let curvature = (before + after).max(f64::MIN_POSITIVE);
+            at * LINES_RATIO.powf(0.5 * (before - after) / curvature)
+        });
         Some(Self {
             fields,
             relief: FLAT,
