@@ -189,7 +189,7 @@ def test_a_camera_that_took_another_picture_is_told(
     for picture, taken_by in ((photo, camera), (straight, pinhole)):
         code, _, err = run("measure", picture, "--camera", taken_by, *points)
         assert (code, "miss what this camera would see" in err) == (0, False)
-    code, _, err = run("measure", straight, "--camera", camera, *points)
+    code, _, err = run("measure", straight, "--camera", camera, "--plane", 0, *points)
     assert code == 0
     # Another tone curve displaces edges by more than their noise, and is no other camera.
     frames = simulate.random_scene(np.random.default_rng(5), camera=scene.camera, kind="frame")
@@ -342,9 +342,44 @@ def test_command_takes_the_plane_that_all_points_are_within(run, files, scene):
             place = tuple(float(number) for number in text.split(","))
             assert cv2.pointPolygonTest(corners, place, False) > 0
         assert members["warnings"] == []
-    # Points of two squares are on none of them alone.
-    apart = as_points([seen(scene, 0.4 * TRIANGLE, target=target)[0] for target in (2, 1)])
-    assert run("measure", photo, "--camera", camera, *apart)[1].startswith("on plane 0, ")
+    # Of points of two squares neither holds all, and the third square none.
+    apart = [seen(scene, 0.4 * TRIANGLE, target=target)[0] for target in (2, 1)]
+    given = run("measure", photo, "--camera", camera, "--json", *as_points(apart))
+    corners = np.float32(json.loads(given[1])["corners"])
+    assert sum(cv2.pointPolygonTest(corners, tuple(point), False) > 0 for point in apart) == 1
+
+
+def test_command_takes_the_plane_that_the_points_are_nearest_to(run, files, scene):
+    """A side of each square, 0.02 sides off its corners: the square does not hold it."""
+    photo, camera = files
+    side = np.array([[-0.52, -0.52], [0.52, -0.52]])
+    for target in range(3):
+        points = as_points(seen(scene, side, target=target))
+        members = json.loads(run("measure", photo, "--camera", camera, "--json", *points)[1])
+        assert members["lengths"] == pytest.approx([1.04], rel=1e-3)
+        assert members["extrapolation"] == pytest.approx(1.04, rel=1e-3)
+        assert members["warnings"] == []
+
+
+def test_command_warns_where_two_planes_are_nearly_as_near(run, files, scene):
+    photo, camera = files
+    near, far = (seen(scene, np.zeros((1, 2)), target=target)[0] for target in (0, 1))
+    between = as_points([0.5 * (near + far), 0.5 * (near + far) + [10, 0]])
+    code, printed, err = run("measure", photo, "--camera", camera, *between)
+    assert code == 0
+    plane = int(re.match(r"on plane (\d), ", printed)[1])
+    of_plane = [
+        json.loads(run("measure", photo, "--camera", camera, "--json", "--plane", i, *between)[1])
+        for i in range(3)
+    ]
+    reaches = [each["extrapolation"] for each in of_plane]
+    assert plane == np.argmin(reaches)
+    named = re.search(r"plane \d is the nearest, .*: say (.*)\n", err)[1].split(" or ")
+    near = [i for i in np.argsort(reaches) if reaches[i] <= 2 * reaches[plane]]
+    assert named == [f"--plane {i}" for i in near]
+    assert len(named) > 1
+    for given in of_plane:
+        assert not any("nearly as near" in warning for warning in given["warnings"])
 
 
 def test_command_says_that_rectangles_have_to_be_named_again(run, files, scene, tmp_path):

@@ -9,6 +9,7 @@ than the focal length, since the pose follows the camera.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -268,6 +269,17 @@ def _name_unmet_point(pixels: FloatArray, plane: Plane, camera: Camera, cause: V
             else:
                 continue
         raise ValueError(f"{_point_named(index, pixels)}, is {where}") from cause
+
+
+def extrapolation_on(plane: Plane, pixels: FloatArray, camera: Camera) -> float:
+    """Return the `extrapolation` of pixels if they are on a plane; infinity if they cannot be."""
+    try:
+        pose = plane.rotation, plane.translation
+        points = _core.points_on_plane(camera_for_core(camera), pose, pixels)
+    except ValueError:
+        return math.inf
+    reach = _extrapolation(points, plane, camera)
+    return math.inf if reach is None else reach
 
 
 def _extrapolation(points: FloatArray, plane: Plane, camera: Camera) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import isclose
+from math import inf, isclose
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,16 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import separated
 from trisquare._support.lengths import METRES, Length
-from trisquare._support.number_text import plus_minus
+from trisquare._support.number_text import listed, plus_minus
 from trisquare._support.writing import write_atomically
-from trisquare.analysis.measure import CLICKED_STD, FAR, Measurement, check_inside, measure
+from trisquare.analysis.measure import (
+    CLICKED_STD,
+    FAR,
+    Measurement,
+    check_inside,
+    extrapolation_on,
+    measure,
+)
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import located
 from trisquare.camera.camera import Camera
@@ -35,6 +42,9 @@ MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
 RECTANGLE = "rectangle"
 """The kind of planes that have no side but a shorter and a longer one."""
+
+NEARLY_AS_NEAR = 2.0
+"""Ratio of the extrapolations up to which points may be on either of two planes."""
 
 LEAST_SHOWN = 64
 """Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
@@ -65,7 +75,7 @@ def measure_command(
         None,
         "N",
         "Which of the photograph's planes, from 0 on; by default the one that all points are "
-        "within, or else the first.",
+        "within, or else the one that holds most of them and is nearest, in units of its size.",
     ),
     side: str | None = option(
         None,
@@ -124,8 +134,9 @@ def measure_command(
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes, doubts = located(picture, known, targets=targets, outlines=outline)
+    others: Sequence[int] = ()
     if plane is None:
-        plane = _plane_of_all(pixels, planes)
+        plane, *others = _likely_planes(pixels, planes, lens)
     chosen = _chosen(planes, plane)
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
@@ -142,6 +153,12 @@ def measure_command(
         warnings.append(
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
             "rectangles: if it is one of them, name it as there, such as --targets a4"
+        )
+    if others:
+        options = " or ".join(f"--plane {index}" for index in (plane, *others))
+        warnings.append(
+            f"no plane holds a point: plane {plane} is the nearest, and plane "
+            f"{listed([str(other) for other in others])} nearly as near: say {options}"
         )
     if doubts[plane] is not None:
         warnings.append(f"plane {plane}: {doubts[plane]}")
@@ -209,14 +226,25 @@ def _are_rectangles(known: Calibration | Camera) -> bool:
     return kinds == {RECTANGLE}
 
 
-def _plane_of_all(pixels: FloatArray, planes: Sequence[Plane]) -> int:
-    """Return which plane's square holds all pixels; the first if none does."""
-    within = (
-        number
-        for number, plane in enumerate(planes)
-        if all(not separated(plane.corners, pixel[None]) for pixel in pixels)
-    )
-    return next(within, 0) if len(pixels) else 0
+def _likely_planes(pixels: FloatArray, planes: Sequence[Plane], camera: Camera) -> tuple[int, ...]:
+    """Return the plane that holds most pixels, of several the nearest; and those as likely.
+
+    As likely are planes nearly as near where none holds a pixel.
+    """
+    if not len(pixels):
+        return (0,)
+    held = [_count_within(pixels, plane) for plane in planes]
+    if len(pixels) in held:
+        return (held.index(len(pixels)),)
+    far = [extrapolation_on(plane, pixels, camera) for plane in planes]
+    first, *others = sorted(range(len(planes)), key=lambda index: (-held[index], far[index]))
+    if held[first] or far[first] == inf:
+        return (first,)
+    return first, *(other for other in others if far[other] <= NEARLY_AS_NEAR * far[first])
+
+
+def _count_within(pixels: FloatArray, plane: Plane) -> int:
+    return sum(not separated(plane.corners, pixel[None]) for pixel in pixels)
 
 
 def _chosen(planes: Sequence[Plane], index: int) -> Plane:
