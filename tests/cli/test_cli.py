@@ -110,7 +110,8 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert options == {
         **{"model": "brown", "method": "linear", "tone": 2.2, "targets": "squares"},
         **{"fix": ("aspect", "focal", "distortion"), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False, "free": (), "lines": True, "threads": 3},
+        **{"initial": None, "free": (), "lines": True, "threads": 3},
+        **{"explain": True, "explain_all": False},
         **{"orthogonal": [(0, 1), (1, 2)], "parallel": [], "side": "84mm"},
     }
     run("calibrate", photo, "--free", "skew", "--parallel", "0,2")

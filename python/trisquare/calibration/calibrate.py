@@ -222,11 +222,12 @@ def calibrate_photographs(
     threads: int | None,
     progress: Callable[[int, int], None] | None,
     explain: bool = False,
+    explain_all: bool = False,
 ) -> Calibrated:
     """Calibrate as `calibrate` does, from photographs that the caller may go on using.
 
-    With `explain`, the shapes that are no targets are reported for every photograph: in the
-    answer, or in the error.
+    With `explain`, the answer has the shapes that are no targets: of many photographs those of the
+    few with the fewest targets, as an error has them; with `explain_all` of every one.
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
@@ -246,7 +247,7 @@ def calibrate_photographs(
         camera_held=camera_held,
         image_size=None if settings.initial is None else settings.initial.image_size,
     )
-    gathered = gather(photographs, sought, progress, threads=threads, explain_all=explain)
+    gathered = gather(photographs, sought, progress, threads=threads, explain_all=explain_all)
     settings.check_image_size(gathered.image_size)
     by_hand = outlines is not None
     try:
@@ -277,7 +278,7 @@ def calibrate_photographs(
         raise
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
-    return Calibrated(calibration, rejected_shapes(gathered) if explain else ())
+    return Calibrated(calibration, rejected_shapes(gathered) if explain or explain_all else ())
 
 
 def calibrate_edges(

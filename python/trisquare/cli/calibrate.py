@@ -13,6 +13,7 @@ import typer
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.calibration.calibrate import calibrate_photographs
+from trisquare.calibration.missed_squares import missed_squares
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
@@ -218,7 +219,8 @@ def calibrate_command(
             side=side,
             threads=jobs,
             progress=progress,
-            explain=debug_image is not None,
+            explain=not (json or quiet),
+            explain_all=debug_image is not None,
         )
     rejected = [*calibration.rejected, *rejected_shapes]
     outputs = Outputs()
@@ -233,7 +235,7 @@ def calibrate_command(
     if report is not None:
         page = partial(report_page, calibration, photographs, command=command_line(context))
         outputs.attempt([report], lambda: write_atomically({report: page()}))
-    parts = calibration_report(calibration)
+    parts = calibration_report(calibration, missed_squares(calibration, rejected_shapes))
     if with_diagnosis:
         parts += str(diagnose(calibration)).split("\n")
     what = ""

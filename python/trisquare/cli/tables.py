@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import RenderableType
 from rich.text import Text
 
@@ -18,7 +20,7 @@ from trisquare.report.content import (
 )
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning
-from trisquare.results.rejected import is_reported
+from trisquare.results.rejected import Rejected, is_reported
 
 MOST_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
@@ -28,8 +30,10 @@ MOST_WARNINGS = 5
 """Warnings that are shown unless all are asked for: they are to be read."""
 
 
-def calibration_report(calibration: Calibration) -> list[RenderableType]:
-    """Lay out the parameters and the planes."""
+def calibration_report(
+    calibration: Calibration, missed: Sequence[Rejected] = ()
+) -> list[RenderableType]:
+    """Lay out the parameters and the planes, and what was not used, with squares `missed`."""
     parameters = new_table("parameter", "unit", right=("value", "std"))
     for row in parameter_texts(calibration):
         parameters.add_row(*row)
@@ -46,7 +50,7 @@ def calibration_report(calibration: Calibration) -> list[RenderableType]:
         *_unused(calibration),
         *_aspects(calibration),
         *_lines(calibration),
-        *_rejected(calibration),
+        *_rejected(calibration, missed),
     ]
     return [parameters, planes, _summary(calibration), *told]
 
@@ -126,12 +130,12 @@ def _lines(calibration: Calibration) -> list[Text]:
     return [line_of(f"{used} of {len(calibration.lines)} lines of the scene used")]
 
 
-def _rejected(calibration: Calibration) -> list[Text]:
+def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text]:
     """Lay out a line for each of the first candidates that were not used, if no warning does."""
     lines = []
     untold = [
         candidate
-        for candidate in calibration.rejected
+        for candidate in (*calibration.rejected, *missed)
         if not any(is_reported(warning, [candidate]) for warning in calibration.warnings)
     ]
     for candidate in untold[:MOST_REJECTED]:

@@ -1,7 +1,8 @@
 """Why four-sided shapes of a picture were not taken for squares.
 
-The search drops most of them silently. After a failure, or for a debug image, its stages are run
-again and each shape that a stage drops is reported; a picture that calibrates never pays for it.
+The search drops most of them silently. After a failure, for a debug image or for a printed table, its
+stages are run again and each shape that a stage drops is reported; `calibrate` of a picture from
+Python never pays for it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from trisquare.detection.squares.side_curves import MAX_CORNER_COSINE, fit_sides
 from trisquare.measurement.boards import Board
 from trisquare.measurement.find import Search
 from trisquare.measurement.side_spans import DetectedTarget
-from trisquare.results.rejected import Rejected
+from trisquare.results.rejected import CUT_BY_BORDER, Rejected
 
 KIND = "quad"
 
@@ -140,7 +141,7 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
                 if any(_same(box, other) for other in before):
-                    yield box, "it is cut by the picture's border"
+                    yield box, CUT_BY_BORDER
             before = boxes
 
 

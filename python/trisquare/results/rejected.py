@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from trisquare._support.arrays import FloatArray
 from trisquare._support.records import INDEX, NUMBER, TEXT, Record, array, member
 
+CUT_BY_BORDER = "it is cut by the picture's border"
+"""Reason of a shape that is only partly in the picture: its corners are those of a box."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rejected(Record):
