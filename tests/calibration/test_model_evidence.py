@@ -47,12 +47,12 @@ def test_models_that_would_do_as_well_are_said():
     odds = {"none": -2.5e7, "radial2": -0.98, "radial3": -1.02, "brown": 0.0}
     others = tuple(ts.ModelAlternative(name, value, 0.1) for name, value in odds.items())
     said = (
-        "by evidence (natural log odds of the others: none far behind, radial2 -1.0, radial3 -1.0, "
-        "brown 0.0; radial2 and brown would do as well)"
+        "by evidence (natural log odds of the other models against it: none below -100, "
+        "radial2 -1.0, radial3 -1.0, brown 0.0; radial2 and brown would do as well)"
     )
     assert evidence_text(replace(result, alternatives=others)) == said
     clear = evidence_text(replace(result, alternatives=others[:1]))
-    assert clear == "by evidence (natural log odds of the others: none far behind)"
+    assert clear == "by evidence (natural log odds of the other models against it: none below -100)"
     assert evidence_text(replace(result, alternatives=())) == ""
 
 

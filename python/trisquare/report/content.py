@@ -192,18 +192,18 @@ def held_text(calibration: Calibration) -> str:
 
 
 def evidence_text(calibration: Calibration) -> str:
-    """Return what speaks against the models that were not chosen; nothing where none was."""
+    """Return how the models that were not chosen compare with it; nothing where none was."""
     others = calibration.alternatives
     if not others:
         return ""
     odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)
     equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
     tie = f"; {' and '.join(equals)} would do as well" if equals else ""
-    return f"by evidence (natural log odds of the others: {odds}{tie})"
+    return f"by evidence (natural log odds of the other models against it: {odds}{tie})"
 
 
 def _odds_text(log_odds: float) -> str:
-    return "far behind" if log_odds < -FAR_BEHIND else f"{log_odds:.1f}"
+    return f"below -{FAR_BEHIND:.0f}" if log_odds < -FAR_BEHIND else f"{log_odds:.1f}"
 
 
 def _today() -> str:
