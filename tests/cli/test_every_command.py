@@ -277,6 +277,7 @@ def test_the_option_that_was_meant_is_suggested(run, folder, name):
     [
         (("calbrate",), "calibrate"),
         (("calibrate", "photo.png", "--model", "radail1"), "radial1"),
+        (("calibrate", "photo.png", "--model", "pinhole"), "none"),
         (("calibrate", "photo.png", "--method", "liner"), "linear"),
         (("calibrate", "photo.png", "--fix", "principal-point"), "principal_point"),
         (("calibrate", "photo.png", "--tone", "sgrb"), "srgb"),
@@ -295,6 +296,36 @@ def test_the_name_that_was_meant_is_suggested(run, folder, arguments, meant):
     outcome = run(*arguments)
     assert_refused(outcome, 2, folder, before)
     assert f"id you mean {meant!r}?" in outcome[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "advice"),
+    [
+        (("calibrate", "photo.png", "--square-size", "5mm"), "Did you mean --side?"),
+        (("measure", *TAKEN, "--square-size", "5mm"), "Did you mean --side?"),
+        (("measure", *TAKEN, "15.5,", "20"), "with no space after the comma, not '15.5,'"),
+        (("undistort", "photo.png", "camera.json", "-o", "out.png"), "named by --camera FILE"),
+    ],
+)
+def test_a_habit_from_elsewhere_is_answered_with_advice(run, folder, arguments, advice):
+    before = held(folder)
+    outcome = run(*arguments)
+    assert_refused(outcome, 2, folder, before)
+    assert advice in outcome[2]
+
+
+def test_an_option_that_a_command_does_not_have_is_not_suggested(run):
+    assert "--side" not in run("demo", "--square-size", "5mm")[2]
+
+
+def test_an_unreadable_one_of_several_photographs_is_told_how_to_leave_out(run, folder):
+    (folder / "other.png").write_bytes(b"no picture")
+    outcome = run("calibrate", "photo.png", "other.png")
+    assert outcome[0] == 5
+    assert outcome[2].startswith(
+        "trisquare: error: other.png: not a readable picture; to calibrate"
+    )
+    assert "without it" not in run("calibrate", "other.png")[2]
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)

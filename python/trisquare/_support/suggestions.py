@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
+from types import MappingProxyType
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
+NO_OTHERS: Mapping[str, str] = MappingProxyType({})
+
 LONGEST_NAME = 100
 """Characters that are shown of a name from a file, which may be anything."""
 
 
-def unknown(what: str, value: str, known: Iterable[str], choose: str | None = None) -> ValueError:
+def unknown(
+    what: str,
+    value: str,
+    known: Iterable[str],
+    choose: str | None = None,
+    other_names: Mapping[str, str] = NO_OTHERS,
+) -> ValueError:
     """Return the error for a name that is not known: the nearest of those known, and all of them.
 
     Parameters
@@ -26,11 +35,13 @@ def unknown(what: str, value: str, known: Iterable[str], choose: str | None = No
         The names that there are.
     choose : str, optional
         What to choose from, where that is more than the names that are known.
+    other_names : mapping, optional
+        Names that others have for those that are known.
     """
     if len(value) > LONGEST_NAME:
         value = f"{value[:LONGEST_NAME]}..."
     names = list(known)
-    meant = nearest_name(value, names)
+    meant = other_names.get(value.lower()) or nearest_name(value, names)
     hint = "" if meant is None else f"did you mean {meant!r}? "
     choices = f"one of {', '.join(names)}" if choose is None else choose
     return ValueError(f"unknown {what} {value!r}: {hint}choose {choices}")

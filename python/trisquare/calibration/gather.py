@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
@@ -20,6 +20,7 @@ from trisquare.calibration.measured_photograph import (
     measured_photograph,
 )
 from trisquare.edges import PlaneEdges, changed_edges
+from trisquare.errors import ImageError
 from trisquare.images.faults import PictureFaults
 from trisquare.images.photographs import Photographs
 from trisquare.images.tone import PictureTone
@@ -32,6 +33,8 @@ if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is search
 MOST_EXPLAINED = 4
 """Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
 hundred pictures it must not take twice as long."""
+
+LEAVE_OUT = "to calibrate without it, name the others, or move it out of the folder"
 
 LOG = logging.getLogger("trisquare")
 
@@ -148,6 +151,17 @@ class Gathered:
             del self.searches[max(counts, key=lambda index: (counts[index], index))]
 
 
+@contextmanager
+def _leave_out_advised(count: int) -> Iterator[None]:
+    """Add to the error of a picture that is one of several how to calibrate without it."""
+    try:
+        yield
+    except ImageError as error:
+        if count > 1:
+            error.args = (f"{error}; {LEAVE_OUT}",)
+        raise
+
+
 def gather(
     photographs: Photographs,
     sought: Sought,
@@ -171,7 +185,7 @@ def gather(
     gathered = Gathered()
     measure = partial(measured_photograph, sought=sought, is_alone=len(photographs) == 1)
     works = (partial(measure, load) for load in photographs.loaders())
-    with closing(in_order(works, threads)) as found:
+    with _leave_out_advised(len(photographs)), closing(in_order(works, threads)) as found:
         for done, one in enumerate(found, 1):
             gathered.add(one)
             count = len(one.measured.figures)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Integral
+from types import MappingProxyType
 
 from trisquare._support.suggestions import nearest_name, unknown
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
@@ -13,6 +14,8 @@ from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 # The model that stands for the choice among all of them by evidence.
 AUTO = "auto"
+# What other programs call a model of these.
+MODELS_ELSEWHERE = MappingProxyType({"pinhole": "none", "plumb_bob": "brown"})
 METHODS = ("ml", "linear")
 # Indices of two planes.
 PlanePair = tuple[int, int]
@@ -57,7 +60,7 @@ class Settings:
             if not isinstance(value, str):
                 raise TypeError(f"{name} must be a string, not {type(value).__name__}")
             if value not in known:
-                raise unknown(name, value, known)
+                raise unknown(name, value, known, other_names=MODELS_ELSEWHERE)
         names, freed = checked_fix(fix), checked_free(free)
         held = None if initial is None else camera_of(initial, "initial")
         if "focal" in names and held is None:

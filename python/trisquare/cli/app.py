@@ -63,6 +63,9 @@ EXIT_CODES: Mapping[type[Exception], int] = {
 NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
 """What such an argument begins with; the parser takes it for an option."""
 
+OPTIONS_ELSEWHERE = {"--square-size": "--side"}
+"""What other programs call an option, and what it is here; for commands that have it."""
+
 TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
 """Environment variable that shows where an internal error comes from."""
 
@@ -148,11 +151,18 @@ def _usage_message(error: Any) -> str:
     path = "trisquare" if context is None else context.command_path
     message = error.format_message()
     option = getattr(error, "option_name", None) or ""
-    meant = nearest_name(option, getattr(error, "possibilities", None) or ())
+    parameters = () if context is None else context.command.params
+    elsewhere = OPTIONS_ELSEWHERE.get(option)
+    if elsewhere is not None and any(elsewhere in each.opts for each in parameters):
+        meant: str | None = elsewhere
+    else:
+        meant = nearest_name(option, getattr(error, "possibilities", None) or ())
     if meant is not None:
         message = f"No such option: {option}. Did you mean {meant}?"
     elif NEGATIVE_NUMBER.match(option):
         message = f"{message}; put -- before arguments that begin with a minus"
+    elif message.startswith("Missing option '--camera'"):
+        message = "Missing option '--camera': the camera's file is named by --camera FILE"
     return f"{message} (see {path} --help)"
 
 

@@ -208,7 +208,9 @@ def _pixels(points: Sequence[str]) -> FloatArray:
         try:
             x, y = (float(part) for part in text.split(","))
         except ValueError as error:
-            raise ValueError(f"a point is written X,Y, not {text!r}") from error
+            raise ValueError(
+                f"a point is written X,Y, with no space after the comma, not {text!r}"
+            ) from error
         pixels.append((x, y))
     return np.array(pixels).reshape(-1, 2)
 

@@ -68,6 +68,8 @@ class Plane(Record):
             "R": "rotation",
             "t": "translation",
             "pose": "cam_from_plane()",
+            "tilt": "np.degrees(np.arccos(plane.rotation[2, 2]))",
+            "distance": "np.linalg.norm(plane.tvec)",
         }
     )
 
