@@ -1,8 +1,8 @@
 """Why four-sided shapes of a picture were not taken for squares.
 
-The search drops most of them silently. After a failure, for a debug image or for a printed table, its
-stages are run again and each shape that a stage drops is reported; `calibrate` of a picture from
-Python never pays for it.
+The search drops most of them silently. After a failure, for a debug image or for a printed table
+its stages are run again, and each shape that a stage drops is reported; `calibrate` of Python never
+pays for it.
 """
 
 from __future__ import annotations
