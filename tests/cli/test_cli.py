@@ -118,7 +118,8 @@ def test_the_options_reach_the_library(run, photo, asked):
     assert asked[1][1] == {
         **{"model": "radial2", "method": "ml", "tone": None, "targets": "auto"},
         **{"fix": (), "progress": None, "outlines": None},
-        **{"initial": None, "explain": False, "free": ("skew",), "lines": False, "threads": None},
+        **{"initial": None, "free": ("skew",), "lines": False, "threads": None},
+        **{"explain": True, "explain_all": False},
         **{"orthogonal": [], "parallel": [(0, 2)], "side": None},
     }
 
