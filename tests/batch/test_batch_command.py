@@ -146,6 +146,18 @@ def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
     assert names == ["a", "b", "bad\x1b[31m", "empty"]
 
 
+def test_a_camera_that_fails_now_is_said_to_lose_its_file(batch, folder):
+    assert batch("in", "-o", "out")[0] == 0
+    (folder / "in" / "a.png").write_text("hello")
+    for done in (1, 0):  # told as long as the record says so
+        code, out, _ = batch("in", "-o", "out")
+        assert code == 6
+        assert f"({done} done now)" in out
+        assert "; cameras/a.json, of an earlier photograph, is removed" in out
+    assert not (folder / "out/cameras/a.json").exists()
+    assert (folder / "out/cameras/b.json").exists()
+
+
 def test_cameras_that_are_no_longer_given_do_not_count(batch, folder):
     """As after a camera was retired, or a wrong line of a manifest was mended."""
     (folder / "in" / "bad.png").write_text("hello")

@@ -124,7 +124,9 @@ def test_a_camera_that_fails_now_leaves_no_old_file(tmp_path):
     with Store(tmp_path, LIMITS) as store:
         add(store, job("a"))
         store.add(job("a"), "other", failed(job("a")))
-        assert [own["status"] for own in store.records()] == ["failed"]
+        store.add(job("b"), "other", failed(job("b")))
+        told = [(own["status"], own.get("removed")) for own in store.records()]
+        assert told == [("failed", "cameras/a.json"), ("failed", None)]
     assert not (tmp_path / "cameras" / "a.json").exists()
 
 

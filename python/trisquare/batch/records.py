@@ -37,6 +37,8 @@ def record_in(line: bytes) -> dict[str, Any]:
         error.text("code")
         error.text("text")
         fields.numbers_by_name("limits")
+        if fields.has("removed"):
+            fields.text("removed")
     checked: dict[str, Any] = record
     return checked
 

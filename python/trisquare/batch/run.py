@@ -39,7 +39,8 @@ class JobResult(Frozen):
     record : mapping
         The line of ``results.jsonl``: ``format``, ``name``, ``status`` (``"done"`` or
         ``"failed"``), ``photographs``, ``software``, and either ``values``, ``std``, ``rms_px``,
-        ``noise_scale``, ``planes`` and ``warnings``, or ``error`` as `error_members` has it.
+        ``noise_scale``, ``planes`` and ``warnings``, or ``error`` as `error_members` has it. With
+        `output` a failed one has ``removed`` where the file of an earlier photograph was there.
     json : str or None
         The calibration as JSON; None if it failed.
 

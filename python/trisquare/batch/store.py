@@ -97,11 +97,13 @@ class Store:
         file = self.folder / CAMERAS / job.file_name
         if calibration is None:
             record["limits"] = self._limits
+            if file.is_file():  # of photographs that are others now
+                record["removed"] = f"{CAMERAS}/{job.file_name}"
         else:
             write_atomically({file: calibration.encode()})
         self._append(job.identity, record)
         if calibration is None:
-            file.unlink(missing_ok=True)  # of photographs that are others now
+            file.unlink(missing_ok=True)
         return record
 
     def finish(self) -> None:

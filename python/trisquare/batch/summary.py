@@ -65,7 +65,10 @@ class Counts:
 def rows(
     records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[AnyRequirement]
 ) -> Iterator[dict[str, Any]]:
-    """Yield a row for each camera: the columns of `columns`, those that do not apply left out."""
+    """Yield a row for each camera: the columns of `columns`, those that do not apply left out.
+
+    Rows of failed cameras also have ``removed``: the file of an earlier photograph, if there was one.
+    """
     limits = "; ".join(map(str, requirements))
     for record in records:
         found = verdict(record, fleet, requirements)
@@ -88,6 +91,7 @@ def rows(
             row |= {f"std_{name}": std for name, std in record["std"].items()}
         else:
             row["error"] = record["error"]["code"]
+            row["removed"] = record.get("removed", "")
         yield row
 
 

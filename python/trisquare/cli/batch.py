@@ -317,7 +317,9 @@ def _report(
         )
     for row in failed:
         reason = row.get("beyond_limits") or row["retake"]
-        lines.append(f"{row['name']}: {row['status']}: {reason}")
+        removed = row.get("removed")
+        stale = f"; {removed}, of an earlier photograph, is removed" if removed else ""
+        lines.append(f"{row['name']}: {row['status']}: {reason}{stale}")
     more = counts.beyond_limits + counts.failed - len(failed)
     if more > 0:
         lines.append(f"and {more} more: summary.csv")
