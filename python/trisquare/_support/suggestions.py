@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
+from inspect import signature
 from types import MappingProxyType
 from typing import ParamSpec, TypeVar
 
@@ -56,19 +57,34 @@ def nearest_name(value: str, known: Iterable[str]) -> str | None:
     return by_lower[found[0]] if found else None
 
 
-def advising(advice: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Return a decorator that adds advice to the error of too few or too many arguments."""
+def advising(
+    positional: str, keywords: Mapping[str, str] = MappingProxyType({})
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Return a decorator that adds advice to the error of a call that does not fit the signature.
+
+    Parameters
+    ----------
+    positional : str
+        Advice where the positional arguments are too few or too many.
+    keywords : mapping of str to str
+        Advice by the name of an argument that the function does not have.
+    """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)
-        def called(*arguments: P.args, **keywords: P.kwargs) -> T:
+        def called(*arguments: P.args, **given: P.kwargs) -> T:
             try:
-                return function(*arguments, **keywords)
+                return function(*arguments, **given)
             except TypeError as error:
                 own = error.__traceback__
-                if own is not None and own.tb_next is None:  # the function was not entered
-                    raise TypeError(f"{error}: {advice}") from None
-                raise
+                if own is None or own.tb_next is not None:  # the function was entered
+                    raise
+                names = signature(function).parameters
+                foreign = next((name for name in given if name not in names), None)
+                advice = positional if foreign is None else keywords.get(foreign)
+                if advice is None:
+                    raise
+                raise TypeError(f"{error}: {advice}") from None
 
         return called
 

@@ -67,7 +67,8 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each camera: the columns of `columns`, those that do not apply left out.
 
-    Rows of failed cameras also have ``removed``: the file of an earlier photograph, if there was one.
+    Rows of failed cameras also have ``removed``: the file of an earlier photograph, if there was
+    one.
     """
     limits = "; ".join(map(str, requirements))
     for record in records:

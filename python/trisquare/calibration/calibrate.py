@@ -48,7 +48,14 @@ OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
 
 
-@advising("several photographs are one argument, calibrate([first, second])")
+OF_MANY = dict.fromkeys(
+    ("max_seconds", "max_memory", "timeout"),
+    "calibrate_many bounds time and memory, max_seconds= and max_memory=, in processes of its own",
+)
+"""What to do where `calibrate` is asked for limits that only a process of its own can have."""
+
+
+@advising("several photographs are one argument, calibrate([first, second])", OF_MANY)
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
     *,
