@@ -41,7 +41,7 @@ TAKEN = ("photo.png", "--camera", "camera.json")
 WORKING = {
     "calibrate": ("photo.png",),
     "batch": ("photo.png", "-o", "results"),
-    "serve": ("--port", "0", "--idle", "0.1"),
+    "serve": ("--port", "0", "--idle", "0.1", "--token", "0123456789abcdef"),
     "predict": ("--size", "640x480"),
     "measure": (*TAKEN, FIRST, SECOND),
     "compare": ("camera.json", "camera.json"),

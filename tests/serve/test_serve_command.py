@@ -1,6 +1,7 @@
 """`trisquare serve` itself: where it listens, what it prints, when it ends."""
 
 import json
+import os
 import shutil
 import socket
 import ssl
@@ -70,6 +71,18 @@ def test_every_run_has_another_token():
     assert min(map(len, tokens)) >= 32
 
 
+def test_the_token_may_be_stated_by_the_environment(monkeypatch, run):
+    monkeypatch.setenv("TRISQUARE_TOKEN", "of-the-environment")
+    with served() as address:
+        assert address.endswith("/?token=of-the-environment")
+    with served("--token", "of-the-command-line") as address:
+        assert address.endswith("/?token=of-the-command-line")
+    monkeypatch.setenv("TRISQUARE_TOKEN", "short")
+    code, _, err = run("serve", "--port", "0")
+    assert code == 2
+    assert "TRISQUARE_TOKEN must have 16 to 200 letters" in err
+
+
 def test_every_limit_is_set_by_an_option():
     limits = ("--max-bytes", "3M", "--max-pixels", "2M", "--max-seconds", "0.02")
     with served(*limits, "--max-memory", "1G") as address:
@@ -105,7 +118,8 @@ def test_requests_are_logged_on_standard_error_where_that_is_asked_for(tmp_path,
 
 def test_it_ends_when_nobody_asks():
     command = [*COMMAND, "--port", "0", "--idle", "0.3", "-q"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    own = {**os.environ, "TRISQUARE_TOKEN": "0123456789abcdef"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=own)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
@@ -130,6 +144,7 @@ def test_a_taken_port_and_a_foreign_address_are_told():
         (("--max-seconds", "0"), "max_seconds"),
         (("--max-memory", "much"), "--max-memory"),
         (("--key", "key.pem"), "belong together"),
+        (("--quiet",), "--quiet does not print the random token"),
     ],
 )
 def test_wrong_options_are_told(run, options, text):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -284,6 +285,35 @@ def test_the_page_names_its_files_with_the_token_and_all_are_served(client):
                 name = line.split('"./')[1].split('"')[0]
                 assert name.endswith(f"?token={TOKEN}")
                 assert bare.get(f"/{name}").status_code == 200
+
+
+# Behind a proxy.
+
+
+def test_all_addresses_of_the_page_are_below_its_own():
+    for file in (resources.files("trisquare.serve") / "static").iterdir():
+        text = file.read_text("utf-8")
+        assert not re.search(r"""(?:src|href)=["']/|url\(["']?/|["'`]/api""", text), file.name
+
+
+def test_a_proxy_that_adds_the_token_keeps_it_out_of_all_addresses(client):
+    """The client's requests carry it in the header alone."""
+    for name in ("", "main.js", "results.js"):
+        text = client.get(f"/{name}").text
+        assert '"./' in text
+        assert TOKEN not in text
+
+
+def test_the_names_that_a_proxy_passes_on_do_not_matter(client):
+    names = {
+        "Host": "cameras.example.org",
+        "Origin": "https://elsewhere.example.org",
+        "X-Forwarded-Host": "proxy.example.org",
+        "X-Forwarded-Proto": "https",
+    }
+    answer = client.get("/api/status", headers=names)
+    assert answer.status_code == 200
+    assert not [name for name in answer.headers if name.startswith("access-control-")]
 
 
 @pytest.mark.parametrize(

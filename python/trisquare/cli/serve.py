@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import secrets
 import sys
@@ -23,6 +24,8 @@ TOKEN_BYTES = 24
 TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 """What may stand in an address and cannot be guessed."""
 
+TOKEN_VARIABLE = "TRISQUARE_TOKEN"
+
 EXAMPLES = (
     "trisquare serve",
     "trisquare serve --open --idle 600",
@@ -36,7 +39,8 @@ def serve_command(
     token: str | None = option(
         None,
         "TEXT",
-        "Token that every request must carry, 16 letters or more; by default a new random one.",
+        "Token that every request must carry, 16 letters or more; by default that of "
+        "TRISQUARE_TOKEN, or a new random one. Other users of the machine see command lines.",
     ),
     max_bytes: str | None = option(None, "N", "Refuse larger requests (200M)."),
     max_pixels: str | None = option(None, "N", "Refuse pictures of more pixels (100M)."),
@@ -78,8 +82,16 @@ def serve_command(
         raise ValueError(f"--jobs must be at least 1, not {jobs}")
     if idle is not None and not 0 < idle < float("inf"):
         raise ValueError(f"--idle must be positive, not {idle}")
-    if token is not None and not TOKEN.fullmatch(token):
-        raise ValueError("--token must have 16 to 200 letters, digits, _ or -")
+    name, fixed = "--token", token
+    if fixed is None:
+        name, fixed = TOKEN_VARIABLE, os.environ.get(TOKEN_VARIABLE)
+    if fixed is not None and not TOKEN.fullmatch(fixed):
+        raise ValueError(f"{name} must have 16 to 200 letters, digits, _ or -")
+    if fixed is None and quiet and not open_browser:
+        raise ValueError(
+            f"--quiet does not print the random token: state one ({TOKEN_VARIABLE}, --token), or "
+            "use --open"
+        )
     if (certificate is None) != (key is None):
         raise ValueError("--certificate and --key belong together: give both")
     for file in (certificate, key):
@@ -107,7 +119,7 @@ def serve_command(
 
     if verbose:
         _log_to_standard_error()
-    chosen = secrets.token_urlsafe(TOKEN_BYTES) if token is None else token
+    chosen = secrets.token_urlsafe(TOKEN_BYTES) if fixed is None else fixed
     run_server(
         create_app(chosen, limits, jobs or usable_cores()),
         host,

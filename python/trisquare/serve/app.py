@@ -93,7 +93,7 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
         ),
         Route("/api/convert/{format}", partial(_run, jobs, "convert"), methods=["POST"]),
     ]
-    page = [Route("/", partial(_own_file, token)), Route("/{name}", partial(_own_file, token))]
+    page = [Route("/", _own_file), Route("/{name}", _own_file)]
     app = Starlette(
         routes=[*api, *page],
         lifespan=lifespan,
@@ -188,14 +188,16 @@ def _status(limits: JobLimits) -> dict[str, Any]:
     }
 
 
-async def _own_file(token: str, request: Request) -> Response:
-    """Return a file of the page; the files that it names get the token."""
+async def _own_file(request: Request) -> Response:
+    """Return a file of the page; the files that it names get the token, where it is a parameter."""
     name = request.path_params.get("name", "index.html")
     suffix = name[name.rfind(".") :]
     file = resources.files("trisquare.serve") / "static" / name
     if suffix not in MEDIA_TYPES or name.startswith(".") or not file.is_file():
         raise HTTPException(404, f"there is no {name!r}")
-    text = OWN_ADDRESS.sub(rf"./\1?token={token}", file.read_text("utf-8"))
+    text, token = file.read_text("utf-8"), request.query_params.get("token")
+    if token:
+        text = OWN_ADDRESS.sub(rf"./\1?token={token}", text)
     return Response(text, media_type=MEDIA_TYPES[suffix])
 
 

@@ -1,4 +1,4 @@
-// Requests to the server that this page came from.
+// Requests to the server that this page came from, below its own address: a proxy may add a path.
 
 const token = new URLSearchParams(location.search).get("token") ?? "";
 let mostBytes = Infinity;
@@ -27,7 +27,7 @@ async function sent(path, init) {
 }
 
 export async function status() {
-  const told = await (await sent("/api/status", {})).json();
+  const told = await (await sent("api/status", {})).json();
   mostBytes = told.max_bytes;
   return told;
 }
@@ -46,19 +46,19 @@ function form(files, options) {
 
 /** Post files, each [field, Blob, name], and options; return JSON. */
 export async function ask(route, files, options = {}, signal = undefined) {
-  return (await sent(`/api/${route}`, { method: "POST", body: form(files, options), signal })).json();
+  return (await sent(`api/${route}`, { method: "POST", body: form(files, options), signal })).json();
 }
 
 /** The same where the answer is a file: {blob, name}. */
 export async function askFile(route, files, options = {}) {
-  const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
+  const answer = await sent(`api/${route}`, { method: "POST", body: form(files, options) });
   const name = /filename="([^"]*)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1];
   return { blob: await answer.blob(), name: name ?? route };
 }
 
 /** The same where the answer is several files: an array of them. */
 export async function askFiles(route, files, options = {}) {
-  const answer = await sent(`/api/${route}`, { method: "POST", body: form(files, options) });
+  const answer = await sent(`api/${route}`, { method: "POST", body: form(files, options) });
   return (await answer.formData()).getAll("picture");
 }
 
@@ -66,7 +66,7 @@ export async function askFiles(route, files, options = {}) {
 export async function askJson(route, members, signal = undefined) {
   const headers = { "Content-Type": "application/json" };
   const init = { method: "POST", body: JSON.stringify(members), headers, signal };
-  return (await sent(`/api/${route}`, init)).json();
+  return (await sent(`api/${route}`, init)).json();
 }
 
 /** Let the browser save a file. */
