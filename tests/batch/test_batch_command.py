@@ -114,6 +114,22 @@ def test_limits_for_production_decide_the_exit_code(batch, folder):
     assert "Limits" in (folder / "out/summary.html").read_text()
 
 
+def test_what_calibrate_many_has_done_is_summed_up_and_held_against_limits(batch, folder):
+    options = {"model": "radial1"}
+    list(ts.calibrate_many(ts.find_jobs(["in"], options=options), workers=1, output="found"))
+    own = [ts.Job("left", ("in/a.png",), options)]
+    list(ts.calibrate_many(own, workers=1, output="named"))
+    manifest = {"name": "left", "photographs": "in/a.png"}
+    (folder / "own.jsonl").write_text(json.dumps(manifest))
+    (folder / "limits.toml").write_text("[std.fx]\nmost = 1e-9\n")
+    for given, output in (("in", "found"), ("own.jsonl", "named")):
+        limits = ("--model", "radial1", "--limits", "limits.toml")
+        code, out, _ = batch(given, "-o", output, *limits)
+        assert code == 6
+        assert "(0 done now): 0 passed" in out
+        assert (folder / output / "summary.csv").exists()
+
+
 def test_those_that_passed_with_a_high_warning_are_told(batch, folder):
     assert batch("in", "-o", "out")[0] == 0
     records = folder / "out/results.jsonl"

@@ -101,7 +101,9 @@ def calibrate_many(
         worker keeps a process beside itself that does the jobs, in one thread.
     output : path, optional
         A folder that holds what is done, as `trisquare batch` has it: jobs that it holds are not
-        done again, and not yielded.
+        done again, and not yielded. It gets no summaries: `trisquare batch` with the same inputs
+        and options, ``-o`` the folder and ``--limits`` a file, makes them without calibrating
+        again.
     workers : int, optional
         Jobs done at a time without an `executor`, by default one for each processor.
     window : int
