@@ -472,6 +472,15 @@ def test_names_need_not_be_text(run, folder):
         assert "extension" in outcome[2]
 
 
+def test_folders_to_compare_are_told_of_the_loop(run, folder):
+    (folder / "monday").mkdir()
+    for arguments in (("monday", "camera.json"), ("camera.json", "monday")):
+        code, _, err = run("compare", *arguments)
+        assert code == 5
+        assert err.startswith("trisquare: error: monday: a folder")
+        assert "'Compare two nights'" in err
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     (folder / "pagé.json").write_bytes((folder / "camera.json").read_bytes())

@@ -13,6 +13,7 @@ from trisquare._support.writing import write_atomically
 from trisquare.analysis.comparison import Comparison, compare, two_digits
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.console import answer
+from trisquare.cli.framework import UnreadableInputError
 from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
@@ -51,6 +52,12 @@ def compare_command(
     p says how often two calibrations of one camera differ at least so much, if each has photographs
     of its own. Paper that is not flat makes p too small: see "How exact is it".
     """
+    for path in (first, second):
+        if path.is_dir():
+            raise UnreadableInputError(
+                f"{path}: a folder, where a camera file is needed. 'Compare two nights', in the "
+                "documentation of batch, has the loop for two folders"
+            )
     check_outputs([first, second], [map_file])
     known = read_camera(first)
     lens = camera_of(known)
