@@ -62,19 +62,20 @@ app = FastAPI(lifespan=lifespan)
 
 
 class RefusedError(Exception):
-    """An answer that is an error, with one of trisquare's codes."""
+    """An answer that is an error, with one of trisquare's codes and what else is said of it."""
 
-    def __init__(self, code: str, text: str) -> None:
+    def __init__(self, code: str, text: str, **more: Any) -> None:
         super().__init__(text)
-        self.code, self.text = code, text
+        help_page = f"{HELP}#{code.lower()}"
+        self.members = {**more, "code": code, "text": text, "help": help_page}
 
 
 @app.exception_handler(RefusedError)
 async def refused(request: Request, error: RefusedError) -> JSONResponse:
     """Answer with an error in the shape of all JSON of trisquare."""
-    members = {"code": error.code, "text": error.text, "help": f"{HELP}#{error.code.lower()}"}
-    headers = {"Retry-After": "5"} if error.code == "BusyError" else None
-    return JSONResponse({"error": members}, ts.http_status(error.code), headers)
+    code = error.members["code"]
+    headers = {"Retry-After": "5"} if code == "BusyError" else None
+    return JSONResponse({"error": error.members}, ts.http_status(code), headers)
 
 
 @app.exception_handler(HTTPException)
@@ -124,8 +125,7 @@ async def calibrations(
     finally:
         state.accepted -= 1
     if result.json is None:
-        error = result.record["error"]
-        raise RefusedError(error["code"], error["text"])
+        raise RefusedError(**result.record["error"])  # with what was found and rejected
     return Response(result.json, media_type="application/json")
 
 

@@ -103,6 +103,17 @@ def test_what_is_wrong_is_said(client, query, content, status, error, said):
     assert "/tmp" not in found["text"]
 
 
+def test_a_refusal_has_what_was_found(client, alone):
+    photo = cv2.imdecode(np.frombuffer(DEMO, np.uint8), cv2.IMREAD_GRAYSCALE)
+    x, y, width, height = cv2.boundingRect(np.float32(alone.planes[0].corners))
+    one = photo[y - 20 : y + height + 20, x - 20 : x + width + 20]
+    answer = client.post("/calibrations", content=encoded(one))
+    error = answer.json()["error"]
+    assert (answer.status_code, error["code"]) == (422, "NotEnoughPlanesError")
+    assert {"kind", "image", "corners"} <= error["found"][0].keys()
+    assert error["help"] == "faq.html#notenoughplaneserror"
+
+
 def test_a_form_is_not_the_photograph_s_file(client):
     answer = client.post("/calibrations", files={"file": DEMO})
     assert answer.status_code == 415

@@ -223,6 +223,17 @@ def test_a_format_that_cannot_hold_the_lens_says_what_it_would_cost(client, resu
     error_of(post(client, "convert/nothing", camera=text), 400)
 
 
+def test_an_answer_that_is_taken_for_its_result_says_so(result, tmp_path):
+    answer = json.dumps(result)
+    with pytest.raises(ValueError, match=r'"format" is missing: take its "result"$'):
+        ts.Calibration.from_json(answer)
+    path = tmp_path / "answer.json"
+    path.write_text(answer)
+    for load in (ts.Calibration.load, ts.Camera.load):
+        with pytest.raises(ValueError, match=r'take its "result"$'):
+            load(path)
+
+
 def test_compares(client, result):
     text = json.dumps(result["result"])
     answer = post(client, "compare", first=text, second=text).json()
@@ -417,7 +428,7 @@ def test_a_damaged_body_is_an_error(client, content, kind):
 def test_a_photograph_as_the_body_is_told_what_to_send(client, route, expected):
     kind = {"content-type": "image/png"}
     error = error_of(client.post(f"/api/{route}", content=PHOTO, headers=kind), 400)
-    assert error["text"].endswith(f": {expected}")
+    assert error["text"].startswith(f"{expected}: ")
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,9 @@ class JsonFields:
     def value(self, key: str) -> Any:
         """Return the member as it was parsed; it must be there."""
         if key not in self._members:
-            raise ValueError(f'"{self._key(key)}" is missing')
+            inner = self._members.get("result")  # as the answers of `trisquare serve` have one
+            hint = ': take its "result"' if isinstance(inner, dict) and key in inner else ""
+            raise ValueError(f'"{self._key(key)}" is missing{hint}')
         return self._members[key]
 
     def names(self) -> tuple[str, ...]:

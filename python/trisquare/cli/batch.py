@@ -302,10 +302,13 @@ def _report(
     high = ""
     if counts.passed_with_high_warning:
         high = f" ({counts.passed_with_high_warning} with a warning of high severity)"
+    retake = f"photographs of {counts.retake} to take again"
+    if counts.retake:
+        retake = f"{retake} (column retake of summary.csv)"
     lines = [
         f"{output}: {counts.total} {noun} ({done} done now): {counts.passed} "
         f"passed{high}, {counts.beyond_limits} beyond the limits, {counts.failed} failed; "
-        f"photographs of {counts.retake} to take again, {counts.outlying} unlike the others"
+        f"{retake}, {counts.outlying} unlike the others"
     ]
     if counts.earlier:
         noun, are, do = (

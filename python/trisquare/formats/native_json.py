@@ -37,7 +37,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 
 def _camera(members: JsonFields) -> Camera:
-    if not members.has("format"):
+    if not members.has("format") and not members.has("result"):
         raise ValueError(
             '"format" is missing: the JSON of trisquare, of OpenCV and of nerfstudio is read'
         )

@@ -50,8 +50,8 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
         try:
             return Upload((), {}, _options(await request.body()))
         except ValueError as error:
-            sent = f"multipart/form-data with the fields {', '.join(fields)}"
-            raise ValueError(f"{error}: send {sent if known else 'a JSON object'}") from error
+            body = f"multipart/form-data with the fields {', '.join(fields)}"
+            raise ValueError(f"send {body if known else 'a JSON object'}: {error}") from error
     photographs: list[str] = []
     files: dict[str, str] = {}
     options: dict[str, Any] | None = None
