@@ -190,3 +190,49 @@ def smallest_slope(lens, ideal):
         ]
         columns.append((ends[0] - ends[1]) / (2 * step * np.array([lens.fx, lens.fy])))
     return np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)[:, 1]
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "model"),
+    [
+        ((0, 0, 0, 0, 0), "radial2"),
+        ((-0.3, 0.1, 0, 0, 0), "radial2"),
+        ((-0.3, 0.1, 0, 0, 0.02), "radial3"),
+        ((-0.3, 0.1, 0, 1e-3, 0), "brown"),
+        ((-0.3, 0.1, 0, 0, 0, 0, 0, 0), "radial2"),
+        ((-0.3, 0.1, 0, 0, 0, 0, 0.01, 0), "rational"),
+        ((-0.3, 0.1, 0, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0), "brown_prism"),
+        ((-0.3, 0.1, 0, 0, 0, 0.01, 0, 0, 1e-3, 0, 0, 0), "thin_prism"),
+        ((-0.3, 0.1, 0, 0, 0, 0.01, 0, 0, 0, 0, 0, 0, 0, 0), "rational"),
+        ((-0.3, 0.1, 0, 0, 0, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0), "thin_prism"),
+    ],
+)
+@pytest.mark.parametrize("shape", [(-1,), (1, -1), (-1, 1)])
+def test_opencv_s_coefficients_tell_the_model(coefficients, model, shape):
+    given = np.array(coefficients, dtype=float).reshape(shape)
+    lens = Camera(K, given, SIZE)
+    assert lens.model == model
+    points = np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 1.0]])
+    seen = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, given.ravel())[0]
+    assert np.abs(lens.project(points) - seen[:, 0]).max() < 1e-9
+    again = Camera(K, lens.distortion, SIZE, model)
+    assert again == lens
+
+
+@pytest.mark.parametrize(
+    ("distortion", "model", "message"),
+    [
+        ([0.0] * 4, None, r"5, 8, 12, 14 coefficients .*, not 4: append a 0, for k3.*\"fisheye\""),
+        ([0.0] * 4, "brown", r"shape \(5\), not \(4,\).* append a 0, for k3"),
+        ([0.0] * 14, "radial2", r"k1, k2, p1, p2, k3; without model= the coefficients tell it"),
+        ([0.0] * 7, None, r"not 7$"),
+        ([0.0] * 12 + [0.01, 0.0], None, r"tilts the sensor \(tx, ty \[0\.01, 0\.0\]\)"),
+        ([-0.3, 0.1, 1e-3, 0, 0], "radial2", r"p1 0\.001, .*'radial2' .*model='brown'"),
+        ([-0.3, 0.1, 0, 0, 0.01], "radial2", r"k3 0\.01, .*model='radial3'"),
+        ([0.0, 0.0, 0.0, 0.01], "fisheye2", r"model='fisheye'"),
+        ([0.0] * 5 + [0.1] * 7, "brown_prism", r"k4 0\.1, k5 0\.1, k6 0\.1.*model='thin_prism'"),
+    ],
+)
+def test_coefficients_that_no_model_or_another_one_has_are_refused(distortion, model, message):
+    with pytest.raises(ValueError, match=message):
+        Camera(K, distortion, SIZE, *([model] if model else []))

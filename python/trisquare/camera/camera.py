@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,26 @@ from trisquare._support.arrays import (
 )
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
-from trisquare.camera.lens_models import COEFFICIENTS, MODELS
+from trisquare.camera.lens_models import (
+    COEFFICIENTS,
+    FREE,
+    MODELS,
+    OPENCV_LENGTHS,
+    opencv_distortion,
+    simplest_model,
+)
 
 # A camera for the compiled core: its model, its parameters in the order of reports, and the radius
 # up to which they are trusted.
 CoreCamera: TypeAlias = "tuple[str, Sequence[float], float]"
+
+# A model that the coefficients tell; every camera's is a str.
+_TOLD_BY_COEFFICIENTS: Any = None
+# The simplest that they tell.
+USUAL_MODEL = "radial2"
+# Four are a pinhole's or a fisheye's.
+TELLING_LENGTHS = tuple(length for length in OPENCV_LENGTHS if length != 4)
+OF_FOUR = "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,12 +57,15 @@ class Camera(RebuiltByConstructor):
         `cv2.projectPoints` takes it; for a fisheye ``(k1, k2, k3, k4)``, as `cv2.fisheye` takes it
         (Kannala & Brandt, IEEE PAMI 28 (2006) 1335-1340). For "rational" ``(k1, k2, p1, p2, k3,
         k4, k5, k6)``, for "brown_prism" and "thin_prism" the same with ``(s1, s2, s3, s4)``, as
-        `cv2.projectPoints` takes them (OpenCV's documentation of calib3d).
+        `cv2.projectPoints` takes them (OpenCV's documentation of calib3d). Arrays of the shapes
+        ``(1, N)`` and ``(N, 1)``, as OpenCV returns them, are taken as well.
     image_size : (int, int)
         Width and height in pixels.
     model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
-"fisheye2", "fisheye", "rational", "brown_prism", "thin_prism"}
-        Which of the coefficients may differ from zero. "equidistant" is a fisheye without any,
+"fisheye2", "fisheye", "rational", "brown_prism", "thin_prism"}, optional
+        Which of the coefficients may differ from zero. By default the coefficients tell it, 5, 8,
+        12 or 14 in OpenCV's order: "radial2", or the simplest pinhole that has all that are not
+        zero; `distortion` is then that model's. "equidistant" is a fisheye without any,
         "fisheye1" and "fisheye2" have ``k1``, and ``k1, k2``; "brown_prism" has no ``k4, k5, k6``.
     valid_radius : float, optional
         Up to which the distortion is monotonic, hence invertible: the ideal normalised radius
@@ -66,12 +84,14 @@ class Camera(RebuiltByConstructor):
     >>> camera = ts.Camera(K, np.array([-0.28, 0.08, 0, 0, 0]), (1280, 960))
     >>> camera.fx, camera.image_size
     (900.0, (1280, 960))
+    >>> ts.Camera(K, np.array([[-0.28, 0.08, 0.001, 0, 0]]), (1280, 960)).model
+    'brown'
     """
 
     K: FloatArray
     distortion: FloatArray
     image_size: tuple[int, int]
-    model: str = "radial2"
+    model: str = _TOLD_BY_COEFFICIENTS
     valid_radius: float | None = None
 
     def __post_init__(self) -> None:
@@ -81,11 +101,10 @@ class Camera(RebuiltByConstructor):
             raise ValueError(
                 "K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with positive fx, fy"
             )
-        if self.model not in MODELS:
-            raise ValueError(f"model must be one of {MODELS}, not {self.model!r}")
-        count = len(COEFFICIENTS[self.model])
+        model, distortion = _model_and_distortion(self.model, self.distortion)
         object.__setattr__(self, "K", K)
-        object.__setattr__(self, "distortion", real_array(self.distortion, "distortion", (count,)))
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "image_size", size_of_image(self.image_size))
         radius = self.valid_radius
         if radius is None:
@@ -479,6 +498,60 @@ class Camera(RebuiltByConstructor):
             f"{f'skew {self.skew:.6g}, ' if self.skew else ''}"
             f"{', '.join(f'{name} {value:.5g}' for name, value in numbers)}>"
         )
+
+
+def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, FloatArray]:
+    """Return a camera's model, which the coefficients tell unless it is given, and its distortion.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no model's, or not those of the model that is given.
+    """
+    if model is not None and model not in MODELS:
+        raise ValueError(f"model must be one of {MODELS}, not {model!r}")
+    if isinstance(distortion, np.ndarray) and distortion.ndim == 2 and 1 in distortion.shape:
+        distortion = distortion.ravel()  # OpenCV's shape
+    values = real_array(distortion, "distortion", (None,))
+    if model is None:
+        return _told_by(values)
+    names = COEFFICIENTS[model]
+    if len(values) != len(names):
+        advice = OF_FOUR if len(values) == 4 else "without model= the coefficients tell it"
+        raise ValueError(
+            f"distortion must have shape ({len(names)}), not {values.shape}: model={model!r} has "
+            f"{', '.join(names)}; {advice}"
+        )
+    named = dict(zip(names, values.tolist(), strict=True))
+    if simplest_model(named, [model]) is None:
+        held = [
+            f"{name} {value:.5g}"
+            for name, value in named.items()
+            if value and name not in FREE[model]
+        ]
+        alike = (each for each in MODELS if COEFFICIENTS[each] == names)
+        raise ValueError(
+            f"distortion has {', '.join(held)}, and model={model!r} holds them at zero: "
+            f"choose model={simplest_model(named, alike)!r}"
+        )
+    return model, values
+
+
+def _told_by(values: FloatArray) -> tuple[str, FloatArray]:
+    """Return the model that OpenCV's coefficients tell, and its distortion."""
+    if len(values) not in TELLING_LENGTHS:
+        advice = f": {OF_FOUR}" if len(values) == 4 else ""
+        raise ValueError(
+            f"distortion must have {', '.join(map(str, TELLING_LENGTHS))} coefficients without "
+            f"model=, not {len(values)}{advice}"
+        )
+    found = opencv_distortion(values.tolist(), USUAL_MODEL)
+    if found is None:
+        raise ValueError(
+            f"distortion tilts the sensor (tx, ty {values[-2:].tolist()}), which no model does: of "
+            "a file, Camera.load(path, approximate=True) reads the nearest lens"
+        )
+    return found[0], real_array(found[1], "distortion", (None,))
 
 
 def camera_parameters(camera: Camera) -> dict[str, float]:

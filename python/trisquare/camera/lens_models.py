@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+
 BROWN = ("k1", "k2", "p1", "p2", "k3")
 FISHEYE = ("k1", "k2", "k3", "k4")
 RATIONAL = (*BROWN, "k4", "k5", "k6")
@@ -25,7 +27,57 @@ COEFFICIENTS = {
 
 MODELS = tuple(COEFFICIENTS)
 
+FREE = COEFFICIENTS | {
+    "none": (),
+    "radial1": ("k1",),
+    "radial2": ("k1", "k2"),
+    "radial3": ("k1", "k2", "k3"),
+    "equidistant": (),
+    "fisheye1": ("k1",),
+    "fisheye2": ("k1", "k2"),
+    "brown_prism": (*BROWN, "s1", "s2", "s3", "s4"),
+}
+"""The coefficients of each model that may differ from zero."""
+
+OPENCV = (*THIN_PRISM, "tx", "ty")
+"""All of OpenCV's coefficients of a pinhole, in its order; no model has the last two, which tilt
+the sensor."""
+
+OPENCV_LENGTHS = (4, 5, 8, 12, 14)
+"""How many of them OpenCV gives."""
+
 
 def is_fisheye(model: str) -> bool:
     """Return whether a lens of a model bends rays by their angle with the axis."""
     return COEFFICIENTS[model] == FISHEYE
+
+
+def simplest_model(coefficients: Mapping[str, float], models: Iterable[str]) -> str | None:
+    """Return the first of some models that has all coefficients that are not zero, if one has."""
+    needed = {name for name, value in coefficients.items() if value}
+    return next((model for model in models if needed.issubset(FREE[model])), None)
+
+
+def opencv_distortion(
+    values: Sequence[float], least: str = MODELS[0]
+) -> tuple[str, list[float]] | None:
+    """Return the simplest model that has OpenCV's coefficients of a pinhole, and its distortion.
+
+    Parameters
+    ----------
+    values : sequence of float
+        In OpenCV's order; those that are missing are zero.
+    least : str
+        The simplest model that may be returned.
+
+    Returns
+    -------
+    (str, list of float) or None
+        None if they tilt the sensor, which no model does.
+    """
+    named = dict(zip(OPENCV, values, strict=False))
+    models = MODELS[MODELS.index(least) :]
+    model = simplest_model(named, (each for each in models if not is_fisheye(each)))
+    if model is None:
+        return None
+    return model, [named.get(name, 0.0) for name in COEFFICIENTS[model]]

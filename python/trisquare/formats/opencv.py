@@ -23,7 +23,7 @@ from typing import Any
 from trisquare._support.arrays import FloatArray
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
-from trisquare.camera.lens_models import FISHEYE, is_fisheye
+from trisquare.camera.lens_models import FISHEYE, OPENCV_LENGTHS, is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
@@ -38,7 +38,7 @@ DISTORTION_NAMES = (
 WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
 FISHEYE_NAME = "fisheye_model"
-LENGTHS = (0, 4, 5, 8, 12, 14)
+LENGTHS = (0, *OPENCV_LENGTHS)
 
 
 def recognises(document: Document) -> bool:

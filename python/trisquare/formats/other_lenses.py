@@ -9,7 +9,14 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera
-from trisquare.camera.lens_models import BROWN, FISHEYE, RATIONAL, THIN_PRISM
+from trisquare.camera.lens_models import (
+    BROWN,
+    FISHEYE,
+    MODELS,
+    is_fisheye,
+    opencv_distortion,
+    simplest_model,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,12 +64,9 @@ def camera_of(
     image_size : (int, int)
         Width and height.
     """
-    k1, k2, p1, p2, k3 = (coefficients.get(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3"))
-    if p1 or p2:
-        model = "brown"
-    else:
-        model = "radial3" if k3 else "radial2" if k2 else "radial1" if k1 else "none"
-    return Camera(K, np.array([k1, k2, p1, p2, k3]), image_size, model)
+    lens = opencv_lens(K, [coefficients.get(name, 0.0) for name in BROWN], image_size)
+    assert isinstance(lens, Camera)
+    return lens
 
 
 def check_opencv_matrix(K: FloatArray) -> None:
@@ -96,14 +100,11 @@ def opencv_lens(
         Width and height.
     """
     values = [float(value) for value in coefficients]
-    if any(values[len(THIN_PRISM) :]):
+    found = opencv_distortion(values)
+    if found is None:
         return ForeignLens("OpenCV's tilted-sensor model", K, image_size, "opencv", values)
-    if any(values[len(RATIONAL) :]):
-        model = "thin_prism" if any(values[len(BROWN) : len(RATIONAL)]) else "brown_prism"
-        return Camera(K, np.array(values[: len(THIN_PRISM)]), image_size, model)
-    if any(values[len(BROWN) :]):
-        return Camera(K, np.array(values[: len(RATIONAL)]), image_size, "rational")
-    return camera_of(K, dict(zip(BROWN, values, strict=False)), image_size)
+    model, distortion = found
+    return Camera(K, np.array(distortion), image_size, model)
 
 
 def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[int, int]) -> Camera:
@@ -115,5 +116,7 @@ def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[i
     """
     values = np.zeros(len(FISHEYE))
     values[: len(coefficients)] = coefficients
-    models = ("equidistant", "fisheye1", "fisheye2", "fisheye", "fisheye")
-    return Camera(K, values, image_size, models[len(np.trim_zeros(values, "b"))])
+    named = dict(zip(FISHEYE, values.tolist(), strict=True))
+    model = simplest_model(named, filter(is_fisheye, MODELS))
+    assert model is not None
+    return Camera(K, values, image_size, model)
