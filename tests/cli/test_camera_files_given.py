@@ -44,6 +44,30 @@ def test_one_camera_of_several_is_taken_out_as_the_error_says(run, folder, words
         assert run(*words)[0] == 0
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("undistort", "photo.png", "-o", "out.png", "--camera", "sizeless.yaml"),
+        ("compare", "sizeless.yaml", "sizeless.yaml"),
+        ("calibrate", "photo.png", "--initial", "sizeless.yaml"),
+        ("convert", "sizeless.yaml", "other.json"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_file_without_the_picture_s_size_is_given_one_as_the_error_says(run, folder, words):
+    camera = ts.Camera([[450, 0, 319.5], [0, 450, 239.5], [0, 0, 1]], np.zeros(5), (640, 480))
+    camera.save("sizeless.yaml")
+    lines = (folder / "sizeless.yaml").read_text().splitlines(keepends=True)
+    (folder / "sizeless.yaml").write_text("".join(x for x in lines if "image_" not in x))
+    code, out, err = run(*words)
+    assert (code, out) == (2, "")
+    assert "sizeless.yaml: " in err
+    told = " ".join(err.split()).partition("(trisquare ")[2].partition(")")[0]
+    placeholders = {"FILE": "sizeless.yaml", "WxH": "640x480"}
+    assert run(*(placeholders.get(word, word) for word in told.split()))[0] == 0
+    assert np.array_equal(ts.Camera.load("camera.json").K, camera.K)
+
+
 def test_a_camera_of_another_resolution_is_scaled_as_the_error_says(run, folder):
     shutil.copy(resources.files("trisquare") / "data" / "demo.png", "demo.png")
     camera = ts.Camera([[450, 0, 319.5], [0, 450, 239.5], [0, 0, 1]], np.zeros(5), (640, 480))

@@ -12,6 +12,9 @@ from trisquare.formats.document import Document
 
 ImageSize: TypeAlias = tuple[int, int]
 
+SAY_THE_SIZE = "say it with image_size= (trisquare convert FILE camera.json --size WxH)"
+"""What to do about a file without the picture's size: no other command has ``--size``."""
+
 Cameras: TypeAlias = Mapping[str, Callable[[], Lens]]
 """The cameras of a file by name, each read when it is asked for: one may be damaged, or of a
 model that nobody knows, beside the one that is wanted."""

@@ -22,7 +22,7 @@ from functools import partial
 
 from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.formats.approximation import Family, Lens
-from trisquare.formats.base import Cameras, Format, ImageSize, only
+from trisquare.formats.base import SAY_THE_SIZE, Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import camera_of
 from trisquare.formats.panotools import PanoFamily, PanoLens
@@ -59,7 +59,7 @@ def _lens(
     lens: ElementTree.Element, distortion: ElementTree.Element, image_size: ImageSize | None
 ) -> Lens:
     if image_size is None:
-        raise ValueError("lensfun's files do not say the picture's size: use image_size= (--size)")
+        raise ValueError(f"lensfun's files do not say the picture's size: {SAY_THE_SIZE}")
     if lens.findtext("type", "rectilinear").strip() != "rectilinear":
         raise ValueError('"type" is not rectilinear: no other is read')
     width, height = image_size

@@ -25,7 +25,7 @@ from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera
 from trisquare.camera.lens_models import FISHEYE, OPENCV_LENGTHS, is_fisheye
 from trisquare.formats.approximation import ANY_CAMERA, Lens
-from trisquare.formats.base import Cameras, Format, ImageSize, only
+from trisquare.formats.base import SAY_THE_SIZE, Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import check_opencv_matrix, fisheye_of, opencv_lens
 from trisquare.formats.xml_text import parse_xml
@@ -84,7 +84,7 @@ def _size(members: JsonFields, image_size: ImageSize | None) -> ImageSize:
         return image_size
     if not any(members.has(name) for name in WIDTH_NAMES):
         raise ValueError(
-            '"image_width" and "image_height" are missing: say the size with image_size= (--size)'
+            f'"image_width" and "image_height", the picture\'s size, are missing: {SAY_THE_SIZE}'
         )
     return (
         members.integer(_name(members, WIDTH_NAMES)),
