@@ -5,6 +5,8 @@ import pytest
 
 import trisquare as ts
 
+MEASURED = ts.Measurement(np.zeros((2, 2)), np.eye(4))
+
 
 @pytest.fixture(scope="module")
 def result():
@@ -21,14 +23,23 @@ def test_a_name_of_another_class_is_answered_with_the_own_one(result):
         _ = result.planes[0].tilt
     with pytest.raises(AttributeError, match=r"'fx': did you mean 'camera\.fx'"):
         _ = result.fx
+    with pytest.raises(AttributeError, match=r"'distCoeffs': did you mean 'camera\.distortion'"):
+        _ = result.distCoeffs
+    with pytest.raises(AttributeError, match=r"'rvecs': did you mean 'planes\[0\]\.rvec'"):
+        _ = result.rvecs
+    with pytest.raises(AttributeError, match=r"'width': did you mean 'image_size\[0\]'"):
+        _ = result.camera.width
+    with pytest.raises(AttributeError, match=r"'warnings': did you mean 'extrapolation'"):
+        _ = MEASURED.warnings
     with pytest.raises(AttributeError, match=r"no attribute 'nonsense'$"):
         _ = result.nonsense
 
 
-@pytest.mark.parametrize("kind", [ts.Plane, ts.Calibration])
-def test_the_names_that_are_meant_are_there(kind, result):
-    own = {ts.Plane: result.planes[0], ts.Calibration: result}[kind]
-    for name, meant in kind.other_names.items():
+@pytest.mark.parametrize("owner", ["result", "result.planes[0]", "result.camera", "MEASURED"])
+def test_the_names_that_are_meant_are_there(owner, result):
+    own = eval(owner)
+    assert own.other_names
+    for name, meant in own.other_names.items():
         assert not hasattr(own, name)
         # Fails where there is no such attribute; a formula names the plane itself.
         eval(meant if "plane." in meant else f"own.{meant}", {"np": np, "own": own, "plane": own})

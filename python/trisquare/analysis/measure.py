@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -79,6 +80,11 @@ class Measurement(RebuiltByConstructor):
     >>> print(f"{found.angles[0]:.0f} degrees, {found.area:.0f} square millimetres")
     97 degrees, 1878 square millimetres
     """
+
+    # Without an annotation, lest it be among `__dataclass_fields__`.
+    other_names = MappingProxyType(
+        {"length": "lengths", "std": "lengths_std", "warnings": "extrapolation"}
+    )
 
     points: FloatArray
     covariance: FloatArray

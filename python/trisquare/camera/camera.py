@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -41,6 +42,12 @@ USUAL_MODEL = "radial2"
 # Four are a pinhole's or a fisheye's.
 TELLING_LENGTHS = tuple(length for length in OPENCV_LENGTHS if length != 4)
 OF_FOUR = "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
+
+OPENCV_NAMES = {
+    **dict.fromkeys(("cameraMatrix", "camera_matrix", "mtx"), "K"),
+    **dict.fromkeys(("distCoeffs", "dist_coeffs", "dist"), "distortion"),
+}
+"""What OpenCV and its tutorials call a camera's attributes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +94,11 @@ class Camera(RebuiltByConstructor):
     >>> ts.Camera(K, np.array([[-0.28, 0.08, 0.001, 0, 0]]), (1280, 960)).model
     'brown'
     """
+
+    # Without an annotation, lest it be among `__dataclass_fields__`.
+    other_names = MappingProxyType(
+        OPENCV_NAMES | {"width": "image_size[0]", "height": "image_size[1]", "focal_length": "fx"}
+    )
 
     K: FloatArray
     distortion: FloatArray

@@ -37,7 +37,7 @@ from trisquare._support.records import (
 )
 from trisquare._support.writing import write_atomically
 from trisquare.camera.approximation import Approximation
-from trisquare.camera.camera import Camera, camera_parameters
+from trisquare.camera.camera import OPENCV_NAMES, Camera, camera_parameters
 from trisquare.camera.file_formats import registered_files
 from trisquare.camera.members import camera_from_members, camera_members
 from trisquare.camera.projection_uncertainty import (
@@ -162,6 +162,8 @@ class Calibration(Record):
                 *("project", "unproject", "distort_points", "undistort_points", "undistorted"),
             )
         }
+        | {name: f"camera.{own}" for name, own in OPENCV_NAMES.items()}
+        | {"rvecs": "planes[0].rvec", "tvecs": "planes[0].tvec"}
     )
 
     camera: Camera
