@@ -70,6 +70,12 @@ def test_every_section_says_what_why_and_what_to_do():
         assert re.findall(r"^- (\w+): \S", text, re.MULTILINE) == ["Means", "Why", "Do"], name
 
 
+def test_warnings_that_come_together_name_each_other():
+    texts = dict(SECTION.findall(page("faq.md")))
+    assert "](#overexposed)" in texts["planes_contradict"]
+    assert "](#planes_contradict)" in texts["overexposed"]
+
+
 def test_help_names_the_section():
     """As Sphinx names it: small letters, and hyphens for underscores."""
     warning = ts.CalibrationWarning("a text", "lens_beyond_model", "high")
