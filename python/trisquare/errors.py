@@ -229,10 +229,10 @@ class DegenerateGeometryError(TrisquareError):
     """The planes do not determine the camera.
 
     Their directions are too much alike, as with parallel squares or a fronto-parallel view. Tilt
-    the squares 25 degrees or more in different directions, or hold the principal point at a known
-    value with ``fix="principal_point", initial=camera``. Or the lens model has more coefficients than
-    the edges determine: its polynomial turns back inside the picture, and a model with fewer is to be
-    taken.
+    the squares 25 degrees or more in different directions, or hold the principal point at a
+    known value with ``fix="principal_point", initial=camera``. Or the lens model has more
+    coefficients than the edges determine: its polynomial turns back inside the picture, and a model
+    with fewer is to be taken.
 
     Examples
     --------

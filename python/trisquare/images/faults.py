@@ -17,8 +17,8 @@ TOLD_MOTION = 3.0
 
 TOLD_BLUR = 2.5
 """Blur in pixels, one standard deviation, from which it is told where no motion explains it: among
-scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of 52 with
-2.5 to 4 px 8 were."""
+scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of 52
+with 2.5 to 4 px 8 were."""
 
 CLIPPED = 0.1
 """Share of the sides whose light is clipped from which that is told."""
@@ -93,7 +93,7 @@ def fault_warnings(
     for image, own in faults.items():
         for code, text in _texts(own, tones[image]).items():
             texts.setdefault(code, []).append(f"{names[image]}: {text}")
-    # A pattern, or what reaches into blurred edges, may be the cause of what is said of single sides.
+    # A pattern, or what reaches into blurred edges, may be why sides are blamed.
     medium = {"periodic_pattern", "out_of_focus"}
     if any(own.colour_shift is not None and not own.is_green for own in faults.values()):
         medium.add("chromatic_aberration")
