@@ -108,9 +108,10 @@ def measure_command(
 
     PHOTO is the one that the camera was calibrated with, or any other that it has taken, in which
     one square is enough: lay it beside the thing, on the same plane. The square is found in the
-    photograph again, before the camera that is given. The standard deviations hold what is
-    uncertain about the pixels, its pose and the camera. They take the plane as flat: what paper is
-    bent by beyond the sides that were measured is not in them.
+    photograph again, before the camera that is given.
+
+    The standard deviations hold what is uncertain about the pixels, the plane's pose and the
+    camera. What paper is bent by beyond the sides that were measured is not in them.
     """
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
