@@ -51,8 +51,9 @@ def test_the_rotation_takes_up_a_shift_of_the_principal_point():
 
 
 def test_the_rotation_is_the_best_one(result):
-    distortion = result.camera.distortion + np.array([0.02, 0, 0.003, 0, 0])
-    other = ts.Camera(result.camera.K, distortion, result.camera.image_size)
+    other = replace(
+        result.camera, distortion=result.camera.distortion + np.array([0.02, 0, 0.003, 0, 0])
+    )
     comparison = ts.compare(result.camera, other)
     pixels = np.stack(np.meshgrid(comparison.x, comparison.y), axis=-1).reshape(-1, 2)
     rays = result.camera.unproject(pixels) @ comparison.rotation.T

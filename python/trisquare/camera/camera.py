@@ -24,11 +24,9 @@ from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
 from trisquare.camera.lens_models import (
     COEFFICIENTS,
-    FREE,
     MODELS,
     OPENCV_LENGTHS,
     opencv_distortion,
-    simplest_model,
 )
 
 # A camera for the compiled core: its model, its parameters in the order of reports, and the radius
@@ -533,18 +531,6 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
         raise ValueError(
             f"distortion must have shape ({len(names)}), not {values.shape}: model={model!r} has "
             f"{', '.join(names)}; {advice}"
-        )
-    named = dict(zip(names, values.tolist(), strict=True))
-    if simplest_model(named, [model]) is None:
-        held = [
-            f"{name} {value:.5g}"
-            for name, value in named.items()
-            if value and name not in FREE[model]
-        ]
-        alike = (each for each in MODELS if COEFFICIENTS[each] == names)
-        raise ValueError(
-            f"distortion has {', '.join(held)}, and model={model!r} holds them at zero: "
-            f"choose model={simplest_model(named, alike)!r}"
         )
     return model, values
 
