@@ -156,6 +156,15 @@ impl PixelFigure {
         }
     }
 
+    /// Drops the pixels farther off than `reach` (px), which leaves the edge at least.
+    pub fn limit_reach(&mut self, reach: f64) {
+        if reach < self.reach {
+            self.reach = reach.max(MIN_REACH);
+            let limit = self.reach;
+            self.pixels.retain(|pixel| pixel.depth().abs() <= limit);
+        }
+    }
+
     /// Drops the pixels along marked stretches.
     pub fn drop_stretches(&mut self, marked: Vec<bool>) {
         if marked.contains(&true) {

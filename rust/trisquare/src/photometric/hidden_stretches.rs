@@ -1,9 +1,11 @@
 //! Stretches of an outline that something lies over, told by many pixels together.
 //!
 //! The rim of a stain or the flank of a glare changes pixels by less than a single one needs to
-//! count as an outlier; the mean over a stretch shows it.
+//! count as an outlier; the mean over a stretch shows it. And rings around an outline that are not
+//! plain, told in the same way.
 
 use super::band::PixelFigure;
+use super::coverage::PLATEAU;
 use super::figure_chart::all_distances;
 use super::scene::Scene;
 use crate::lens::Lens;
@@ -50,28 +52,80 @@ pub(super) struct Disturbed {
     beside: Vec<bool>,
 }
 
-/// Which stretches of a figure are not to be used, given the noise of its pixels; `None` where the
-/// lens does not see a pixel.
-pub(super) fn disturbed<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Disturbed> {
+/// How far the pixels of a figure are from what they should be, in units of their noise; `None`
+/// where the lens does not see one.
+pub(super) fn departures<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Vec<f64>> {
     let figure = scene.figure;
-    let mut sums = vec![[(0.0, 0.0); ZONES]; figure.stretch_sides.len()];
     let distances = all_distances(scene, figure, |pixel| scene.may_cut(pixel))?;
     let pixels = figure.pixels.iter().zip(&distances);
-    for (pixel, distances) in pixels.filter(|(pixel, _)| pixel.depth().abs() < JUDGED) {
+    let departures = pixels.map(|(pixel, distances)| {
         let distances = scene.may_cut(pixel).then_some(distances);
         let residual = scene.shade(pixel, distances).residual / noise;
+        residual.clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS)
+    });
+    Some(departures.collect())
+}
+
+/// Sum and number of some departures.
+type Sum = (f64, f64);
+
+/// Their sum, in its standard deviations.
+fn deviation((sum, count): &Sum) -> f64 {
+    sum / f64::max(*count, 1.0).sqrt()
+}
+
+/// How many deviations are too many, where those are typical of a figure.
+fn limit(deviations: impl Iterator<Item = f64>) -> f64 {
+    DISTURBED * median_scale(deviations).max(1.0)
+}
+
+/// How far (px) from the outline the light beside it is plain along every side: a sheet may end
+/// farther off, and what is blurred there moves the edge. Stretches that something lies over do not
+/// tell. The edge's blur is given (px).
+pub(super) fn plain_reach(
+    figure: &PixelFigure,
+    departures: &[f64],
+    disturbed: &Disturbed,
+    blur: f64,
+) -> f64 {
+    // By ring of 1 px, side, and whether it is outside.
+    let mut rings: Vec<[[Sum; 2]; 4]> = Vec::new();
+    for (pixel, departure) in figure.pixels.iter().zip(departures) {
+        if disturbed.stretches[usize::from(pixel.stretch)] {
+            continue;
+        }
+        let ring = pixel.depth().abs() as usize;
+        rings.resize(rings.len().max(ring + 1), Default::default());
+        let side = usize::from(figure.stretch_sides[usize::from(pixel.stretch)]);
+        let (sum, count) = &mut rings[ring][side][usize::from(pixel.depth() < 0.0)];
+        *sum += departure;
+        *count += 1.0;
+    }
+    let all = rings.iter().flat_map(|ring| ring.as_flattened());
+    let limit = limit(all.map(deviation));
+    let is_plain = |ring: &[[Sum; 2]; 4]| {
+        let mut sums = ring.as_flattened().iter();
+        sums.all(|sum| deviation(sum).abs() < limit)
+    };
+    let of_edge = (PLATEAU * blur) as usize;
+    let disturbed = rings.iter().skip(of_edge).position(|ring| !is_plain(ring));
+    // What disturbs a ring begins in the one before.
+    disturbed.map_or(f64::INFINITY, |ring| (of_edge + ring) as f64 - 1.0)
+}
+
+/// Which stretches of a figure are not to be used.
+pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
+    let mut sums = vec![[Sum::default(); ZONES]; figure.stretch_sides.len()];
+    let pixels = figure.pixels.iter().zip(departures);
+    for (pixel, departure) in pixels.filter(|(pixel, _)| pixel.depth().abs() < JUDGED) {
         let zone =
             1 + usize::from(pixel.depth() > EDGE_ZONE) - usize::from(pixel.depth() < -EDGE_ZONE);
         let (sum, count) = &mut sums[usize::from(pixel.stretch)][zone];
-        *sum += residual.clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS);
+        *sum += departure;
         *count += 1.0;
     }
-    let deviation = |&(sum, count): &(f64, f64)| match count > 0.0 {
-        true => sum / f64::sqrt(count),
-        false => 0.0,
-    };
-    let typical = median_scale(sums.iter().flatten().map(deviation)).max(1.0);
-    let is_disturbed = |zone: &(f64, f64)| deviation(zone).abs() > DISTURBED * typical;
+    let limit = limit(sums.iter().flatten().map(deviation));
+    let is_disturbed = |zone: &Sum| deviation(zone).abs() > limit;
     let mut marks: Vec<bool> = sums.iter().map(|s| s.iter().any(is_disturbed)).collect();
     let beside = |[outside, _, inside]: &[_; ZONES]| is_disturbed(outside) || is_disturbed(inside);
     let beside = sums.iter().map(beside).collect();
@@ -86,10 +140,10 @@ pub(super) fn disturbed<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Dis
     let count = marks.len();
     // What disturbs a stretch reaches into the next ones, and a corner belongs to two sides.
     let near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
-    Some(Disturbed {
+    Disturbed {
         stretches: (0..count).map(near).collect(),
         beside,
-    })
+    }
 }
 
 /// The sides of which a part is not used.

@@ -12,7 +12,7 @@ use super::band::{Bands, PixelFigure, Width};
 use super::exposure::Exposure;
 use super::exposure_fit::fit_exposure;
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use super::hidden_stretches::{DisturbedSide, disturbed, disturbed_sides};
+use super::hidden_stretches::{DisturbedSide, departures, disturbed, disturbed_sides, plain_reach};
 use super::photographs::{Photographs, Refusal};
 use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
@@ -228,7 +228,9 @@ impl Begun {
         let guess = Exposure::guess(&few, tone)?;
         let (exposure, scale) = fit_exposure(&few, view, picture, guess)?;
         let judged = figure.subsampled(JUDGED_STRIDE);
-        let own = disturbed(&Scene::new(&judged, picture, view, &exposure)?, scale)?;
+        let departures = departures(&Scene::new(&judged, picture, view, &exposure)?, scale)?;
+        let own = disturbed(&judged, &departures);
+        figure.limit_reach(plain_reach(&judged, &departures, &own, exposure.blur));
         let disturbed = disturbed_sides(&figure, &own);
         let mut dropped = own.stretches;
         for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
