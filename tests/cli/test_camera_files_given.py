@@ -21,16 +21,18 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("undistort", "photo.png", "-o", "out.png", "--camera", "two cameras.txt"),
-        ("compare", "two cameras.txt", "two cameras.txt"),
-        ("calibrate", "photo.png", "--initial", "two cameras.txt"),
-        ("convert", "two cameras.txt", "camera.yaml"),
-    ],
-    ids=lambda words: words[0],
-)
+def commands_with(file):
+    """Return a decorator that runs a test with each command that reads a file of a camera."""
+    commands = [
+        ("undistort", "photo.png", "-o", "out.png", "--camera", file),
+        ("compare", file, file),
+        ("calibrate", "photo.png", "--initial", file),
+        ("convert", file, "other.json"),
+    ]
+    return pytest.mark.parametrize("words", commands, ids=lambda words: words[0])
+
+
+@commands_with("two cameras.txt")
 def test_one_camera_of_several_is_taken_out_as_the_error_says(run, folder, words):
     code, out, err = run(*words)
     assert (code, out) == (2, "")
@@ -44,16 +46,7 @@ def test_one_camera_of_several_is_taken_out_as_the_error_says(run, folder, words
         assert run(*words)[0] == 0
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("undistort", "photo.png", "-o", "out.png", "--camera", "sizeless.yaml"),
-        ("compare", "sizeless.yaml", "sizeless.yaml"),
-        ("calibrate", "photo.png", "--initial", "sizeless.yaml"),
-        ("convert", "sizeless.yaml", "other.json"),
-    ],
-    ids=lambda words: words[0],
-)
+@commands_with("sizeless.yaml")
 def test_a_file_without_the_picture_s_size_is_given_one_as_the_error_says(run, folder, words):
     camera = ts.Camera([[450, 0, 319.5], [0, 450, 239.5], [0, 0, 1]], np.zeros(5), (640, 480))
     camera.save("sizeless.yaml")

@@ -58,7 +58,7 @@ def nearest_name(value: str, known: Iterable[str]) -> str | None:
 
 
 def advising(
-    positional: str, keywords: Mapping[str, str] = MappingProxyType({})
+    positional: str, keywords: Mapping[str, str] = NO_OTHERS
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator that adds advice to the error of a call that does not fit the signature.
 

@@ -444,9 +444,8 @@ class Calibration(Record):
         members = JsonFields.parse(text, RESULT_FORMAT)
         size = len(members.texts("parameters"))
         covariance = members.array("covariance", (size, size))
-        if not _core.is_covariance(
-            covariance
-        ):  # the directions' variances, of which numpy takes roots
+        # Of the variances of its directions numpy takes roots.
+        if not _core.is_covariance(covariance):
             raise ValueError('"covariance" must be symmetric and positive semidefinite')
         image_size = members.integers("image_size")
         edges = members.objects("edges") if members.has("edges") else ()

@@ -266,19 +266,9 @@ impl Task<'_> {
                 model: BrownModel::Brown,
                 ..*options
             };
-            // The lens that more planes agree with; of equals the first.
-            let mut choice = self.chosen(options);
-            for other in [&|| self.chosen(&rich), &|| self.chosen(&wide)] as [&dyn Fn() -> _; 2] {
-                if choice.as_ref().is_ok_and(keeps_all) {
-                    break;
-                }
-                choice = match (choice, other()) {
-                    (Ok(before), Ok(other)) if kept(&other) > kept(&before) => Ok(other),
-                    (Err(_), Ok(other)) => Ok(other),
-                    (before, _) => before,
-                };
-            }
-            let choice = choice?;
+            let choice = self.chosen(options);
+            let choice = with_more_planes(choice, || self.chosen(&rich));
+            let choice = with_more_planes(choice, || self.chosen(&wide))?;
             self.keep(choice.as_ref())?;
             let photographs = self.photographs.as_ref();
             let found =
@@ -309,15 +299,28 @@ impl Task<'_> {
     }
 }
 
+/// The choice that keeps more planes, of equals the first; the other is made where that drops any.
+fn with_more_planes(
+    first: Result<Option<Choice>, Error>,
+    other: impl FnOnce() -> Result<Option<Choice>, Error>,
+) -> Result<Option<Choice>, Error> {
+    let Ok(choice) = &first else {
+        return other().or(first);
+    };
+    let mut verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
+    if verdicts.all(|verdict| verdict.kept) {
+        return first;
+    }
+    match other() {
+        Ok(other) if kept(&other) > kept(choice) => Ok(other),
+        _ => first,
+    }
+}
+
 /// How many planes a choice keeps.
 fn kept(choice: &Option<Choice>) -> usize {
     let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
     verdicts.filter(|verdict| verdict.kept).count()
-}
-
-fn keeps_all(choice: &Option<Choice>) -> bool {
-    let mut verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
-    verdicts.all(|verdict| verdict.kept)
 }
 
 fn outcome<T>(

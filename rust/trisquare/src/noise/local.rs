@@ -105,9 +105,7 @@ impl Noise {
             summed_at: scale,
         }
     }
-}
 
-impl Noise {
     /// Marks the stray samples among the residuals that it was measured from: they do not count.
     pub fn set_strays_aside(&self, planes: &[ObservedPlane], residuals: &mut Residuals) {
         for ((plane, moments), residuals) in planes.iter().zip(&self.sides).zip(residuals) {

@@ -108,9 +108,9 @@ pub(super) fn plain_reach(
         sums.all(|sum| deviation(sum).abs() < limit)
     };
     let of_edge = (PLATEAU * blur) as usize;
-    let disturbed = rings.iter().skip(of_edge).position(|ring| !is_plain(ring));
+    let first_other = rings.iter().skip(of_edge).position(|ring| !is_plain(ring));
     // What disturbs a ring begins in the one before.
-    disturbed.map_or(f64::INFINITY, |ring| (of_edge + ring) as f64 - 1.0)
+    first_other.map_or(f64::INFINITY, |ring| (of_edge + ring) as f64 - 1.0)
 }
 
 /// Which stretches of a figure are not to be used.
