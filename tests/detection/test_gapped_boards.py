@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from quick import first_quick
 
+import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.boards.find import find_lattices
 from trisquare_scenes.gapped_boards import gapped_scene
@@ -21,6 +22,19 @@ def test_boards_with_gaps_or_overlaps_are_found_whole(gap, cell):
     gaps = np.linalg.norm(truth[:, None] - lattice.crossings.reshape(-1, 2), axis=2)
     # Amid a gap of 3 pixels the grey levels are nearly flat, and the edges alone tell the place.
     assert gaps.min(axis=1).max() < 1.5
+
+
+@pytest.mark.parametrize("gap", first_quick([-0.3, 2.0, 0.3]))
+def test_cells_that_do_not_touch_are_no_tone_curve_and_no_motion(gap):
+    rng = np.random.default_rng([88, 1])
+    camera = simulate.random_camera(rng)
+    scenes = [gapped_scene(rng, gap, cell=60.0, camera=camera) for _ in range(3)]
+    pictures = [simulate.render(scene, rng, blur=0.8, noise=2.0) for scene in scenes]
+    result = ts.calibrate(pictures)
+    assert abs(result.tone - 1.0) < 0.1
+    causes = {warning.code for warning in result.warnings}
+    assert not causes & {"motion_blurred", "periodic_pattern", "tone_contradicted"}
+    assert abs(result.camera.fx - camera.fx) < 4.0 * result.std["fx"]
 
 
 def test_an_overlap_is_dark_only_once():

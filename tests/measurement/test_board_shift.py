@@ -24,6 +24,21 @@ def test_the_shift_of_a_zigzag_is_taken_out():
         assert np.array_equal(cells, line_of(0.0)[2])
 
 
+def test_a_shift_that_grows_along_the_line_is_taken_out():
+    # Ink that spreads evenly on a board that is nearer at one end; one line differs from the rest.
+    def line(shift):
+        points, *rest = line_of(shift)
+        flat = line_of(0.0)[0]
+        growth = np.linspace(0.8, 1.2, len(points))
+        points[:, 1] = flat[:, 1] + growth * (points[:, 1] - flat[:, 1])
+        return points, *rest
+
+    lines, shift = _core.remove_edge_shift([line(0.1)] * 7 + [line(0.2)])
+    assert abs(shift - 0.1) < 0.01
+    for points, _, _ in lines:
+        assert np.abs(points - line_of(0.0)[0]).max() < 5e-3
+
+
 def test_samples_that_are_left_out_take_their_cells_with_them():
     points, std, cells, sign = line_of(0.3)
     std[::6] *= 1.5  # next to a crossing

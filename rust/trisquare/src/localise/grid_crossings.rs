@@ -13,7 +13,7 @@ use std::f64::consts::FRAC_2_PI;
 use nalgebra::Vector2;
 
 use super::curve::Curve;
-use super::flip::{COMPLETE, Flip};
+use super::flip::{COMPLETE, EdgeShape, Flip};
 use super::lines_beside::{Beside, distances, following, next_line, position};
 use super::span::EdgeSpan;
 use super::tag_cells::TagCells;
@@ -65,6 +65,8 @@ struct Crossing {
     /// The crossing line's unit normal, the way this line runs.
     forward: Vector2<f64>,
     inverse_blur: f64,
+    /// How far its edges lie from it toward the light, blurs.
+    spread: f64,
     angle: Angle,
     /// Sign of the contrast after it, that after the first being 1.
     sign: f64,
@@ -89,7 +91,7 @@ struct Marker {
 
 impl GridCrossings {
     /// As the coarse paths have them.
-    pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, blur: f64) -> Self {
+    pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, shape: EdgeShape) -> Self {
         let span = &spans[index];
         let places = span.path.iter().zip(&span.crossings).enumerate();
         let places = places.map(|(number, (point, other))| {
@@ -99,7 +101,7 @@ impl GridCrossings {
                 beside: [-curve.along, curve.along]
                     .map(|along| next_line(spans, index, number, along)),
                 marker: marker_after(spans, index, number),
-                ..Crossing::new(*point, along, blur, (curve, span.sign(other.1)))
+                ..Crossing::new(*point, along, shape, (curve, span.sign(other.1)))
             }
         });
         let numbers = 0..span.crossings.len();
@@ -114,17 +116,17 @@ impl GridCrossings {
 
     /// Where the curves that were fitted to both lines meet.
     ///
-    /// `found` gives the curve and the blur of a span, if it was found.
+    /// `found` gives the curve and the shape of a span, if it was found.
     pub fn fitted<'a>(
         spans: &[EdgeSpan],
         index: usize,
-        (curve, blur): (&Curve, f64),
-        found: impl Fn(usize) -> Option<(&'a Curve, f64)>,
+        (curve, shape): (&Curve, EdgeShape),
+        found: impl Fn(usize) -> Option<(&'a Curve, EdgeShape)>,
     ) -> Self {
-        let coarse = Self::coarse(spans, index, curve, blur);
+        let coarse = Self::coarse(spans, index, curve, shape);
         let pairs = coarse.places.iter().zip(&spans[index].crossings);
         let places = pairs.map(|(place, (other, _))| match other.and_then(&found) {
-            Some((other, blur)) => place.moved_to(curve, other, blur),
+            Some((other, shape)) => place.moved_to(curve, other, shape),
             None => *place,
         });
         Self {
@@ -186,8 +188,19 @@ impl Between<'_> {
             // Twice, since a step from -1 to 1 is meant.
             shift: self.sign * (before.shift + after.shift)
                 + self.changed_back(point, distance)
-                + 2.0 * self.polarity * (self.lit(point) - self.darkened(point, distance)),
+                + 2.0
+                    * self.polarity
+                    * (self.lit(point) - self.darkened(point, distance) - self.spread(point)),
         }
+    }
+
+    /// What the spread of the lines that cross takes of the light, over the contrast: to first order
+    /// in it that is the same on both sides of this line, and at any angle.
+    fn spread(&self, point: Vector2<f64>) -> f64 {
+        let crossings = self.before.into_iter().chain(self.after);
+        crossings
+            .map(|crossing| crossing.spread * cdf_and_pdf(crossing.blurs(point)).1)
+            .sum()
     }
 
     /// What the lines beside this one change of a step from -1 to 1.
@@ -286,7 +299,7 @@ impl Crossing {
     fn new(
         point: Vector2<f64>,
         along_other: Vector2<f64>,
-        blur: f64,
+        shape: EdgeShape,
         (curve, sign): (&Curve, f64),
     ) -> Self {
         let normal = Vector2::new(-along_other.y, along_other.x);
@@ -295,7 +308,8 @@ impl Crossing {
             s: curve.local(point).0,
             point,
             forward,
-            inverse_blur: 1.0 / blur,
+            inverse_blur: 1.0 / shape.blur,
+            spread: shape.spread / shape.blur,
             angle: Angle::of_cosine(forward.dot(&curve.across)),
             sign,
             beside: [Beside::NONE; 2],
@@ -304,7 +318,7 @@ impl Crossing {
     }
 
     /// The same line where its own curve meets this one's.
-    fn moved_to(&self, curve: &Curve, other: &Curve, blur: f64) -> Self {
+    fn moved_to(&self, curve: &Curve, other: &Curve, shape: EdgeShape) -> Self {
         let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
             let (s, _) = curve.local(point);
@@ -325,7 +339,8 @@ impl Crossing {
             s: curve.local(point).0,
             point,
             forward,
-            inverse_blur: 1.0 / blur,
+            inverse_blur: 1.0 / shape.blur,
+            spread: shape.spread / shape.blur,
             angle: Angle::of_cosine(cosine),
             ..*self
         }

@@ -66,6 +66,8 @@ const PREVIEW_COLUMNS: f64 = 50.0;
 /// this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
+/// Rounds of a crossed line's spread, and of all else with it.
+const SPREAD_ROUNDS: usize = 3;
 const FINAL_STEPS: usize = 6;
 /// How far all edges of a picture in two levels may lie off (px, standard deviation): a threshold
 /// halfway between dark and light as they are coded moves an edge by half of its blur.
@@ -232,7 +234,7 @@ impl<'a> Localiser<'a> {
         let span = &spans[index];
         let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
         let is_crossed = !span.crossings.is_empty();
-        let mut side = self.first_guess(coarse);
+        let mut side = self.first_guess(coarse, is_crossed);
         let length = side.curve.length();
         let end = match is_crossed {
             true => side.curve.half_length,
@@ -241,7 +243,7 @@ impl<'a> Localiser<'a> {
         let margin = margin(spans, index, &side);
         let within = |width: f64| margin.map(|margin| width.min(margin));
         let crossings = |side: &Side| {
-            is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.blur))
+            is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
         };
         let crossed = crossings(&side);
         let band = |curve, near, reach, crossings| Band {
@@ -260,6 +262,9 @@ impl<'a> Localiser<'a> {
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
+        if is_crossed {
+            self.settle_spread(&mut side, noise);
+        }
 
         let near = near(&side).min(margin[0].max(margin[1]));
         let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
@@ -274,6 +279,9 @@ impl<'a> Localiser<'a> {
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_STEP));
+        if is_crossed {
+            self.settle_spread(&mut side, noise);
+        }
         side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
         let mut noise = self.noise_about(&side);
         // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
@@ -341,7 +349,7 @@ impl<'a> Localiser<'a> {
         let is_crossed = !span.crossings.is_empty();
         let found = |line| preview::found(previews, line);
         let crossings = is_crossed
-            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.blur), found));
+            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.edge_shape()), found));
         let (ends, limits) = match is_crossed {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
@@ -402,7 +410,7 @@ impl<'a> Localiser<'a> {
         })
     }
 
-    fn first_guess(&self, coarse: &CoarseEdge) -> Side {
+    fn first_guess(&self, coarse: &CoarseEdge, is_crossed: bool) -> Side {
         let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
         Side {
             curve: coarse.curve.clone(),
@@ -411,6 +419,7 @@ impl<'a> Localiser<'a> {
             blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
             shape: BlurShape::NORMAL,
             blur_slope: 0.0,
+            spread: is_crossed.then_some(0.0),
         }
     }
 
@@ -432,6 +441,21 @@ impl<'a> Localiser<'a> {
     fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) {
         let tone = self.reader.curve();
         side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);
+    }
+
+    /// Fits the spread of a crossed line that was fitted, and all else with it.
+    fn settle_spread(&mut self, side: &mut Side, noise: f64) {
+        for _ in 0..SPREAD_ROUNDS {
+            if self.predictions.is_empty() {
+                self.predict(side);
+            }
+            if side.fit_spread(&self.pixels, &self.predictions, noise) < LAST_STEP {
+                return;
+            }
+            self.predict(side);
+            let noise = self.noise_about(side);
+            self.fit(side, noise, (PREVIEW_STEPS, LAST_STEP));
+        }
     }
 
     /// The noise that the last predictions show.

@@ -84,6 +84,7 @@ mod tests {
                     contrast: [1.0, 0.0],
                     shape: BlurShape::NORMAL,
                     blur_slope: 0.0,
+                    spread: None,
                 },
                 noise: 0.01,
                 reach: [3.0; 2],

@@ -46,8 +46,9 @@ struct Patch {
     /// Weighted squares of the modelled value's derivative with respect to the offset.
     information: f64,
     right: f64,
-    /// `information` times the foot's place along the chord.
+    /// `information` times the foot's place along the chord, and times the sign of the contrast.
     moment: f64,
+    sign: f64,
     light: PatchLight,
     /// Squared residuals at the edge, and the number of them.
     squares: f64,
@@ -182,6 +183,7 @@ impl Patches {
             patch.information += weighted * p.by_offset;
             patch.right += weighted * p.residual;
             patch.moment += weighted * p.by_offset * pixel.foot;
+            patch.sign += weighted * p.by_offset * pixel.flip.slope.signum();
             if p.is_at_edge() {
                 patch.squares += square.min(CHI_CAP) * noise * noise;
                 patch.edge_pixels += 1.0;
@@ -206,10 +208,9 @@ impl Patches {
             .iter()
             .filter(|patch| patch.is_sound(least, noise))
         {
-            points.push(
-                side.curve
-                    .point(patch.moment / patch.information, patch.offset),
-            );
+            let [foot, sign] = [patch.moment, patch.sign].map(|sum| sum / patch.information);
+            let across = side.spread_at(1.0) * sign + patch.offset;
+            points.push(side.curve.point(foot, across));
             std.push(noise / patch.information.sqrt());
         }
         Samples { points, std }
@@ -260,6 +261,7 @@ impl Patch {
         self.squares -= light.right.dot(&step);
         self.right -= light.cross.dot(&step);
         self.moment *= left / self.information;
+        self.sign *= left / self.information;
         self.information = left;
     }
 

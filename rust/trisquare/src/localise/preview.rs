@@ -2,6 +2,7 @@
 
 use super::band::Pixel;
 use super::curve::Curve;
+use super::flip::EdgeShape;
 use super::prediction::Prediction;
 use super::side::Side;
 use super::span::NoEdge;
@@ -21,10 +22,13 @@ pub(super) struct Preview {
     pub predictions: Vec<Prediction>,
 }
 
-/// The curve and the blur of a line, if it was found.
-pub(super) fn found(previews: &[Result<Preview, NoEdge>], line: usize) -> Option<(&Curve, f64)> {
+/// The curve and the shape of a line, if it was found.
+pub(super) fn found(
+    previews: &[Result<Preview, NoEdge>],
+    line: usize,
+) -> Option<(&Curve, EdgeShape)> {
     let Preview { side, .. } = previews.get(line)?.as_ref().ok()?;
-    Some((&side.curve, side.blur))
+    Some((&side.curve, side.edge_shape()))
 }
 
 impl Preview {

@@ -5,7 +5,9 @@ use super::band::Pixel;
 use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
 use super::equations::{BASE, BLUR, CONTRAST, Equations, Step};
+use super::flip::EdgeShape;
 use super::pixel_noise;
+use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use crate::image::ToneCurve;
 
@@ -40,6 +42,10 @@ pub(super) struct Side {
     /// Relative change of the inverse blur over `s`, downwards: a bent side turns in the direction
     /// of a motion. Zero while the shape is normal.
     pub blur_slope: f64,
+    /// How far the edges of a line that others cross lie from the curve toward their light, pixels:
+    /// where ink has spread, or the cells of a board do not touch. `None` without crossings, where the
+    /// curve itself is there.
+    pub spread: Option<f64>,
 }
 
 /// Where a pixel lies in the blur of its edge.
@@ -93,6 +99,30 @@ impl Side {
     #[inline]
     pub fn distance(&self, pixel: &Pixel) -> f64 {
         (pixel.y - self.curve.height(pixel.s)) * pixel.cosine
+    }
+
+    /// The edge across it, for the lines that it crosses.
+    pub fn edge_shape(&self) -> EdgeShape {
+        EdgeShape {
+            blur: self.blur,
+            spread: self.spread.unwrap_or(0.0),
+        }
+    }
+
+    /// How far along its normal the edge lies from the curve where its light is on the side that a
+    /// [`Flip`](super::flip::Flip) of this slope leaves it on.
+    #[inline]
+    pub fn spread_at(&self, slope: f64) -> f64 {
+        self.spread.unwrap_or(0.0) * (self.contrast[0] * slope).signum()
+    }
+
+    /// A prediction's derivative by the spread, but for what crossings make of it.
+    #[inline]
+    pub fn by_spread(&self, pixel: &Pixel, prediction: &Prediction) -> f64 {
+        match self.spread {
+            Some(_) => prediction.by_offset * (self.contrast[0] * pixel.flip.slope).signum(),
+            None => 0.0,
+        }
     }
 
     /// The part of the step that a pixel sees, and its derivative with respect to an offset of the
@@ -162,6 +192,7 @@ impl Side {
     fn place(&self, pixel: &Pixel, offset: f64) -> Place {
         let inverse_blur = 1.0 / self.blur;
         let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
+        let offset = self.spread_at(pixel.flip.slope) + offset;
         Place {
             blurs: (self.distance(pixel) - offset) * inverse_blur_here,
             inverse_blur,
@@ -178,8 +209,12 @@ impl Side {
     ) -> Light {
         let step = pixel.flipped(step);
         let contrast = self.contrast[0] + self.contrast[1] * pixel.s + contrast;
+        // To first order a spread takes as much light near a crossing as elsewhere: the step has the
+        // part that is left of its slope.
+        let spread = self.spread.unwrap_or(0.0) / self.blur * (1.0 - pixel.flip.slope.abs());
+        let taken = contrast.abs() * spread * density;
         Light {
-            value: self.base[0] + self.base[1] * pixel.s + base + contrast * step,
+            value: self.base[0] + self.base[1] * pixel.s + base + contrast * step - taken,
             by_contrast: step,
             by_blurs: contrast * pixel.flip.slope * density,
         }
@@ -230,6 +265,26 @@ impl Side {
         if !are_own {
             predictions.clear();
         }
+    }
+
+    /// One Gauss-Newton step of the spread, all else held: it goes to and fro from cell to cell, and
+    /// nothing else does. Returns how far it went, pixels.
+    pub fn fit_spread(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> f64 {
+        let inverse_variance = 1.0 / (noise * noise);
+        let (mut square, mut product) = (0.0, 0.0);
+        for (pixel, p) in pixels.iter().zip(predictions) {
+            let inverse_variance = inverse_variance * pixel.count;
+            let weight = robust_weight(p.residual * p.residual * inverse_variance);
+            let by_spread = self.by_spread(pixel, p);
+            square += weight * by_spread * by_spread;
+            product += weight * by_spread * p.residual;
+        }
+        let step = match square > 0.0 {
+            true => (product / square).clamp(-MAX_SHIFT, MAX_SHIFT),
+            false => 0.0,
+        };
+        self.spread = self.spread.map(|spread| spread + step);
+        step.abs()
     }
 
     /// Makes the predictions of a side very near to this one its own, linearly.
@@ -332,6 +387,7 @@ mod tests {
             blur: 0.9,
             shape: BlurShape::NORMAL,
             blur_slope: 0.0,
+            spread: None,
         };
         let pixels = clipped_pixels(&truth, &tone);
         assert!(pixels.iter().any(|pixel| pixel.is_clipped));

@@ -4,6 +4,7 @@ use nalgebra::Vector2;
 
 use super::coarse::{self, CoarseEdge};
 use super::curve::Curve;
+use super::flip::EdgeShape;
 use super::grid_crossings::GridCrossings;
 use super::grid_line;
 use super::preview::{self, Preview};
@@ -81,13 +82,13 @@ impl<'a> Sought<'a> {
             if span.crossings.is_empty() {
                 return None;
             }
-            let (curve, blur) = match (own, &self.coarse[index]) {
-                (Ok(preview), _) => (&preview.side.curve, preview.side.blur),
-                (_, Ok(coarse)) => (&coarse.curve, coarse.blur),
+            let (curve, shape) = match (own, &self.coarse[index]) {
+                (Ok(Preview { side, .. }), _) => (&side.curve, side.edge_shape()),
+                (_, Ok(coarse)) => (&coarse.curve, EdgeShape::unspread(coarse.blur)),
                 _ => return None,
             };
             let found = |line| preview::found(previews, line);
-            let crossings = GridCrossings::fitted(&self.spans, index, (curve, blur), found);
+            let crossings = GridCrossings::fitted(&self.spans, index, (curve, shape), found);
             let path: Vec<_> = crossings.points().collect();
             let is_off = |(was, is): (&Vector2<f64>, &Vector2<f64>)| (is - was).norm() > SETTLED;
             let far_off = span.path.iter().zip(&path).any(is_off);

@@ -31,17 +31,21 @@ const LAST_STEP: f64 = 0.3;
 /// A round's step of the logarithm of gamma is cut to this.
 const MAX_STEP: f64 = 0.4;
 
-/// A side's own parameters and the kurtosis of its blur.
+/// A side's own parameters, the kurtosis of its blur, and its spread, which looks like a tone curve's
+/// shift.
 ///
 /// A pixel's box, a lens out of focus and sharpening all make a blur that is not quite normal, but
 /// symmetric. Where the tone is curved a symmetric misfit looks like another curve: without the
 /// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2. Wholly unknown it would leave
 /// gamma to within 0.2 only.
-const OWN: usize = PARAMETERS + 1;
+const OWN: usize = PARAMETERS + 2;
 const KURTOSIS: usize = PARAMETERS;
+const SPREAD: usize = PARAMETERS + 1;
 /// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the
 /// box's own at a blur of half a pixel.
 const KURTOSIS_STD: f64 = 0.01;
+/// Any spread is as likely; where there is none, this keeps the equations regular.
+const SPREAD_STD: f64 = 1.0;
 /// All parameters.
 const TOTAL: usize = OWN + TONE_PARAMETERS;
 
@@ -81,9 +85,9 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
 /// Bins are counted from this one, before any pixel; the side's middle parts two.
 const FIRST_BIN: f64 = -1e6;
 
-/// Columns of a pixel's row: derivatives by height, base, contrast, blur and kurtosis, by the
+/// Columns of a pixel's row: derivatives by height, base, contrast, blur, kurtosis and spread, by the
 /// tone's parameters, and the residual.
-const COLUMNS: usize = 5 + TONE_PARAMETERS + 1;
+const COLUMNS: usize = 6 + TONE_PARAMETERS + 1;
 
 /// What is known of the tone curve of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,7 +167,7 @@ impl ToneShare {
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = Profile::default();
         let kurtosis = box_kurtosis(&side.curve.along, side.blur);
-        let told = pixels.filter(|(_, p)| !p.is_silent);
+        let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
         let rows = told.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
@@ -179,6 +183,7 @@ impl ToneShare {
                 p.by_contrast,
                 p.by_blur,
                 by_kurtosis,
+                side.by_spread(pixel, p),
                 by_gamma,
                 by_toe,
                 p.residual,
@@ -204,6 +209,7 @@ impl ToneShare {
         let prior = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
         own[(KURTOSIS, KURTOSIS)] += prior;
         right[KURTOSIS] += prior * box_kurtosis(&side.curve.along, side.blur);
+        own[(SPREAD, SPREAD)] += 1.0 / (SPREAD_STD * SPREAD_STD);
         let factor = own.cholesky()?;
         let square = all.fixed_view::<TONE_PARAMETERS, TONE_PARAMETERS>(OWN, OWN);
         let direct = direct.fixed_rows::<TONE_PARAMETERS>(OWN);
@@ -361,6 +367,7 @@ impl Side {
         own.fixed_rows_mut::<{ BLUR - BASE }>(BASE)
             .copy_from(&at_old.fixed_rows::<{ BLUR - BASE }>(BASE));
         self.advance(&own.fixed_rows::<PARAMETERS>(0).into_owned());
+        self.spread = self.spread.map(|spread| spread + own[SPREAD]);
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side, on both of its sides.
         let base = [-1.0, 1.0].map(|s| self.base[0] + s * self.base[1]);

@@ -4,7 +4,7 @@
 //! amount toward its dark side. Along a grid line that side alternates from cell to cell, so the line
 //! shows the shift as a zigzag, and no calibration is needed to measure it.
 
-use nalgebra::{Matrix5, Matrix5x2, RowVector2, Vector2, Vector5};
+use nalgebra::{Matrix5, Matrix5x3, RowVector3, Vector2, Vector5};
 
 use crate::numeric::median;
 
@@ -46,6 +46,9 @@ const LEAST_KNOWN_IF_EVIDENT: f64 = 1e-3;
 /// Median of a standard normal variable's square.
 const MEDIAN_SQUARE: f64 = 0.455;
 
+/// Standard deviations from which what a line says of itself is believed.
+const BELIEVED: f64 = 3.0;
+
 /// Of the range in which the lines' variance is looked for: to a millionth of it.
 const HALVINGS: usize = 20;
 
@@ -83,7 +86,8 @@ pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
     let deviations = lines.iter().flat_map(|line| &line.samples).map(|it| it.std);
     let usual = median(deviations.collect()).unwrap_or(f64::INFINITY);
     let is_evident = shift.abs() > MOST_DOUBT * usual;
-    // It differs from line to line, as the blur across them does.
+    // It differs from line to line, as the blur across them does, and along a line, as its distance
+    // from the camera does.
     let shifts = shifts_of_lines(&zigzags, shift, is_evident);
     for (((line, clear), faded), own) in lines.iter_mut().zip(clear).zip(faded).zip(shifts) {
         if is_evident {
@@ -91,7 +95,7 @@ pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
         } else {
             line.doubt(&faded, shift);
         }
-        line.shift(-own);
+        line.move_back(own);
     }
     shift
 }
@@ -129,12 +133,26 @@ impl GridLineSamples {
         }
     }
 
-    /// Moves the samples toward the light.
-    fn shift(&mut self, by: f64) {
+    /// Moves the samples toward the dark.
+    fn move_back(&mut self, shift: LineShift) {
         let (normal, sign) = (self.normal(), self.contrast_sign);
-        for sample in &mut self.samples {
-            sample.point += normal * (by * sample.sign(sign));
+        let places = self.places();
+        for (sample, place) in self.samples.iter_mut().zip(places) {
+            let by = shift.in_middle + shift.along * place;
+            sample.point -= normal * (by * sample.sign(sign));
         }
+    }
+
+    /// Where the samples are along the chord: from -1 to 1, about their mean.
+    fn places(&self) -> Vec<f64> {
+        let normal = self.normal();
+        let along = Vector2::new(normal.y, -normal.x);
+        let places = self.samples.iter().map(|it| it.point.dot(&along));
+        let middle = places.clone().sum::<f64>() / self.samples.len() as f64;
+        let farthest = places.clone().fold(f64::MIN_POSITIVE, |most, place| {
+            most.max((place - middle).abs())
+        });
+        places.map(|place| (place - middle) / farthest).collect()
     }
 
     /// The right-hand normal of the chord.
@@ -155,10 +173,19 @@ impl CellSample {
     }
 }
 
-/// A sample's offset from its line's chord and which way it is shifted; the Legendre polynomials at
-/// it, those zero that so few samples cannot follow; and one over its standard deviation.
+/// How far the edges of a line lie toward their light, pixels: in the middle of its samples, and how
+/// much more at their end.
+#[derive(Debug, Clone, Copy)]
+struct LineShift {
+    in_middle: f64,
+    along: f64,
+}
+
+/// A sample's offset from its line's chord, which way it is shifted, and the same times its place
+/// along the chord; the Legendre polynomials at it, those zero that so few samples cannot follow; and
+/// one over its standard deviation.
 struct ZigzagSample {
-    values: RowVector2<f64>,
+    values: RowVector3<f64>,
     basis: Vector5<f64>,
     precision: f64,
 }
@@ -168,28 +195,23 @@ struct Zigzag(Vec<ZigzagSample>);
 impl Zigzag {
     fn of(line: &GridLineSamples) -> Self {
         let normal = line.normal();
-        let along = Vector2::new(normal.y, -normal.x);
-        let count = line.samples.len();
-        let points = line.samples.iter().map(|it| it.point);
-        let middle = points.clone().sum::<Vector2<f64>>() / count as f64;
-        let farthest = points.fold(f64::MIN_POSITIVE, |most, point| {
-            most.max((point - middle).dot(&along).abs())
-        });
-        let degree = LINE_DEGREE.min(count.saturating_sub(2));
-        let sample = |it: &CellSample| {
-            let away = it.point - middle;
+        let degree = LINE_DEGREE.min(line.samples.len().saturating_sub(2));
+        let first = line.samples.first().map(|it| it.point);
+        let sample = |(it, place): (&CellSample, f64)| {
+            let sign = it.sign(line.contrast_sign);
+            let offset = (it.point - first.unwrap_or_default()).dot(&normal);
             ZigzagSample {
-                values: RowVector2::new(away.dot(&normal), it.sign(line.contrast_sign)),
-                basis: legendre(away.dot(&along) / farthest, degree),
+                values: RowVector3::new(offset, sign, sign * place),
+                basis: legendre(place, degree),
                 precision: 1.0 / it.std,
             }
         };
-        Self(line.samples.iter().map(sample).collect())
+        Self(line.samples.iter().zip(line.places()).map(sample).collect())
     }
 
     /// Weighted offsets and signs less what a polynomial explains of them.
-    fn without_polynomial(&self, weights: &[f64]) -> Vec<RowVector2<f64>> {
-        let (mut gram, mut right) = (Matrix5::zeros(), Matrix5x2::zeros());
+    fn without_polynomial(&self, weights: &[f64]) -> Vec<RowVector3<f64>> {
+        let (mut gram, mut right) = (Matrix5::zeros(), Matrix5x3::zeros());
         for (sample, weight) in self.0.iter().zip(weights) {
             let weighted = sample.basis * (weight * weight);
             gram += weighted * sample.basis.transpose();
@@ -238,7 +260,7 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
         let left: Vec<_> = pairs
             .map(|(line, own)| line.without_polynomial(own))
             .collect();
-        let (squares, products) = sums(left.iter().flatten());
+        let (squares, products) = sums(left.iter().flatten().map(|it| (it.y, it.x)));
         // What the polynomials explain of the signs leaves rounding.
         if squares <= ROUNDING * weights.iter().flatten().map(|it| it * it).sum::<f64>() {
             return 0.0;
@@ -265,20 +287,19 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
     shift
 }
 
-/// Sums of what is left of the signs squared, and times what is left of the offsets.
-fn sums<'a>(left: impl IntoIterator<Item = &'a RowVector2<f64>>) -> (f64, f64) {
-    let add =
-        |(squares, products), it: &RowVector2<f64>| (squares + it.y * it.y, products + it.x * it.y);
-    left.into_iter().fold((0.0, 0.0), add)
+/// Sums of squares of what is left of the signs, and of its products with what is left of the offsets.
+fn sums(left: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
+    left.fold((0.0, 0.0), |(squares, products), (sign, offset)| {
+        (squares + sign * sign, products + sign * offset)
+    })
 }
 
-/// Each line's own shift, as far as lines are seen to differ from the board's.
+/// Each line's own shift, as far as lines are seen to differ from the board's, and how it changes along
+/// the line, as far as that is seen.
 ///
-/// A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a tilt.
-/// So what each of them says is drawn to the board's, by its variance over that which the lines have
-/// among themselves beyond it (the median of their squared departures in units of both together is
-/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385).
-fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<f64> {
+/// Ink that spreads evenly on the board does not in the picture: the edges that are nearer are shifted
+/// by more, in proportion to the distance from the lines' vanishing point.
+fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineShift> {
     let least = if is_evident {
         LEAST_KNOWN_IF_EVIDENT
     } else {
@@ -294,32 +315,62 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<f64> {
         .iter()
         .flatten()
         .map(|it| (it.x - shift * it.y).powi(2));
-    let scatter = median(scatter.collect()).unwrap_or(0.0);
+    let scatter = median(scatter.collect()).unwrap_or(0.0) / MEDIAN_SQUARE;
+    let least_known = |precisions: &[f64]| least * precisions.iter().map(|it| it * it).sum::<f64>();
     let departures = left.iter().zip(&precisions).map(|(left, precisions)| {
-        let (known, products) = sums(left);
-        let variance = scatter / MEDIAN_SQUARE / known + f64::MIN_POSITIVE;
-        let is_known = known > least * precisions.iter().map(|it| it * it).sum::<f64>();
-        is_known.then_some((products / known - shift, variance))
+        let (known, products) = sums(left.iter().map(|it| (it.y, it.x)));
+        let is_known = known > least_known(precisions);
+        is_known.then(|| {
+            (
+                products / known - shift,
+                scatter / known + f64::MIN_POSITIVE,
+            )
+        })
     });
-    let departures: Vec<Option<(f64, f64)>> = departures.collect();
-    let seen = || departures.iter().flatten();
-    let largest = seen().fold(0.0, |most: f64, (departure, _)| most.max(departure.powi(2)));
+    let departures = drawn_to_none(&departures.collect::<Vec<_>>());
+    let in_middle: Vec<f64> = departures.iter().map(|own| shift + own).collect();
+    let changes = left.iter().zip(&precisions).zip(&in_middle);
+    let changes = changes.map(|((left, precisions), shift)| {
+        let rest = left.iter().map(|it| (it.z, it.x - shift * it.y));
+        let (known, products) = sums(rest);
+        let is_known = known > least_known(precisions);
+        is_known.then(|| (products / known, scatter / known + f64::MIN_POSITIVE))
+    });
+    let changes = drawn_to_none(&changes.collect::<Vec<_>>());
+    let pairs = in_middle.into_iter().zip(changes);
+    pairs
+        .map(|(in_middle, along)| LineShift { in_middle, along })
+        .collect()
+}
+
+/// What each line says, with its variance, drawn to nothing.
+///
+/// A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a tilt.
+/// So what each of them says is drawn to nothing by its variance over that which the lines have
+/// among themselves beyond it (the median of their squares in units of both together is
+/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385). What differs evidently from
+/// nothing is believed, whatever the others say.
+fn drawn_to_none(said: &[Option<(f64, f64)>]) -> Vec<f64> {
+    let seen = || said.iter().flatten();
+    let largest = seen().fold(0.0, |most: f64, (value, _)| most.max(value.powi(2)));
     let (mut low, mut high) = (0.0, largest / MEDIAN_SQUARE);
     for _ in 0..HALVINGS {
         let between = 0.5 * (low + high);
-        let ratios = seen().map(|(departure, variance)| departure.powi(2) / (variance + between));
+        let ratios = seen().map(|(value, variance)| value.powi(2) / (variance + between));
         if median(ratios.collect()).is_some_and(|ratio| ratio > MEDIAN_SQUARE) {
             low = between;
         } else {
             high = between;
         }
     }
-    let own = |seen: &Option<(f64, f64)>| {
-        seen.map_or(shift, |(departure, variance)| {
-            shift + departure * low / (low + variance)
-        })
+    let drawn = |(value, variance): &(f64, f64)| {
+        let own = value * value - BELIEVED.powi(2) * variance;
+        let between = own.max(low);
+        value * between / (between + variance)
     };
-    departures.iter().map(own).collect()
+    said.iter()
+        .map(|own| own.as_ref().map_or(0.0, drawn))
+        .collect()
 }
 
 #[cfg(test)]
