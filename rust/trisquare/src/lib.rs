@@ -4,12 +4,13 @@
 //!
 //! 1. [`Picture::from_u8`] (or `from_u16`, `from_f32`) takes the decoded pixels.
 //! 2. [`EdgeSpan::new`] names a stretch of edge, from an outline that is good to a few pixels. Finding
-//!    the outlines is left to the caller; the Python package does it with OpenCV.
+//!    the outlines is left to the caller; the Python package does it with OpenCV. [`Chessboard::spans`]
+//!    names all lines of a board, from its corners.
 //! 3. [`localise_with_unknown_tone`] measures the edges and estimates the tone curve, [`localise`]
 //!    measures them with a known one. Neither can fail as a whole: every span has its own samples, or
 //!    a [`NoEdge`].
-//! 4. [`PlaneEdges::square`] and its like sort the samples by figure. Edges that another program
-//!    measured begin here.
+//! 4. [`PlaneEdges::square`] and its like sort the samples by figure, [`Chessboard::edges`] those of a
+//!    board. Edges that another program measured begin here.
 //! 5. [`choose`] tells which planes one camera explains, where some may be no true squares.
 //! 6. [`calibrate`] fits the camera to the samples, [`calibrate_photographs`] to the pixels, too (with
 //!    what [`pixels_to_keep`] keeps of a picture, and [`ToneEstimate::picture_tone`]).
@@ -25,8 +26,8 @@
 //! A lens of your own is a type with the trait [`Lens`]: `tests/any_lens/equidistant.rs` of the package is
 //! a short one, which runs through the whole pipeline.
 //!
-//! The example `picture` is steps 1 to 7 without 5, `edges` begins at 4, `boards` has several figures
-//! on each plane, `undistort` is 8. Straight lines
+//! The example `picture` is steps 1 to 7 without 5, `chessboard` the same for boards, `edges` begins at
+//! 4, `boards` has several figures on each plane, `undistort` is 8. Straight lines
 //! without squares have [`fit_distortion`] alone. [`predict`] says beforehand how well planes would
 //! determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
 //!
@@ -101,8 +102,8 @@ pub use localise::{
 };
 pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
 pub use observations::{
-    CellSample, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity, Relation,
-    relate_planes, remove_edge_shift,
+    CellSample, Chessboard, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity,
+    Relation, relate_planes, remove_edge_shift,
 };
 pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};

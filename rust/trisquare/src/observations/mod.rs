@@ -1,5 +1,6 @@
 //! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
 
+mod chessboard;
 mod curve;
 mod edge_shift;
 mod families;
@@ -13,6 +14,7 @@ mod relations;
 mod relief;
 mod view;
 
+pub use chessboard::Chessboard;
 pub(crate) use curve::{Curve, ModelLine, Radius};
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};

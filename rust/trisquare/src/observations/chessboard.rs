@@ -1,0 +1,200 @@
+//! A chessboard from its inner corners: the grid lines to measure, and the figure that they make.
+
+use nalgebra::Vector2;
+
+use super::edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
+use super::plane_edges::{PlaneEdges, check_places};
+use crate::error::Error;
+use crate::geometry::Line;
+use crate::image::{Picture, Tone};
+use crate::localise::{EdgeSpan, NoEdge, SpanEdges};
+
+/// Distance from a grid line, in cells, at which a cell's shade is looked up.
+const PROBE: f64 = 0.25;
+
+/// Grid lines that a plane needs in each direction: three parallel ones of four leave it open.
+const LEAST_LINES: usize = 2;
+
+/// A chessboard whose inner corners are known to a pixel or two, by whichever detector.
+///
+/// ```
+/// use nalgebra::Vector2;
+/// use trisquare::{Chessboard, Error, Picture, PlaneEdges, localise_with_unknown_tone};
+///
+/// fn measured(picture: &Picture, corners: &[Vec<Vector2<f64>>]) -> Result<PlaneEdges, Error> {
+///     let board = Chessboard::new(picture, corners)?;
+///     let (lines, _, faults) = localise_with_unknown_tone(picture, &board.spans(0));
+///     Ok(PlaneEdges {
+///         side_error: faults.side_error,
+///         ..board.edges(&lines)?
+///     })
+/// }
+/// ```
+#[derive(Debug, Clone)]
+pub struct Chessboard {
+    /// The rows, then the columns.
+    lines: Vec<GridLine>,
+    rows: usize,
+}
+
+/// A line through corners, along which light and dark change sides at each.
+#[derive(Debug, Clone)]
+struct GridLine {
+    /// On the board; the unit is a cell.
+    line: Line,
+    /// Of its corners, pixels.
+    path: Vec<Vector2<f64>>,
+    /// As [`EdgeSpan::polarity`].
+    polarity: f64,
+}
+
+impl Chessboard {
+    /// From `corners[row][column]`, pixels; the picture tells which cells are dark.
+    ///
+    /// The board's origin is the first corner, its Y axis runs along the columns and its X axis
+    /// along the rows, or against them where that is what turns Z away from the camera. The unit is
+    /// the side of a cell.
+    ///
+    /// # Errors
+    /// [`Error::TooFewParallels`] for fewer than two rows or columns, [`Error::InvalidArgument`] for
+    /// rows of different length, and [`Error::SampleNotFinite`] with the row as the line.
+    pub fn new(picture: &Picture, corners: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
+        let width = corners.first().map_or(0, Vec::len);
+        check_families(corners.len(), width)?;
+        for (row, own) in corners.iter().enumerate() {
+            if own.len() != width {
+                return Err(Error::InvalidArgument(format!(
+                    "row {row} of the chessboard has {} corners, but row 0 has {width}",
+                    own.len()
+                )));
+            }
+            check_places(0, row, own)?;
+        }
+        let column = |place| corners.iter().map(|row: &Vec<_>| row[place]).collect();
+        let columns: Vec<Vec<_>> = (0..width).map(column).collect();
+        let right = corners[0][width - 1] - corners[0][0];
+        let down = corners[corners.len() - 1][0] - corners[0][0];
+        let x_axis = Vector2::x() * right.perp(&down).signum();
+        let mut lines = family(picture, corners.to_vec(), Vector2::y());
+        lines.extend(family(picture, columns, x_axis));
+        Ok(Self {
+            lines,
+            rows: corners.len(),
+        })
+    }
+
+    /// What [`localise`](crate::localise) or
+    /// [`localise_with_unknown_tone`](crate::localise_with_unknown_tone) is to measure: the rows,
+    /// then the columns. `first` is the index of the first one among all spans of the picture.
+    #[must_use]
+    pub fn spans(&self, first: usize) -> Vec<EdgeSpan> {
+        let span = |(index, own): (usize, &GridLine)| {
+            let others = if index < self.rows { self.rows } else { 0 };
+            let crossing = |place| (Some(first + others + place), place);
+            EdgeSpan {
+                crossings: (0..own.path.len()).map(crossing).collect(),
+                ..EdgeSpan::new(own.path.clone(), own.polarity)
+            }
+        };
+        self.lines.iter().enumerate().map(span).collect()
+    }
+
+    /// The board from what was measured along its spans, in their order, without the lines that
+    /// could not be measured.
+    ///
+    /// Its edges are moved back from where a wrong tone curve or clipped white has shifted them, as
+    /// by [`remove_edge_shift`]: so it has no [`tone_drift`](PlaneEdges::tone_drift).
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] if there is not one element for each span,
+    /// [`Error::TooFewParallels`] if fewer than two rows, or columns, were measured.
+    pub fn edges(&self, measured: &[Result<SpanEdges, NoEdge>]) -> Result<PlaneEdges, Error> {
+        if measured.len() != self.lines.len() {
+            return Err(Error::InvalidArgument(format!(
+                "the chessboard has {} spans, but {} are measured",
+                self.lines.len(),
+                measured.len()
+            )));
+        }
+        let rows = measured[..self.rows].iter().flatten().count();
+        let columns = measured[self.rows..].iter().flatten().count();
+        check_families(rows, columns)?;
+        let pairs = self.lines.iter().zip(measured);
+        let pairs = pairs.filter_map(|(line, samples)| Some((line, samples.as_ref().ok()?)));
+        let (lines, mut samples): (Vec<_>, Vec<_>) = pairs
+            .map(|(own, samples)| (own.line, own.samples(samples)))
+            .unzip();
+        remove_edge_shift(&mut samples);
+        let of_all = |line: &GridLineSamples| line.samples.iter().map(|it| it.point).collect();
+        let points = samples.iter().map(of_all).collect();
+        let of_all = |line: &GridLineSamples| line.samples.iter().map(|it| it.std).collect();
+        Ok(PlaneEdges {
+            std: Some(samples.iter().map(of_all).collect()),
+            ..PlaneEdges::new(lines, points)
+        })
+    }
+}
+
+impl GridLine {
+    /// With the cells that they are beside.
+    fn samples(&self, measured: &SpanEdges) -> GridLineSamples {
+        let along = self.path[self.path.len() - 1] - self.path[0];
+        let inner = &self.path[1..self.path.len() - 1];
+        let sample = |(point, std): (&Vector2<f64>, &f64)| CellSample {
+            point: *point,
+            std: *std,
+            cell: inner.partition_point(|corner| corner.dot(&along) < point.dot(&along)),
+        };
+        let pairs = measured.points.iter().zip(&measured.std);
+        GridLineSamples {
+            samples: pairs.map(sample).collect(),
+            contrast_sign: self.polarity,
+        }
+    }
+}
+
+fn check_families(rows: usize, columns: usize) -> Result<(), Error> {
+    let found = rows.min(columns);
+    if found < LEAST_LINES {
+        return Err(Error::TooFewParallels {
+            figure: 0,
+            found,
+            needed: LEAST_LINES,
+        });
+    }
+    Ok(())
+}
+
+/// The rows, or the columns, one apart along an axis.
+fn family(picture: &Picture, paths: Vec<Vec<Vector2<f64>>>, axis: Vector2<f64>) -> Vec<GridLine> {
+    let of_first = polarity_of_first(picture, &paths);
+    let line = |(number, path): (usize, _)| GridLine {
+        line: Line::with_unit_normal(axis.abs(), axis * number as f64),
+        path,
+        polarity: of_first * alternation(number),
+    };
+    paths.into_iter().enumerate().map(line).collect()
+}
+
+/// +1 if the picture gets lighter toward the right-hand normal of line 0 after its corner 0, else
+/// -1: all stretches of all lines have their say, because a cell may be hidden.
+fn polarity_of_first(picture: &Picture, lines: &[Vec<Vector2<f64>>]) -> f64 {
+    let reader = picture.reader(Tone::Srgb);
+    let shade = |point: Vector2<f64>| reader.bilinear(point.x, point.y);
+    let mut sum = 0.0;
+    for (number, line) in lines.iter().enumerate() {
+        for (place, ends) in line.windows(2).enumerate() {
+            let along = ends[1] - ends[0];
+            let normal = PROBE * Vector2::new(-along.y, along.x);
+            let middle = 0.5 * (ends[0] + ends[1]);
+            if let (Some(right), Some(left)) = (shade(middle + normal), shade(middle - normal)) {
+                sum += alternation(number + place) * (right - left);
+            }
+        }
+    }
+    1f64.copysign(sum)
+}
+
+fn alternation(number: usize) -> f64 {
+    if number.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
