@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use nalgebra::{Matrix3, Vector2};
 use trisquare::internals::GreyBytes;
 use trisquare::synthetic::Scene;
-use trisquare::{EdgeSpan, ImageSize, Lens, Pose};
+use trisquare::{Chessboard, EdgeSpan, ImageSize, Lens, Picture, Pose};
 
 use crate::Outcome;
 use crate::bytes::Bytes;
@@ -179,6 +179,9 @@ pub fn localise_grid_lines(data: &[u8]) -> Outcome {
         }
     }
     let picture = canvas.picture(bytes);
+    if bytes.once_in(3) {
+        return chessboard(&board, &picture, bytes);
+    }
     if bytes.once_in(2) {
         let (found, estimate, _) = trisquare::localise_with_unknown_tone(&picture, &lines);
         assert!(estimate.picture_tone().is_valid(), "{estimate:?}");
@@ -187,6 +190,36 @@ pub fn localise_grid_lines(data: &[u8]) -> Outcome {
     let (found, ..) = trisquare::localise(&picture, &lines, bytes.tone());
     assert_eq!(found.len(), lines.len());
     measured_spans(&found)
+}
+
+/// `trisquare::Chessboard` from the crossings, or some of them.
+fn chessboard(board: &Board, picture: &Picture, bytes: &mut Bytes<'_>) -> Outcome {
+    let row = |row| {
+        (1..board.cells)
+            .map(|column| board.crossing(row, column))
+            .collect()
+    };
+    let mut corners: Vec<Vec<_>> = (1..board.cells).map(row).collect();
+    let damaged = bytes.below(corners.len());
+    match bytes.below(6) {
+        0 => corners[damaged] = bytes.points(SIZE, 6),
+        1 => corners[damaged].reverse(),
+        2 => corners.truncate(damaged),
+        3 => corners.reverse(),
+        _ => {}
+    }
+    let Ok(known) = Chessboard::new(picture, &corners) else {
+        return "refused";
+    };
+    let (found, ..) = trisquare::localise(picture, &known.spans(0), bytes.tone());
+    measured_spans(&found);
+    match known.edges(&found) {
+        Ok(edges) => {
+            assert_eq!(edges.check(0), Ok(()));
+            "Ok, board"
+        }
+        Err(_) => "no board",
+    }
 }
 
 fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
