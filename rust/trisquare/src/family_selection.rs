@@ -1,7 +1,7 @@
 //! Which family of lenses the data ask for.
 //!
-//! A distorted pinhole and a fisheye are not nested in each other. Each family's best model speaks
-//! for it, and the two are weighed by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
+//! A distorted pinhole and a fisheye are not nested in each other. The models of each are weighed one
+//! by one against those of the other, by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
 //! on the edge samples, which count as so many independent ones as their correlation leaves.
 
 use nalgebra::{DMatrix, DVector};
@@ -92,7 +92,7 @@ pub fn calibrate_by_family(
     check_comparable(options)?;
     let wide_options = of_family::<_, Fisheye>(options);
     let plain = Weighed::of(edges, size, options);
-    if let Some(plain) = plain.as_ref().filter(|plain| is_clean(plain.fit())) {
+    if let Some(plain) = plain.as_ref().filter(|plain| is_clean(plain.chosen().1)) {
         // Of what leaves nothing but noise no other lens can leave less.
         let choice = plain.answer(edges, size, options, photographs)?;
         return Ok((FamilyChoice::Pinhole(choice), None));
@@ -115,16 +115,17 @@ pub fn calibrate_by_family(
             return Ok((FamilyChoice::Pinhole(choice), None));
         }
     };
-    let odds = preferred_odds(edges, &wide, &plain);
-    if odds > 0.0 {
+    let best = best_standing(edges, &wide, &plain);
+    if best.odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
-        add_doubt(&mut choice.calibration, plain.fit(), -odds);
-        let rejected = rejected(&plain, -odds);
+        add_doubt(&mut choice.calibration, best.plain.1, -best.odds);
+        let rejected = rejected(best.plain, -best.odds);
         return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
     }
     let mut choice = plain.answer(edges, size, options, photographs)?;
-    add_doubt(&mut choice.calibration, wide.fit(), odds);
-    Ok((FamilyChoice::Pinhole(choice), Some(rejected(&wide, odds))))
+    add_doubt(&mut choice.calibration, best.wide.1, best.odds);
+    let rejected = rejected(best.wide, best.odds);
+    Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
 
 /// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
@@ -176,17 +177,19 @@ pub fn heed_fisheye<L: Lens>(
         )
     };
     let is_relief = calibration.warnings.iter().any(rises);
-    if let (Some(wide), Some(own)) = (wide, own)
-        && preferred_odds(&some, &wide, &own) > 0.0
-        && (is_clean(wide.fit()) || !is_relief)
-    {
+    let (Some(wide), Some(own)) = (wide, own) else {
+        return;
+    };
+    let best = best_standing(&some, &wide, &own);
+    let (model, fit) = best.wide;
+    if best.odds > 0.0 && (is_clean(fit) || !is_relief) {
         let warning = Warning::LensOfAnotherFamily {
-            model: wide.model().name(),
-            rms: wide.fit().rms,
+            model: model.name(),
+            rms: fit.rms,
             own: own
                 .fit_with(options.model)
                 .map_or(calibration.rms, |fit| fit.rms),
-            focal: wide.fit().camera.focal().x,
+            focal: fit.camera.focal().x,
         };
         let code = warning.code();
         calibration.warnings.retain(|other| other.code() != code);
@@ -194,29 +197,62 @@ pub fn heed_fisheye<L: Lens>(
     }
 }
 
-/// Logarithm of the odds for a fisheye against every distorted pinhole, less the preference and what
-/// is unlikely of it beforehand. Where sides err together under it as well (targets that are not
-/// flat), it has to halve the residuals of every one: its coefficients follow these.
+/// A model of a lens, and its fit to the edge samples.
+type Fit<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
+
+/// How the fisheye's models stand against those of a distorted pinhole: the best against the best.
+struct Standing<'a, A: Lens, B: Lens> {
+    wide: Fit<'a, A>,
+    plain: Fit<'a, B>,
+    /// Logarithm of the odds for the fisheye.
+    odds: f64,
+}
+
+/// The fisheye that stands best; of equals the one with the largest evidence within its family. That
+/// does not count what is unlikely of a fit, and need not be the best.
+fn best_standing<'a, A: Lens, B: Lens>(
+    edges: &[PlaneEdges],
+    wide: &'a Weighed<A>,
+    plain: &'a Weighed<B>,
+) -> Standing<'a, A, B> {
+    let start = standing(edges, wide.chosen(), plain);
+    let of_all = wide.fits().map(|own| standing(edges, own, plain));
+    of_all.fold(start, |best, next| match next.odds > best.odds {
+        true => next,
+        false => best,
+    })
+}
+
+/// One fisheye against every distorted pinhole: the odds are less the preference and what is unlikely
+/// of it beforehand. Where sides err together under it as well (targets that are
+/// not flat), it has to halve the residuals of every one: its coefficients follow these.
 ///
 /// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
 /// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
 /// their shape.
-fn preferred_odds<A: Lens, B: Lens>(
+fn standing<'a, A: Lens, B: Lens>(
     edges: &[PlaneEdges],
-    wide: &Weighed<A>,
-    plain: &Weighed<B>,
-) -> f64 {
-    let fit = wide.fit();
-    let mine = (wide.model().columns().iter().count(), fit);
-    let against = plain.fits().map(|other| log_odds(mine, other));
-    let odds = against.fold(f64::INFINITY, f64::min) - PREFERENCE - improbability(fit);
+    wide: Fit<'a, A>,
+    plain: &'a Weighed<B>,
+) -> Standing<'a, A, B> {
+    let fit = wide.1;
+    let odds = |other| log_odds(wide, other);
+    let against = plain.fits();
+    let against = against.min_by(|one, other| odds(*one).total_cmp(&odds(*other)));
+    let against = against.unwrap_or(plain.chosen());
+    let odds = odds(against) - PREFERENCE - improbability(fit);
     let least = plain.fits().map(|(_, other)| other.rms);
     let explains = is_clean(fit) || fit.rms < 0.5 * least.fold(f64::INFINITY, f64::min);
     let follows_targets =
         || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !have_boards(edges);
-    match explains && !follows_targets() {
+    let odds = match explains && !follows_targets() {
         true => odds,
         false => odds.min(0.0),
+    };
+    Standing {
+        wide,
+        plain: against,
+        odds,
     }
 }
 
@@ -343,13 +379,9 @@ fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
     }
 }
 
-/// Logarithm of the odds of one model's fit against another's, each with its number of
-/// coefficients. Where sides err together under the better one, they count by their smooth
+/// Logarithm of the odds of one model's fit against another's. Where sides err together under the better one, they count by their smooth
 /// displacements, however many samples show them.
-fn log_odds<A: Lens, B: Lens>(
-    (count, one): (usize, &Calibration<A>),
-    (others, other): (usize, &Calibration<B>),
-) -> f64 {
+fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fit<'_, B>) -> f64 {
     let samples: usize = one.planes.iter().map(|plane| plane.samples).sum();
     let sides: usize = one.residuals.iter().map(|figure| figure.sides.len()).sum();
     let count_of = |neighbours: f64, is_clean: bool| {
@@ -364,6 +396,7 @@ fn log_odds<A: Lens, B: Lens>(
         false => count_of(other.residual_correlation.neighbours, is_clean(other)),
     };
     let independent = independent.max(1.0);
+    let [count, others] = [model.columns(), other_model.columns()].map(|own| own.iter().count());
     let further = count as f64 - others as f64;
     independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
@@ -387,10 +420,10 @@ fn add_doubt<A: Lens, B: Lens>(found: &mut Calibration<A>, other: &Calibration<B
     found.covariance += &difference * difference.transpose() * probability;
 }
 
-fn rejected<L: Lens>(weighed: &Weighed<L>, log_evidence: f64) -> RejectedFamily {
+fn rejected<L: Lens>((model, fit): Fit<'_, L>, log_evidence: f64) -> RejectedFamily {
     RejectedFamily {
-        model: weighed.model().name(),
+        model: model.name(),
         log_evidence,
-        rms: weighed.fit().rms,
+        rms: fit.rms,
     }
 }

@@ -153,20 +153,15 @@ impl<L: Lens> Weighed<L> {
         })
     }
 
-    /// The model with the largest evidence.
-    pub(crate) fn model(&self) -> L::Model {
-        self.candidates[self.chosen].model
+    /// The model with the largest evidence, and its fit to the edge samples.
+    pub(crate) fn chosen(&self) -> (L::Model, &Calibration<L>) {
+        let chosen = &self.candidates[self.chosen];
+        (chosen.model, &chosen.fit)
     }
 
-    /// Its fit to the edge samples.
-    pub(crate) fn fit(&self) -> &Calibration<L> {
-        &self.candidates[self.chosen].fit
-    }
-
-    /// Every model's number of coefficients and fit to the edge samples.
-    pub(crate) fn fits(&self) -> impl Iterator<Item = (usize, &Calibration<L>)> {
-        let candidates = self.candidates.iter();
-        candidates.map(|one| (one.model.columns().iter().count(), &one.fit))
+    /// Every model, the simplest first, and its fit to the edge samples.
+    pub(crate) fn fits(&self) -> impl Iterator<Item = (L::Model, &Calibration<L>)> {
+        self.candidates.iter().map(|one| (one.model, &one.fit))
     }
 
     /// The fit of a model to the edge samples, if it converged.
