@@ -446,3 +446,39 @@ fn samples_outside_the_picture_are_warned_of() {
     let (figure, samples, ..) = outside(&at_the_border, scene.size).unwrap();
     assert_eq!((figure, samples), (3, 1));
 }
+
+#[test]
+fn an_inner_outline_that_is_fixed_on_the_outer_one_is_named() {
+    let scene = Scene::random(1, SceneOptions::default());
+    let on = |plane, freedom, figure| PlaneEdges {
+        plane: Some(plane),
+        freedom,
+        ..figure
+    };
+    let outlines = |part: f64, freedom| -> Vec<PlaneEdges> {
+        let figures = (0..).zip(scene.edges(1, 0.1, 8.0));
+        let frames = figures.flat_map(|(plane, outer)| {
+            let mut inner = outer.clone();
+            let sides = outer.points.iter().flatten();
+            let middle = sides.sum::<Vector2<f64>>() / outer.sample_count() as f64;
+            for point in inner.points.iter_mut().flatten() {
+                *point = middle.lerp(point, part);
+            }
+            [on(plane, Freedom::Auto, outer), on(plane, freedom, inner)]
+        });
+        frames.collect()
+    };
+    let solve = |edges: &[PlaneEdges]| calibrate(edges, scene.size, &Options::default());
+    for part in [0.6, 0.95] {
+        let Err(Error::InvalidArgument(message)) = solve(&outlines(part, Freedom::Fixed)) else {
+            panic!("{part}");
+        };
+        assert!(
+            message.starts_with("the lines of figure 1, which"),
+            "{message}"
+        );
+        assert!(message.contains("those of figure 0"), "{message}");
+    }
+    // An outline may be given twice.
+    assert!(solve(&outlines(1.0, Freedom::Fixed)).is_ok());
+}

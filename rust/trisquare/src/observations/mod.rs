@@ -1,6 +1,7 @@
 //! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
 
 mod chessboard;
+mod coinciding;
 mod curve;
 mod edge_shift;
 mod families;

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
+use super::coinciding::check_place;
 use super::curve::{Curve, Radius};
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
@@ -240,6 +241,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
     let figures_of_planes = edges.iter().enumerate().filter(|(_, own)| !is_line(own));
     for (index, figure_edges) in figures_of_planes {
         figure_edges.check(index)?;
+        check_place(index, edges)?;
         let figures = figures(index, figure_edges)?;
         let place = figure_edges.plane.and_then(|key| known.get(&key).copied());
         match place {

@@ -1,0 +1,57 @@
+//! Figures that are said to lie where another one of their plane does, and are seen beside it.
+
+use nalgebra::Vector2;
+
+use super::plane_edges::{Freedom, PlaneEdges};
+use crate::error::Error;
+use crate::geometry::Line;
+
+/// Part of half a line's length from which samples beside it are another's, the bends of both apart.
+const BESIDE: f64 = 0.01;
+
+/// # Errors
+/// [`Error::InvalidArgument`] if a figure is fixed on the lines of an earlier one of its plane, but
+/// seen beside that: as a frame's inner outline of which only the samples were given.
+pub(super) fn check_place(index: usize, edges: &[PlaneEdges]) -> Result<(), Error> {
+    let own = &edges[index];
+    if own.plane.is_none() || own.freedom != Freedom::Fixed {
+        return Ok(());
+    }
+    let earlier = (0..index).filter(|other| edges[*other].plane == own.plane);
+    let is_fixed =
+        |(place, other): &(usize, usize)| *place == 0 || edges[*other].freedom == Freedom::Fixed;
+    let mut fixed = earlier.enumerate().filter(is_fixed);
+    match fixed.find(|(_, other)| is_beside(own, &edges[*other])) {
+        None => Ok(()),
+        Some((_, other)) => Err(Error::InvalidArgument(format!(
+            "the lines of figure {index}, which is fixed on its plane, coincide with those of figure \
+             {other}, but its samples lie beside them: an inner outline of a frame has the freedom \
+             \"size\"; a figure at a known place on the plane has lines that lie there"
+        ))),
+    }
+}
+
+/// Whether a figure has the lines of another, and samples beside those of it.
+fn is_beside(own: &PlaneEdges, other: &PlaneEdges) -> bool {
+    let mut beside = false;
+    for (line, points) in own.lines.iter().zip(&own.points) {
+        let Some(twin) = other.lines.iter().position(|twin| twin == line) else {
+            return false;
+        };
+        let twin = other.points.get(twin).and_then(|points| chord(points));
+        if let (Some((middle, _, slack)), Some((_, line, others))) = (chord(points), twin) {
+            beside |= line.distance(&middle).abs() > slack + others;
+        }
+    }
+    beside
+}
+
+/// The middle of samples, the line that fits them, and how far beside it a sample of it may lie.
+fn chord(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, Line, f64)> {
+    let line = Line::fit(points.iter().map(|point| (*point, 1.0)))?;
+    let middle = points.iter().sum::<Vector2<f64>>() / points.len() as f64;
+    let bends = points.iter().map(|point| line.distance(point).abs());
+    let lengths = points.iter().map(|point| (point - middle).norm());
+    let slack = bends.fold(0.0, f64::max) + BESIDE * lengths.fold(0.0, f64::max);
+    Some((middle, line, slack))
+}
