@@ -1,5 +1,6 @@
 //! The stages, in order, and nothing else.
 
+use std::cmp::Reverse;
 use std::rc::Rc;
 use std::slice;
 
@@ -327,6 +328,8 @@ fn run<L: Lens>(
         let extrapolated = extrapolated_lens(&calibration);
         calibration.warnings.extend(extrapolated);
     }
+    let most_severe_first = |warning: &Warning| Reverse(warning.severity());
+    calibration.warnings.sort_by_key(most_severe_first);
     Ok(calibration)
 }
 

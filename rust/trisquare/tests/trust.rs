@@ -1,11 +1,15 @@
 //! What the residuals say against the assumptions is found, named and accounted for.
 
+use std::cmp::Reverse;
+
 use nalgebra::Vector2;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use trisquare::synthetic::{Scene, SceneOptions};
-use trisquare::{Calibration, Error, Lens, Line, Options, PlaneEdges, Warning, calibrate};
+use trisquare::{
+    Calibration, Error, Lens, Line, Options, PlaneEdges, Severity, Warning, calibrate,
+};
 
 const NO_NOISE: f64 = 0.0;
 const NOISE: f64 = 0.2;
@@ -211,4 +215,20 @@ fn correlated_neighbours_are_told() {
     }
     // (1 + c) / (1 - c) is 3; the first lag alone gives 2.
     assert!((2.0..3.6).contains(&mean), "{mean}");
+}
+
+#[test]
+fn the_most_severe_warnings_come_first() {
+    for seed in 1..4 {
+        let scene = scene(seed);
+        let mut edges = scene.edges(seed, NOISE, SPACING);
+        edges.iter_mut().for_each(falsify);
+        let warnings = solve(&edges, &scene).warnings;
+        assert!(warnings.is_sorted_by_key(|own| Reverse(own.severity())));
+        // Found after what matters less, as a consequence of it.
+        let late = |own: &Warning| matches!(own, Warning::BarelyDetermined { .. });
+        assert!(warnings.iter().any(late), "seed {seed}: {warnings:?}");
+        let last = warnings[warnings.len() - 1].severity();
+        assert!(last < Severity::High, "seed {seed}: {warnings:?}");
+    }
 }

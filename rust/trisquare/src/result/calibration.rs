@@ -155,7 +155,7 @@ pub struct Calibration<L: Lens = DefaultLens> {
     pub residual_correlation: ResidualCorrelation,
     /// Evaluations of the refinement.
     pub iterations: usize,
-    /// What the user should know.
+    /// What the user should know, the most severe first.
     pub warnings: Vec<Warning>,
     /// The stage the numbers come from.
     pub stage: Stage,
