@@ -44,8 +44,9 @@
 //! - A line is `(a, b, c)` with `a x + b y + c = 0` and `a^2 + b^2 = 1`; it transforms as
 //!   `l_plane ~ H^T l_image` under `H_image_from_plane`.
 //! - A standard deviation is one sigma.
-//! - Figures, planes, lines and samples are indices into what was given, the first is 0: in errors and
-//!   warnings as well. A figure that is only being made, as by [`PlaneEdges::square`], is figure 0.
+//! - A figure is one [`PlaneEdges`]. Figures, planes, lines and samples are indices into what was given,
+//!   the first is 0: in errors and warnings as well. Where a warning names a plane and a figure, that
+//!   counts among the figures of the plane. A figure that is only being made, as by [`PlaneEdges::square`], is figure 0.
 
 mod calibrate;
 mod error;

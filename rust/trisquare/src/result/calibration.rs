@@ -23,7 +23,7 @@ pub struct PoseUncertainty {
     pub by_camera: Matrix6xX<f64>,
 }
 
-/// How far the samples of a figure are from the images of its lines.
+/// How far the samples of a figure of a plane are from the images of its lines.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -145,7 +145,7 @@ pub struct Calibration<L: Lens = DefaultLens> {
     /// The lines of the scene, in the order in which they were given.
     pub lines: Vec<SceneLine>,
     /// How far the samples of every figure are from the images of its lines, in the order in which
-    /// the figures of planes were given.
+    /// the figures of planes were given: without those that are lines of the scene.
     pub residuals: Vec<FigureResiduals>,
     /// Root mean square distance of the samples that count to the images of their lines, in pixels.
     pub rms: f64,

@@ -64,7 +64,7 @@ pub enum Warning {
     SideRejected {
         /// Index of the plane.
         plane: usize,
-        /// Which of the plane's outlines.
+        /// Which of the plane's figures, in their order on it: no index of the edges.
         figure: usize,
         /// Which of the outline's sides, in the order of its samples.
         side: usize,
@@ -83,7 +83,7 @@ pub enum Warning {
         samples: usize,
         /// Index of the plane of the farthest one.
         plane: usize,
-        /// Which of the plane's outlines.
+        /// Which of the plane's figures, in their order on it: no index of the edges.
         figure: usize,
         /// Which of the outline's sides, in the order of its samples.
         side: usize,
@@ -288,7 +288,7 @@ pub enum Warning {
         .first[0], .first[1], .size[0], .size[1]
     )]
     OutsidePicture {
-        /// Index of the first figure that has such samples.
+        /// Index among the edges of the first figure that has such samples.
         figure: usize,
         /// How many of its samples lie outside.
         samples: usize,
@@ -365,7 +365,7 @@ pub enum Warning {
     PartlyHidden {
         /// Index of the plane.
         plane: usize,
-        /// Which of the plane's outlines.
+        /// Which of the plane's figures, in their order on it: no index of the edges.
         figure: usize,
         /// Which of the outline's sides, in the order of its samples.
         side: usize,
