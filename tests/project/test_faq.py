@@ -147,3 +147,24 @@ def test_every_severity_has_its_part():
 def test_the_exit_codes_are_those_of_the_command():
     codes = {int(code) for code in re.findall(r"^\| (\d+) \| [^|]+ \|$", page("faq.md"), re.M)}
     assert codes == {0, 1, 6, 70, 130} | set(EXIT_CODES.values())
+
+
+def test_the_names_of_the_crate_are_those_of_the_crate():
+    source = (CHECKOUT / "rust" / "trisquare" / "src").joinpath
+    arms = (
+        source("result", "warning.rs").read_text("utf-8").split("fn code")[1].split("}\n    }")[0]
+    )
+    code_of = {
+        variant: code
+        for variants, code in re.findall(r"^ +(Self::.+?) => \"(\w+)\"", arms, re.MULTILINE)
+        for variant in re.findall(r"Self::(\w+)", variants)
+    }
+    assert code_of["PlanesVary"] == "planes_vary"
+    rows = re.findall(r"^\| `(\w+)`.* \| (.+) \|$", page("faq.md"), re.MULTILINE)
+    said = {variant: code for code, text in rows for variant in re.findall(r"Warning::(\w+)", text)}
+    camel = {v: c for v, c in code_of.items() if v == c.title().replace("_", "")}
+    shared = [code for code in camel.values() if list(code_of.values()).count(code) > 1]
+    assert said == {v: c for v, c in code_of.items() if v not in camel or c in shared}
+    kinds = source("error.rs").read_text("utf-8").split("pub enum ErrorKind {")[1].split("\n}")[0]
+    kinds = set(re.findall(r"^    (\w+),", kinds, re.MULTILINE))
+    assert kinds == set(re.findall(r"`ErrorKind::(\w+)`", page("faq.md"))) != set()
