@@ -179,6 +179,12 @@ def test_a_wrong_plane_is_refused(change, error, message):
         ({"rms": math.inf}, ValueError, "rms"),
         ({"warnings": "odd"}, TypeError, "warnings"),
         ({"method": None}, TypeError, "method"),
+        ({"method": "zhang"}, ValueError, "unknown method 'zhang': choose one of ml, linear"),
+        (
+            {"fixed": ("aspct",)},
+            ValueError,
+            "unknown member of fixed 'aspct': did you mean 'aspect'",
+        ),
         ({"tone": True}, TypeError, "tone"),
     ],
 )

@@ -19,6 +19,7 @@ from trisquare._support.arrays import (
     real_array,
     real_number,
     string,
+    strings,
 )
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare._support.paths import naming, read_text
@@ -35,6 +36,7 @@ from trisquare._support.records import (
     record_members,
     records,
 )
+from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import OPENCV_NAMES, Camera, camera_parameters
@@ -48,6 +50,7 @@ from trisquare.camera.projection_uncertainty import (
     rms_displacement,
     uncertain,
 )
+from trisquare.camera.settings import FIXABLE, METHODS
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
 from trisquare.results.model_alternative import ModelAlternative
@@ -76,6 +79,21 @@ def _checked_deviations(value: Any, name: str) -> Mapping[str, float]:
             for parameter, std in dict(value).items()
         }
     )
+
+
+def _checked_method(value: Any, name: str) -> str:
+    method = string(value, name)
+    if method not in METHODS:
+        raise unknown(name, method, METHODS)
+    return method
+
+
+def _checked_fixed(value: Any, name: str) -> tuple[str, ...]:
+    held = strings(value, name)
+    for own in held:
+        if own not in FIXABLE:
+            raise unknown(f"member of {name}", own, FIXABLE)
+    return held
 
 
 def _checked_tone(value: Any, name: str) -> str | float | None:
@@ -176,9 +194,9 @@ class Calibration(Record):
     rms: float = field(metadata=member(NUMBER, "rms_px"))
     noise_scale: float = field(metadata=member(NUMBER))
     warnings: tuple[CalibrationWarning, ...] = field(metadata=member(WARNINGS))
-    method: str = field(metadata=member(TEXT))
+    method: str = field(metadata=member(Kind(_checked_method, JsonFields.text)))
     tone: str | float | None = field(metadata=member(Kind(_checked_tone, _read_tone)))
-    fixed: tuple[str, ...] = field(metadata=member(TEXTS))
+    fixed: tuple[str, ...] = field(metadata=member(Kind(_checked_fixed, JsonFields.texts)))
     stage: str = field(metadata=member(TEXT))
     software: str = field(default=__version__, metadata=member(TEXT))
     alternatives: tuple[ModelAlternative, ...] = field(
