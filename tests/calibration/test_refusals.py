@@ -150,6 +150,31 @@ def test_cause_is_named_and_remedies_work(name):
     assert tried > 0, message
 
 
+@pytest.mark.parametrize("seed", first_quick(range(4)))
+def test_the_limit_is_told_as_a_part_where_the_focal_length_is_any(seed):
+    """Squares that face the camera tell none: a limit in pixels was any number, or zero."""
+    message = refusal(placed([0] * 3, [0] * 3), 0.05, seed)
+    limit = re.search(r"standard deviation more than 1000 % of .*, at most (\S+) % is acc", message)
+    assert limit[1] == "4.0"
+
+
+@pytest.mark.parametrize(
+    ("tilt", "direction", "offset"),
+    first_quick([(2.0, 200, -8.0), (2.0, 290, -15.0), (2.0, 40, 12.0), (1.0, 290, -15.0)]),
+)
+def test_a_principal_point_is_advised_only_where_any_usual_one_helps(tilt, direction, offset):
+    camera = simulate.TrueCamera(1150.0, 1150.0, 639.5 + offset, 479.5, np.zeros(5), IMAGE_SIZE)
+    scene = placed([tilt] * 3, [direction] * 3, camera=camera)
+    message = refusal(scene, 0.1)
+    fix = {
+        "or fix the principal point": ["principal_point"],
+        "or fix the aspect and the principal point": ["aspect", "principal_point"],
+    }
+    for words in [words for words in fix if words in message]:
+        edges = edges_of(scene, 0.1)
+        ts.calibrate_edges(edges, IMAGE_SIZE, fix=fix[words], initial=camera_of(scene))
+
+
 def improved(scene, factor, tilt):
     """The scene as the message wants it: squares where they were seen, larger and tilted."""
     count = len(scene.targets)

@@ -2,6 +2,10 @@
 
 use std::fmt;
 
+/// Beyond this a standard deviation, which is predicted from an estimate that then is as far off,
+/// is told as no more than that.
+const TOLD_STD: f64 = 10.0;
+
 /// Why the camera matrix does not follow from the planes.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -10,9 +14,10 @@ pub struct IllConditioning {
     pub cause: Cause,
     /// Name of the parameter that is known worst.
     pub parameter: &'static str,
-    /// Its predicted standard deviation, in pixels (infinite where it is not observable).
+    /// Its predicted standard deviation: of a focal length as a part of it, of the principal point
+    /// as a part of the picture's width (infinite where it is not observable).
     pub std: f64,
-    /// The largest standard deviation accepted, in pixels.
+    /// The largest standard deviation accepted, in the same unit.
     pub limit: f64,
     /// What would help; each has been tried.
     pub remedies: Vec<Remedy>,
@@ -109,13 +114,21 @@ impl fmt::Display for IllConditioning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parameter = self.parameter;
         write!(f, "{}: {parameter} is not determined ", self.cause)?;
-        if self.std.is_finite() {
-            let std = significant(self.std);
-            write!(f, "(predicted standard deviation {std} px, ")?;
+        let whole = match parameter {
+            "cx" | "cy" => "the picture's width",
+            focal => focal,
+        };
+        if self.std <= TOLD_STD {
+            let std = percent(self.std);
+            write!(f, "(predicted standard deviation {std} % of {whole}, ")?;
         } else {
-            write!(f, "(its predicted standard deviation is infinite, ")?;
+            let std = percent(TOLD_STD);
+            write!(
+                f,
+                "(predicted standard deviation more than {std} % of {whole}, "
+            )?;
         }
-        write!(f, "at most {} px is accepted)", significant(self.limit))?;
+        write!(f, "at most {} % is accepted)", percent(self.limit))?;
         let mut joint = "; ";
         for remedy in &self.remedies {
             write!(f, "{joint}{remedy}")?;
@@ -129,10 +142,11 @@ impl fmt::Display for IllConditioning {
     }
 }
 
-/// Writes a positive number with three significant digits, or all before its point.
-fn significant(value: f64) -> String {
-    let decimals = (2.0 - value.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}")
+/// Writes a part in per cent with two significant digits, or all before its point.
+fn percent(part: f64) -> String {
+    let percent = 100.0 * part;
+    let decimals = usize::from(percent < 9.95);
+    format!("{percent:.decimals$}")
 }
 
 impl fmt::Display for Cause {

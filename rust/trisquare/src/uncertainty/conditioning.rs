@@ -110,9 +110,10 @@ pub(crate) struct Conditioning<'a, L: Lens> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weakest {
     pub parameter: &'static str,
-    /// In pixels; infinite where it is not observable.
+    /// As a part of a focal length itself, or of the picture's width; infinite where it is not
+    /// observable.
     pub std: f64,
-    /// In pixels.
+    /// In the same unit.
     pub limit: f64,
 }
 
@@ -187,8 +188,8 @@ impl<L: Lens> Conditioning<'_, L> {
                 .map_or(f64::INFINITY, f64::sqrt);
             Some(Weakest {
                 parameter,
-                std,
-                limit: limit * unit.max(0.0),
+                std: std / unit.max(0.0),
+                limit,
             })
         });
         known.max_by(|a, b| a.ratio().total_cmp(&b.ratio()))

@@ -27,4 +27,4 @@ pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
 pub use plane_points::points_on_plane;
 pub(crate) use pose::pose_uncertainties;
 pub use projection::ProjectionUncertainty;
-pub(crate) use remedies::add_remedies;
+pub(crate) use remedies::{MARGIN, add_remedies};

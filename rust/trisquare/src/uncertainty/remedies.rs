@@ -30,7 +30,7 @@ const SAMPLES_PER_SIDE: usize = 16;
 
 /// A remedy must reach this part of what is accepted: the photograph to come is not quite the one
 /// imagined.
-const MARGIN: f64 = 0.7;
+pub(crate) const MARGIN: f64 = 0.7;
 
 /// A camera whose worst parameter exceeds its limit by less than this factor is taken for the true
 /// one.
