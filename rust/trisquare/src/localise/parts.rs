@@ -97,12 +97,14 @@ struct Seen {
     to_dark: f64,
 }
 
-/// An enlarged picture shows its odd columns elsewhere as well, which its interpolation explains: a
-/// displacement of the rows that is that of the columns to within this part of it.
+/// Of a picture that was enlarged, or compressed hard, the odd columns are displaced as well, by this
+/// part of what the rows are or more; interlacing displaces rows alone.
 const ALIKE: f64 = 0.5;
+/// Standard deviations from which columns are displaced.
+const DISPLACED: f64 = 3.0;
 
 /// The odd rows against the even ones; `None` if too few sides tell it, or where the odd columns
-/// are displaced alike, as in an enlarged picture.
+/// are displaced as well.
 pub(super) fn rows<'a>(
     reader: &GreyReader<'_>,
     previews: impl Iterator<Item = &'a Preview>,
@@ -120,10 +122,10 @@ pub(super) fn rows<'a>(
     }
     let rows = displacement(by_row.into_iter())?;
     let columns = displacement(by_column.into_iter());
-    let differs = |columns: PartDisplacement| {
-        (columns.shift.yx() - rows.shift).norm() > ALIKE * rows.shift.norm()
+    let are_displaced = |columns: PartDisplacement| {
+        columns.shift_deviations > DISPLACED && columns.shift.norm() > ALIKE * rows.shift.norm()
     };
-    columns.is_none_or(differs).then_some(rows)
+    (!columns.is_some_and(are_displaced)).then_some(rows)
 }
 
 /// The pixels of even and of odd rows, each of even and of odd columns.
