@@ -2,11 +2,14 @@
 
 import re
 
+import cv2
 import numpy as np
 import pytest
+from quick import first_quick
 from scenes import assert_within, errors_in_std, squares
 
 import trisquare as ts
+from trisquare import simulate
 from trisquare.detection.kinds import TargetKinds
 from trisquare.measurement.measure import measure
 from trisquare_scenes.broken_assumptions import patterned, shadowed
@@ -86,6 +89,25 @@ def test_a_picture_out_of_focus_is_told(blur, is_told):
         shown = float(re.search(r"by ([\d.]+) px", told[0])[1])
         assert shown == pytest.approx(np.hypot(blur, 1 / np.sqrt(12)), abs=0.2)
     assert_within(result, SCENE, 4)
+
+
+@pytest.mark.parametrize(
+    ("seed", "blur"), first_quick([(31, 2.0), (32, 4.0), (36, 2.0), (33, 8.0)])
+)
+def test_a_blur_after_the_coding_hides_a_shift_that_is_reckoned_with(seed, blur):
+    """Blurred values show nearly no tone curve, but where it has moved the edges they still lie."""
+    scene = squares(seed)
+    picture = simulate.render(scene, np.random.default_rng(seed), noise=2.0, blur=0.8, tone="srgb")
+    assert_within(ts.calibrate(cv2.GaussianBlur(picture, (0, 0), blur)), scene, 4)
+
+
+@pytest.mark.parametrize("seed", first_quick([107, 104]))
+def test_hard_compression_is_no_interlacing(seed):
+    scene = squares(seed)
+    picture = simulate.render(scene, np.random.default_rng(seed), noise=0.5, blur=0.5, tone="srgb")
+    _, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 8])
+    result = ts.calibrate(cv2.imdecode(coded, cv2.IMREAD_UNCHANGED))
+    assert "interlaced" not in [warning.code for warning in result.warnings]
 
 
 def test_shadows_and_compression_are_no_pattern():

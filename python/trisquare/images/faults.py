@@ -131,7 +131,9 @@ _ADVICE = {
     ),
     "out_of_focus": (
         "the edges are blurred so widely that what lies beside them reaches into them and moves "
-        "them: focus on the targets, or keep other things away from them"
+        "them; if the picture was blurred after it was coded, that hides how far its tone curve "
+        "moved them, which standard deviations hold: focus on the targets, keep other things away "
+        "from them, and calibrate the picture as it was recorded"
     ),
     "periodic_pattern": (
         "a fine pattern lies over the picture (moire, the grid of a screen, the raster of a "

@@ -38,7 +38,10 @@ pub(super) fn corrected(
     let spans = measured.into_iter();
     let displaced = spans
         .map(|measured| {
-            let drift = |drift: &Drift| drift.by_tone.dot(&direction).abs();
+            let drift = |drift: &Drift| {
+                let by_curve = drift.by_tone.dot(&direction);
+                by_curve.hypot(estimate.hidden_shift)
+            };
             Ok(measured?.displaced(&step, common, drift))
         })
         .collect();

@@ -66,6 +66,16 @@ const SHIFT_PER_FITTED_MISFIT: f64 = 40.0;
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
+/// An estimated gamma below this is that of linear light, or of a picture that was blurred or
+/// enlarged after it was coded.
+const LINEAR_GAMMA: f64 = 1.3;
+/// What usual curves have above the gamma of linear light, and how far they move an edge between
+/// levels 40 and 215 to the dark, in blurs.
+const USUAL_EXCESS: f64 = 1.2;
+const USUAL_SHIFT: f64 = 0.5;
+/// No photograph is coded sharper than with this blur (px): the pixel's box, and some of a lens.
+const LEAST_BLUR: f64 = 0.4;
+
 /// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
 /// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
 /// all.
@@ -102,7 +112,10 @@ pub struct ToneEstimate {
     /// How far, in root mean square over the profile and parts of the contrast, the mean profile of
     /// these sides is from the model.
     pub misfit: f64,
-    /// How far that may shift all edges towards the dark, as a standard deviation in pixels.
+    /// How far a blur after the coding may hide that all edges were shifted towards the dark, as a
+    /// standard deviation in pixels.
+    pub hidden_shift: f64,
+    /// How far that and the misfit together may shift them.
     pub misfit_shift: f64,
     /// The same where the profiles are those of no curve.
     pub shift_std: Option<f64>,
@@ -126,6 +139,11 @@ impl ToneEstimate {
         } else {
             0.0
         }
+    }
+
+    /// Whether the sides tell a curve that is nearer to linear light than any usual one.
+    pub(super) fn is_like_linear(&self) -> bool {
+        self.sides > 0 && self.curve.effective_gamma() < LINEAR_GAMMA
     }
 
     /// What is to be assumed of the picture from here on.
@@ -289,15 +307,42 @@ pub(super) fn pool<'a>(
     // The prior alone makes it positive definite, but for overflow.
     let covariance = information.try_inverse().unwrap_or_else(Matrix2::zeros);
     let step = covariance * gradient;
+    let curve = curve.moved(&step.into());
+    let hidden_shift = match sides {
+        0 => 0.0,
+        _ => hidden_shift(mean_blur, &curve, curve.effective_gamma_std(&covariance)),
+    };
+    let misfit_shift = misfit_shift.hypot(hidden_shift);
     let estimate = ToneEstimate {
-        curve: curve.moved(&step.into()),
+        curve,
         covariance,
         sides: sides as usize,
         misfit,
+        hidden_shift,
         misfit_shift,
         shift_std: (!fits).then_some(misfit_shift),
     };
     (step, estimate)
+}
+
+/// By how much more all edges may lie towards the dark than a curve of nearly linear light tells,
+/// because the picture was blurred after it was coded.
+///
+/// A usual curve moves an edge of blur `b0` by `c b0` and makes it asymmetric by its third moment,
+/// which goes with `b0^3`. A later blur leaves both, but fitted at the whole blur `b` the moment is
+/// that of a part `(b0 / b)^3` of the usual excess of gamma, which at `b` moves the edge by
+/// `c b (b0 / b)^3` only.
+fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
+    let excess = curve.effective_gamma() - 1.0;
+    let coded_blur = |deviations: f64| {
+        let part = (excess + deviations * gamma_std) / USUAL_EXCESS;
+        part.clamp(0.0, 1.0).cbrt()
+    };
+    if excess >= LINEAR_GAMMA - 1.0 || blur * coded_blur(2.0) < LEAST_BLUR {
+        return 0.0;
+    }
+    let part = coded_blur(1.0);
+    USUAL_SHIFT * blur * (part - part.powi(3))
 }
 
 /// Estimates the tone curve from the previews of all spans, whose predictions are by the curve to
