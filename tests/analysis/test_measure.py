@@ -12,6 +12,7 @@ from scenes import IMAGE_SIZE, camera_of, edges_of, squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.images.orientation import with_orientation
+from trisquare_scenes.broken_assumptions import bent
 
 # A triangle on the first plane, in sides; within the picture of scene 5.
 TRIANGLE = np.array([[-0.5, -0.5], [-0.2, 0.8], [0.2, 0.6]])
@@ -150,6 +151,46 @@ def test_results_keep_the_poses_uncertainty_and_older_ones_have_none(result):
     for plane in members["planes"]:
         del plane["pose_uncertainty"]
     assert ts.Calibration.from_json(json.dumps(members)).planes[0].uncertainty is None
+
+
+def test_what_the_sides_of_a_plane_are_bent_by_is_expected_of_points(scene, result):
+    plane = result.planes[0]
+    assert plane.uncertainty.side_error is None
+    curved = replace(plane, uncertainty=replace(plane.uncertainty, side_error=0.4))
+    pixels = seen(scene, TRIANGLE)
+    found = ts.measure(curved, pixels, result, point_std=0.3)
+    same = ts.measure(plane, pixels, result, point_std=0.5)
+    np.testing.assert_allclose(found.lengths_std, same.lengths_std)
+    again = ts.Calibration.from_json(replace(result, planes=(curved, *result.planes[1:])).to_json())
+    assert again.planes[0].uncertainty.side_error == 0.4
+
+
+@pytest.mark.slow
+def test_lengths_on_bent_sheets_are_known_as_well_as_they_say():
+    deviations = []
+    for seed in range(12):
+        rng = np.random.default_rng([78, seed])
+        flat = simulate.random_scene(rng)
+        targets = tuple(
+            bent(target, curvature=rng.uniform(0.01, 0.06), direction=rng.uniform(0, np.pi))
+            for target in flat.targets
+        )
+        curved = simulate.Scene(flat.camera, targets)
+        found = ts.calibrate(simulate.render(curved, rng, noise=2.0, blur=0.8, tone="srgb"))
+        for plane in found.planes:
+            middles = [
+                flat.camera.project(target.to_camera(np.zeros((1, 2))))[0] for target in targets
+            ]
+            away = np.linalg.norm(middles - plane.corners.mean(axis=0), axis=1)
+            target = targets[int(np.argmin(away))]
+            for _ in range(6):
+                ends = rng.uniform(-0.5, 0.5, (2, 2))
+                pixels = flat.camera.project(target.to_camera(ends))
+                pixels += 0.1 * rng.standard_normal((2, 2))
+                measured = ts.measure(plane, pixels, found, point_std=0.1)
+                truth = np.linalg.norm(ends[1] - ends[0])
+                deviations.append((measured.lengths[0] - truth) / measured.lengths_std[0])
+    assert np.mean(np.abs(deviations) < 1.96) > 0.88
 
 
 @pytest.fixture(scope="module")

@@ -430,6 +430,13 @@ def _calibration(
         warnings.append(CalibrationWarning(text, code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
     correlation = found.correlation
+    coherence = ResidualCorrelation(
+        correlation.neighbours,
+        correlation.probability,
+        tuple(correlation.displacements),
+        correlation.contradiction,
+    )
+    side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]
     return Calibration(
         camera=Camera(
             found.camera_matrix,
@@ -450,7 +457,8 @@ def _calibration(
                 translation=plane.translation,
                 rms=plane.rms,
                 samples=plane.samples,
-                uncertainty=plane.uncertainty and PoseUncertainty(*plane.uncertainty),
+                uncertainty=plane.uncertainty
+                and PoseUncertainty(*plane.uncertainty, side_errors[number]),
                 aspect=plane.aspect and plane.aspect[0],
                 aspect_std=plane.aspect and plane.aspect[1],
                 radii=np.array(plane.radii)[:, 0] if plane.radii else None,
@@ -468,12 +476,7 @@ def _calibration(
         fixed=settings.fixed,
         stage=found.stage,
         alternatives=tuple(ModelAlternative(*other) for other in found.alternatives),
-        coherence=ResidualCorrelation(
-            correlation.neighbours,
-            correlation.probability,
-            tuple(correlation.displacements),
-            correlation.contradiction,
-        ),
+        coherence=coherence,
         tone_std=tone_std,
         rejected=tuple(gathered.rejected),
         edges=of_planes,

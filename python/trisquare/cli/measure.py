@@ -111,7 +111,8 @@ def measure_command(
     photograph again, before the camera that is given.
 
     The standard deviations hold what is uncertain about the pixels, the plane's pose and the
-    camera. What paper is bent by beyond the sides that were measured is not in them.
+    camera. Where the sides of the plane are bent, points are taken to lie off as far; what paper is
+    bent by beyond its sides is not in them.
     """
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
@@ -179,6 +180,11 @@ def measure_command(
         if point_std > 0.0:
             exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
             lines.append(_share_of_points(measured, exact, point_std))
+        if chosen.uncertainty is not None and chosen.uncertainty.side_error is not None:
+            lines.append(
+                f"the sides of the {chosen.kind} err together (is it bent?), by "
+                f"{chosen.uncertainty.side_error:.2g} px rms: points are taken to lie off as far"
+            )
         members |= _members(measured)
         warnings += _doubts(measured, pixels, planes, plane)
     if rectify is not None:

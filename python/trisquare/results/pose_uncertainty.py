@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.records import Record, array, member
+from trisquare._support.records import NUMBER, Record, array, member
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +26,9 @@ class PoseUncertainty(Record):
         ``fx fy cx cy k1 k2 k3 p1 p2``; of a fisheye ``fx fy cx cy k1 k2 k3 k4``; of a rational
         lens ``fx fy cx cy k1 k2 k3 k4 k5 k6 p1 p2``, of one with prism terms also
         ``s1 s2 s3 s4``; ``skew`` comes last where the camera has one or it was freed.
+    side_error : float, optional
+        What the sides of the plane err by beyond their noise, where they do (paper that is not
+        flat): root mean square, pixels. `measure` expects as much of any point of the plane.
 
     Examples
     --------
@@ -37,6 +40,7 @@ class PoseUncertainty(Record):
 
     given_camera: FloatArray = field(metadata=member(array(6, 6)))
     by_camera: FloatArray = field(metadata=member(array(6, None)))
+    side_error: float | None = field(default=None, metadata=member(NUMBER, "side_error_px"))
 
     def __repr__(self) -> str:
         turn, shift = np.sqrt(np.diag(self.given_camera)).reshape(2, 3).max(axis=1).tolist()
