@@ -145,7 +145,8 @@ def test_little_tilt_and_small_squares_are_named():
     assert "tilted by only" in diagnose(placed(12, 360))["fx"].limits
     assert "tilting every square" in diagnose(placed(12, 360))["fx"].remedy
     small = diagnose(placed(40, 150))["fx"]
-    assert "small" in small.limits
+    assert "span only 15 to 16 % of the picture's height" in small.limits
+    assert "span only" not in str(diagnose(placed(40, 360)))
     assert "1.25 times larger" in small.remedy
 
 

@@ -31,6 +31,8 @@ MORE_TILT = 10.0  # degrees
 # beyond.
 ENOUGH_TILT = (25.0, 50.0)
 LARGER = 1.25
+# Figures whose sides span this part of the picture's height are large enough (docs/photograph.md).
+ENOUGH_SPAN = 1.0 / 3.0
 NEARER = 0.1  # of the picture's size
 # A plane tilted less than this (degrees) shows no direction to tilt it further in.
 LEAST_TILT = 1.0
@@ -96,10 +98,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     cosines = np.abs([plane.rotation[2, 2] for plane in planes])
     tilts = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
     if tilts.max() + MORE_TILT <= ENOUGH_TILT[1]:
-        low, high = f"{tilts.min():.0f}", f"{tilts.max():.0f}"
-        only = (
-            f"the squares are tilted by only {low if low == high else f'{low} to {high}'} degrees"
-        )
+        only = f"the squares are tilted by only {_range_of(tilts)} degrees"
         yield WhatIf(
             f"tilting every square {MORE_TILT:g} degrees more",
             only if tilts.min() < ENOUGH_TILT[0] else "",
@@ -108,7 +107,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         )
     yield WhatIf(
         f"showing the squares {LARGER:g} times larger",
-        "the squares are small",
+        _smallness(calibration),
         tuple(plane._replace(translation=plane.translation / LARGER) for plane in planes),
         fixed,
     )
@@ -139,6 +138,21 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     for name, words in _known_of_cameras(calibration).items():
         if name not in fixed and "focal" not in fixed:
             yield WhatIf(f"fixing {words}", "", planes, (*fixed, name))
+
+
+def _smallness(calibration: Calibration) -> str:
+    """Return how much of the picture the squares span, if that is little."""
+    sides = [np.roll(plane.corners, -1, axis=0) - plane.corners for plane in calibration.planes]
+    spans = np.array([np.linalg.norm(own, axis=1).max() for own in sides])
+    parts = spans / calibration.camera.image_size[1]
+    if parts.max() >= ENOUGH_SPAN:
+        return ""
+    return f"the sides of the squares span only {_range_of(100 * parts)} % of the picture's height"
+
+
+def _range_of(values: FloatArray) -> str:
+    low, high = f"{values.min():.0f}", f"{values.max():.0f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _known_of_cameras(calibration: Calibration) -> dict[str, str]:
