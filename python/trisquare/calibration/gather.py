@@ -34,6 +34,9 @@ MOST_EXPLAINED = 4
 """Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
 hundred pictures it must not take twice as long."""
 
+TO_HEED = {"orientation_ignored"}
+"""Remarks on photographs that ask for an action: whoever loads one turned has another camera."""
+
 LEAVE_OUT = "to calibrate without it, name the others, or move it out of the folder"
 
 LOG = logging.getLogger("trisquare")
@@ -92,7 +95,10 @@ class Gathered:
         self.tones.append(measured.tone)
         self.faults.append(measured.faults)
         self.rejected += [replace(candidate, image=index) for candidate in measured.rejected]
-        self.warnings += [CalibrationWarning(text, code, "low") for code, text in one.remarks]
+        self.warnings += [
+            CalibrationWarning(text, code, "medium" if code in TO_HEED else "low")
+            for code, text in one.remarks
+        ]
         if annotated is not None:
             self.warnings += [
                 CalibrationWarning(f"{one.name}: {candidate.reason}", "outline_rejected")
