@@ -481,6 +481,18 @@ def test_folders_to_compare_are_told_of_the_loop(run, folder):
         assert "'Compare two nights'" in err
 
 
+def test_a_comparison_has_its_grid_in_the_json_only_if_it_is_asked_for(run, folder):
+    compare = ("compare", "camera.json", "camera.json")
+    grid = {"x", "y", "distance_px", "std_px"}
+    for options, expected in ((("--json",), set()), (("--json", "--grid"), grid)):
+        code, out, _ = run(*compare, *options)
+        assert code == 0
+        assert grid & set(json.loads(out)) == expected
+    code, _, err = run(*compare, "--grid")
+    assert code == 2
+    assert "--grid is for --json; --map FILE" in err
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     (folder / "pagé.json").write_bytes((folder / "camera.json").read_bytes())

@@ -31,6 +31,7 @@ EXAMPLES = (
     "trisquare compare today.json last_month.json",
     "trisquare compare camera.json camera_info.yaml --map difference.png",
     "trisquare compare full.json half.json --rescale --json",
+    "trisquare compare today.json last_month.json --json --grid",
 )
 
 
@@ -41,6 +42,7 @@ def compare_command(
     rescale: bool = flag(
         "Scale B to the pictures of A, if only the resolution differs.", "--rescale"
     ),
+    grid: bool = flag("With --json, also the differences on a grid over the picture.", "--grid"),
     json: bool = JSON,
     quiet: bool = QUIET,
 ) -> None:
@@ -58,6 +60,8 @@ def compare_command(
                 f"{path}: a folder, where a camera file is needed. 'Compare two nights', in the "
                 "documentation of batch, has the loop for two folders"
             )
+    if grid and not json:
+        raise ValueError("--grid is for --json; --map FILE draws the differences")
     check_outputs([first, second], [map_file])
     known = read_camera(first)
     lens = camera_of(known)
@@ -67,7 +71,8 @@ def compare_command(
     if map_file is not None:
         write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
     written = [] if map_file is None else [f"wrote {map_file}"]
-    answer(json, quiet, _members(comparison), [*_lines(comparison), *written])
+    members = _members(comparison) | (_grid_members(comparison) if grid else {})
+    answer(json, quiet, members, [*_lines(comparison), *written])
 
 
 def _members(comparison: Comparison) -> dict[str, Any]:
@@ -88,6 +93,11 @@ def _members(comparison: Comparison) -> dict[str, Any]:
         "coverage": comparison.coverage,
         "rotation": comparison.rotation.tolist(),
         "angle_degrees": comparison.angle,
+    }
+
+
+def _grid_members(comparison: Comparison) -> dict[str, Any]:
+    return {
         "x": comparison.x.tolist(),
         "y": comparison.y.tolist(),
         "distance_px": _finite_or_none(comparison.distance),
