@@ -49,14 +49,15 @@ def test_a_process_that_dies_takes_its_own_job_only():
     )
 
 
-def test_a_process_that_ends_itself_is_said_to_lack_memory():
-    """So does the core, where it does not get the memory that it asks for."""
+def test_of_a_process_that_ends_itself_both_causes_are_said():
+    """So does the core, where it gets no memory, and a decoder that crashes."""
     found = outcomes(jobs_of("abort-1", "a"), max_memory=2e9)
     assert code_of(found["a"]) == "done"
     assert code_of(found["abort-1"]) == "MemoryError"
     assert found["abort-1"]["error"]["text"] == (
-        "probably out of memory, its process died 2 times (SIGABRT): allow more than max_memory, "
-        "2 GB, or lower max_pixels, 500000000"
+        "its process ended itself 2 times (SIGABRT), as compiled code does that gets no memory, "
+        "and a decoder that a damaged file crashes: allow more than max_memory, 2 GB, or lower "
+        "max_pixels, 500000000"
     )
 
 

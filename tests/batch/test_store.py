@@ -130,6 +130,20 @@ def test_a_camera_that_fails_now_leaves_no_old_file(tmp_path):
     assert not (tmp_path / "cameras" / "a.json").exists()
 
 
+def test_a_run_that_is_killed_as_a_camera_fails_leaves_no_old_file(tmp_path, monkeypatch):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with Store(tmp_path, LIMITS) as store:
+        add(store, job("a"))
+        monkeypatch.setattr(store, "_append", killed, raising=False)
+        with pytest.raises(KeyboardInterrupt):
+            store.add(job("a"), "other", failed(job("a")))
+    assert not (tmp_path / "cameras" / "a.json").exists()
+    with Store(tmp_path, LIMITS) as store:
+        assert not store.is_done(job("a"), job("a").key)
+
+
 @pytest.mark.parametrize("cut", [1, 40])
 def test_a_line_that_was_being_written_is_dropped(tmp_path, cut):
     with Store(tmp_path, LIMITS) as store:

@@ -29,8 +29,8 @@ class Store:
     """The results of a batch in a folder; a context manager.
 
     A record is a line of ``results.jsonl``, appended as soon as the camera's own file is on the
-    disk. `finish` puts the lines into the jobs' order. In memory there is a name and a number for
-    each record.
+    disk, or that of a job that failed is removed. `finish` puts the lines into the jobs' order.
+    In memory there is a name and a number for each record.
 
     Parameters
     ----------
@@ -99,11 +99,12 @@ class Store:
             record["limits"] = self._limits
             if file.is_file():  # of photographs that are others now
                 record["removed"] = f"{CAMERAS}/{job.file_name}"
+                # Before the record: of a run that is killed between both the job is done again.
+                with writing(file):
+                    file.unlink()
         else:
             write_atomically({file: calibration.encode()})
         self._append(job.identity, record)
-        if calibration is None:
-            file.unlink(missing_ok=True)
         return record
 
     def finish(self) -> None:

@@ -27,8 +27,8 @@ ENDING = 5.0
 """Seconds that a process that closed its output has to end by itself: how it ends is told."""
 
 ALLOCATION_FAILED = "SIGABRT"
-"""How a process ends itself where compiled code lacks memory: what Python asks for and does not get
-is a ``MemoryError`` there."""
+"""How a process ends itself where compiled code lacks memory, or fails: what Python asks for and
+does not get is a ``MemoryError`` there."""
 
 KILLED = "SIGKILL"
 """How the system ends a process where it lacks memory."""
@@ -116,8 +116,12 @@ class Workers:
         pixels = f"or lower max_pixels, {self._limits.max_pixels}"
         if how == ALLOCATION_FAILED:
             memory = f"{self._limits.max_memory / 1e9:.3g} GB"
-            advice = f"allow more than max_memory, {memory}, {pixels}"
-            return failure(job, "MemoryError", f"probably out of memory, {text}: {advice}"), None
+            text = (
+                f"its process ended itself {ATTEMPTS} times ({how}), as compiled code does that "
+                "gets no memory, and a decoder that a damaged file crashes: allow more than "
+                f"max_memory, {memory}, {pixels}"
+            )
+            return failure(job, "MemoryError", text), None
         if how == KILLED:
             advice = f"run fewer jobs at a time, {pixels}"
             text = f"probably the system is out of memory, {text}: {advice}"
