@@ -473,6 +473,8 @@ def test_command_says_that_points_are_those_of_the_stored_picture(run, files, sc
         f"warning: {tagged}: its orientation tag (turned clockwise by 90 degrees) is ignored; the "
         "points refer to the picture as it is stored, 1280 x 960 pixels"
     )
+    (ignored,) = ts.calibrate(tagged).warnings
+    assert (ignored.code, ignored.severity) == ("orientation_ignored", "medium")
     members = json.loads(run("measure", tagged, "--camera", camera, *points, "--json")[1])
     assert warning.removeprefix("warning: ") in members["warnings"]
     outside = ("--camera", camera, "700,100", "700,1100")
