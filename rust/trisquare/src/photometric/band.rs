@@ -145,11 +145,16 @@ pub(crate) struct PixelFigure {
 impl PixelFigure {
     /// The same with about one pixel in `stride`, spread evenly.
     pub fn subsampled(&self, stride: u32) -> Self {
+        self.with_some_of(&self.pixels, stride)
+    }
+
+    /// The same with about one in `stride` of these pixels.
+    pub fn with_some_of(&self, pixels: &[BandPixel], stride: u32) -> Self {
         // Neighbours along rows, columns and diagonals fall into different classes.
         let class = |p: &BandPixel| 3 * u64::from(p.column) + 5 * u64::from(p.row);
         let keep = |p: &&BandPixel| class(p).is_multiple_of(u64::from(stride));
         Self {
-            pixels: self.pixels.iter().filter(keep).copied().collect(),
+            pixels: pixels.iter().filter(keep).copied().collect(),
             stretch_sides: self.stretch_sides.clone(),
             dropped: self.dropped.clone(),
             ..*self

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::band::{PixelFigure, Pixels};
+use super::band::{BandPixel, PixelFigure, Pixels};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
@@ -65,6 +65,22 @@ impl PixelFit<'_> {
         Scene::new(figure, &pictures[figure.image], view, exposure)
     }
 
+    /// The pixels of a figure, whether it holds them or not.
+    fn pixels_of<'b>(&self, figure: &'b PixelFigure) -> Option<Cow<'b, [BandPixel]>> {
+        Some(match self.unheld {
+            Some(unheld) if figure.pixels.is_empty() => Cow::Owned(unheld.read(figure)?),
+            _ => Cow::Borrowed(&figure.pixels),
+        })
+    }
+
+    /// All figures, each with about one in `stride` of its pixels.
+    pub fn subsampled(&self, stride: u32) -> Option<Vec<PixelFigure>> {
+        let figures = self.figures.iter();
+        figures
+            .map(|figure| Some(figure.with_some_of(&self.pixels_of(figure)?, stride)))
+            .collect()
+    }
+
     /// Shared parameters of the camera and of all pictures.
     fn shared_count(&self) -> usize {
         self.free.len() + PICTURE_PARAMETERS * self.free_pictures
@@ -105,11 +121,7 @@ impl PixelFit<'_> {
         let stretches = figure.stretch_sides.len();
         let mut sums = FigureSums::new(self.free, shared, jacobians, own, stretches);
         let to_noise = 1.0 / self.scales[index];
-        let pixels = match self.unheld {
-            Some(unheld) if figure.pixels.is_empty() => Cow::Owned(unheld.read(figure)?),
-            _ => Cow::Borrowed(&figure.pixels[..]),
-        };
-        for pixels in pixels.chunks(LANES) {
+        for pixels in self.pixels_of(figure)?.chunks(LANES) {
             let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
                 true => chart.distances(pixels),
                 false => [[0.0; 4]; LANES],
@@ -418,6 +430,32 @@ mod tests {
         assert!(cost < 1e-20);
         assert!(system.blocks.iter().all(|b| b.gradient.norm() < 1e-6));
         assert!(figures.iter().all(|f| f.pixels.len() > 5000));
+    }
+
+    struct Held<'a>(&'a [PixelFigure]);
+
+    impl Pixels for Held<'_> {
+        fn read(&self, figure: &PixelFigure) -> Option<Vec<BandPixel>> {
+            Some(self.0[figure.plane].pixels.clone())
+        }
+    }
+
+    #[test]
+    fn some_pixels_are_the_same_whether_figures_hold_theirs() {
+        let (figures, _) = modelled(ESTIMATED);
+        let free = free();
+        let mut emptied = figures.clone();
+        emptied[1].pixels.clear();
+        let unheld = PixelFit {
+            unheld: Some(&Held(&figures)),
+            ..problem(&emptied, &free)
+        };
+        let [found, expected] =
+            [unheld, problem(&figures, &free)].map(|fit| fit.subsampled(5).unwrap());
+        assert_eq!(format!("{found:?}"), format!("{expected:?}"));
+        for (some, all) in expected.iter().zip(&figures) {
+            assert!((some.pixels.len() * 5).abs_diff(all.pixels.len()) < all.pixels.len() / 20);
+        }
     }
 
     #[test]

@@ -40,6 +40,11 @@ const MOST_HIDDEN: f64 = 0.1;
 /// a few pictures. Of more pictures the others' are read again from what is kept of each.
 const HELD_PIXELS: usize = 400_000;
 
+/// The first steps take about so many pixels of each figure, where they are at most one in
+/// `LEAST_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples.
+const FIRST_PIXELS: usize = 8_000;
+const LEAST_STRIDE: usize = 4;
+
 /// Gauss-Newton steps allowed to the joint fit.
 const MAX_STEPS: usize = 8;
 
@@ -92,6 +97,8 @@ struct Start<L> {
     scales: Vec<f64>,
     state: PixelState<L>,
     disturbed: Vec<DisturbedSide>,
+    /// How many pixels there are, also where the figures do not hold them.
+    pixels: usize,
 }
 
 fn attempt<L: Lens>(
@@ -120,7 +127,8 @@ fn attempt<L: Lens>(
         loss: Loss::WideTukey,
         scales: start.scales,
     };
-    let (state, found) = converge(&fit, start.state).ok_or(BROKEN)?;
+    let near = approach(&fit, start.state, start.pixels).ok_or(BROKEN)?;
+    let (state, found) = converge(&fit, near).ok_or(BROKEN)?;
     let contradicted = match known {
         true => contradicted_tone(&fit, &state),
         false => None,
@@ -200,6 +208,7 @@ fn begin<L: Lens>(
             pictures,
         },
         disturbed: Vec::new(),
+        pixels: held.into_inner(),
     };
     for begun in planes.into_iter().flatten() {
         start.figures.push(begun.figure);
@@ -249,6 +258,25 @@ impl Begun {
     fn holds_blur(&self) -> bool {
         self.exposure.blur < WIDEST_BLUR * self.figure.width.widest_blur()
     }
+}
+
+/// Where one step of all pixels arrives from: in a large photograph, at the optimum of some of them.
+/// `None` if the steps do not converge.
+fn approach<L: Lens>(
+    fit: &PixelFit<'_>,
+    state: PixelState<L>,
+    pixels: usize,
+) -> Option<PixelState<L>> {
+    let some = FIRST_PIXELS * fit.figures.len().max(1);
+    let stride = pixels / some;
+    if stride < LEAST_STRIDE || some > HELD_PIXELS {
+        return Some(state);
+    }
+    let few = PixelFit {
+        figures: &fit.subsampled(stride as u32)?,
+        ..fit.clone()
+    };
+    Some(converge(&few, state)?.0)
 }
 
 /// The joint optimum, with the normal equations of the last step; `None` if the steps do not
