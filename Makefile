@@ -159,9 +159,15 @@ $(VENV_PYTHON):
 	done; \
 	echo 'trisquare needs Python 3.10 or later with venv (python3-venv on Debian).' >&2; exit 1
 
+# Of what the package needs, the largest: they are fetched while the core compiles, whose first half
+# leaves a processor free. The last line installs the rest.
+LARGE_PACKAGES := matplotlib numpy opencv-python-headless reportlab
+
 $(READY): $(VENV_PYTHON) $(SOURCES)
 	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
 	$(VENV_PYTHON) -m pip install 'maturin>=1.9.4,<2'
+	nice $(VENV_PYTHON) -m pip install $(LARGE_PACKAGES) & fetched=$$!; \
+	$(VENV_PYTHON) -m maturin develop --profile quick --skip-install && wait $$fetched
 	$(VENV_PYTHON) -m maturin develop --profile quick --extras report,serve,target
 	@touch $@
 
