@@ -22,7 +22,7 @@ WHOLE = 0.9
 """Share of a board's crossings that its lattice must have."""
 FOUND_TARGET = 0.97
 
-CAMERAS = 20
+CAMERAS = 60
 """Each calibrated from three boards of one kind."""
 LARGE_CELLS = (30.0, 90.0)
 """Pixels; three boards of smaller ones hardly tell a camera."""

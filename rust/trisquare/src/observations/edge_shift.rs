@@ -463,7 +463,9 @@ mod tests {
         let mut lines = zigzag(0.1, 9, 16, &mut noise);
         lines.extend(zigzag(0.3, 9, 16, &mut noise));
         let own = shifts_of_lines(&zigzags(&lines), 0.2, false);
-        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+        let mean = |part: &[LineShift]| {
+            part.iter().map(|own| own.in_middle).sum::<f64>() / part.len() as f64
+        };
         assert!((mean(&own[..9]) - 0.1).abs() < 0.02);
         assert!((mean(&own[9..]) - 0.3).abs() < 0.02);
     }
@@ -476,16 +478,42 @@ mod tests {
             .map(|line| common_shift(std::slice::from_ref(line)));
         let spread = |shifts: Vec<f64>| shifts.iter().map(|s| (s - 0.1).powi(2)).sum::<f64>();
         let own = shifts_of_lines(&lines, 0.1, false);
-        assert!(spread(own) < 0.25 * spread(each.collect()));
+        let in_middle = own.iter().map(|own| own.in_middle).collect();
+        assert!(spread(in_middle) < 0.25 * spread(each.collect()));
+        assert!(own.iter().all(|own| own.along.abs() < 0.1 * NOISE));
+    }
+
+    #[test]
+    fn a_shift_that_grows_along_its_line_is_known_at_both_ends() {
+        let mut lines = zigzag(0.2, 9, 16, &mut Noise(8));
+        let even = zigzag(0.2, 9, 16, &mut Noise(8));
+        for (line, flat) in lines.iter_mut().zip(zigzag(0.0, 9, 16, &mut Noise(8))) {
+            for (sample, flat) in line.samples.iter_mut().zip(&flat.samples) {
+                let place = 0.01 * (flat.point.x - 100.0);
+                sample.point.y =
+                    flat.point.y + (1.0 + 0.5 * place) * (sample.point.y - flat.point.y);
+            }
+        }
+        for own in shifts_of_lines(&zigzags(&lines), 0.2, false) {
+            assert!((own.in_middle - 0.2).abs() < 0.03, "{own:?}");
+            assert!((own.along - 0.1).abs() < 0.04, "{own:?}");
+        }
+        for own in shifts_of_lines(&zigzags(&even), 0.2, false) {
+            assert!(own.along.abs() < 0.03, "{own:?}");
+        }
     }
 
     #[test]
     fn lines_of_two_cells_are_left_to_the_board_and_never_run_away() {
         let mut noise = Noise(6);
         let lines = zigzags(&zigzag(0.0, 20, 2, &mut noise));
-        assert_eq!(shifts_of_lines(&lines, 0.01, false), [0.01; 20]);
+        for own in shifts_of_lines(&lines, 0.01, false) {
+            assert_eq!((own.in_middle, own.along), (0.01, 0.0));
+        }
         let own = shifts_of_lines(&lines, 0.0, true);
-        assert!(own.iter().all(|shift| shift.abs() < 10.0 * NOISE));
+        let most = 10.0 * NOISE;
+        let is_small = |own: &LineShift| own.in_middle.abs() < most && own.along.abs() < most;
+        assert!(own.iter().all(is_small));
     }
 
     #[test]
