@@ -125,7 +125,7 @@ def diagnose(calibration: Calibration) -> Diagnosis:
     --------
     >>> diagnosis = ts.diagnose(result)
     >>> print(diagnosis["fx"].limits)
-    the squares are small, and it is strongly correlated with fy (+0.99)
+    it is strongly correlated with fy (+0.99), and noise of 0.012 px in 1554 edge samples
     """
     if not isinstance(calibration, Calibration):
         raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")

@@ -141,7 +141,7 @@ def rectify(
                 f"side, not {scale:g}"
             )
     x, y = (
-        start + np.arange(math.floor((end - start) * scale) + 1) / scale
+        start + np.arange(round((end - start) * scale) + 1) / scale
         for start, end in zip(low, high, strict=True)
     )
     bands = [

@@ -66,6 +66,9 @@ const PREVIEW_COLUMNS: f64 = 50.0;
 /// this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
+/// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
+/// the errors of fx were a quarter larger with the lines' own.
+const LEAST_SPREAD: f64 = 0.1;
 /// Rounds of a crossed line's spread, and of all else with it.
 const SPREAD_ROUNDS: usize = 3;
 const FINAL_STEPS: usize = 6;
@@ -486,13 +489,18 @@ impl<'a> Localiser<'a> {
         side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);
     }
 
-    /// Fits the spread of a crossed line that was fitted, and all else with it.
+    /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
     fn settle_spread(&mut self, side: &mut Side, noise: f64) {
+        let before = side.spread;
         for _ in 0..SPREAD_ROUNDS {
             if self.predictions.is_empty() {
                 self.predict(side);
             }
-            if side.fit_spread(&self.pixels, &self.predictions, noise) < LAST_STEP {
+            let step = side.fit_spread(&self.pixels, &self.predictions, noise);
+            if side.spread.unwrap_or(0.0).abs() < LEAST_SPREAD {
+                side.spread = before.map(|_| 0.0);
+            }
+            if side.spread == before || step < LAST_STEP {
                 return;
             }
             self.predict(side);

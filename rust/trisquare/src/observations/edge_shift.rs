@@ -46,6 +46,12 @@ const LEAST_KNOWN_IF_EVIDENT: f64 = 1e-3;
 /// Median of a standard normal variable's square.
 const MEDIAN_SQUARE: f64 = 0.455;
 
+/// Surplus of one sign, as a part, from which the cells of a line are not all of one length: there a
+/// shift that changes along the line is its tilt as well.
+const MOST_SURPLUS: f64 = 0.4;
+/// By so much of itself, as a standard deviation, a shift grows from the middle of a line to its end.
+const PERSPECTIVE: f64 = 0.3;
+
 /// Standard deviations from which what a line says of itself is believed.
 const BELIEVED: f64 = 3.0;
 
@@ -230,6 +236,12 @@ impl Zigzag {
             .collect()
     }
 
+    /// Whether about as many samples are shifted one way as the other.
+    fn has_cells_of_one_length(&self) -> bool {
+        let surplus: f64 = self.0.iter().map(|it| it.values.y).sum();
+        surplus.abs() < MOST_SURPLUS * self.0.len() as f64
+    }
+
     fn precisions(&self) -> Vec<f64> {
         self.0.iter().map(|sample| sample.precision).collect()
     }
@@ -316,10 +328,10 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
         .flatten()
         .map(|it| (it.x - shift * it.y).powi(2));
     let scatter = median(scatter.collect()).unwrap_or(0.0) / MEDIAN_SQUARE;
-    let least_known = |precisions: &[f64]| least * precisions.iter().map(|it| it * it).sum::<f64>();
+    let total = |precisions: &[f64]| precisions.iter().map(|it| it * it).sum::<f64>();
     let departures = left.iter().zip(&precisions).map(|(left, precisions)| {
         let (known, products) = sums(left.iter().map(|it| (it.y, it.x)));
-        let is_known = known > least_known(precisions);
+        let is_known = known > least * total(precisions);
         is_known.then(|| {
             (
                 products / known - shift,
@@ -329,18 +341,19 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
     });
     let departures = drawn_to_none(&departures.collect::<Vec<_>>());
     let in_middle: Vec<f64> = departures.iter().map(|own| shift + own).collect();
-    let changes = left.iter().zip(&precisions).zip(&in_middle);
-    let changes = changes.map(|((left, precisions), shift)| {
+    let changes = left.iter().zip(&precisions).zip(lines).zip(&in_middle);
+    let changes = changes.map(|(((left, precisions), line), shift)| {
         let rest = left.iter().map(|it| (it.z, it.x - shift * it.y));
         let (known, products) = sums(rest);
-        let is_known = known > least_known(precisions);
+        let is_known = known > least * total(precisions) && line.has_cells_of_one_length();
         is_known.then(|| (products / known, scatter / known + f64::MIN_POSITIVE))
     });
-    let changes = drawn_to_none(&changes.collect::<Vec<_>>());
-    let pairs = in_middle.into_iter().zip(changes);
-    pairs
-        .map(|(in_middle, along)| LineShift { in_middle, along })
-        .collect()
+    let shifts = in_middle.iter().zip(changes);
+    let shifts = shifts.map(|(&in_middle, change)| LineShift {
+        in_middle,
+        along: change.map_or(0.0, |said| drawn(said, (PERSPECTIVE * in_middle).powi(2))),
+    });
+    shifts.collect()
 }
 
 /// What each line says, with its variance, drawn to nothing.
@@ -363,14 +376,19 @@ fn drawn_to_none(said: &[Option<(f64, f64)>]) -> Vec<f64> {
             high = between;
         }
     }
-    let drawn = |(value, variance): &(f64, f64)| {
-        let own = value * value - BELIEVED.powi(2) * variance;
-        let between = own.max(low);
-        value * between / (between + variance)
-    };
-    said.iter()
-        .map(|own| own.as_ref().map_or(0.0, drawn))
-        .collect()
+    let drawn = |said: (f64, f64)| drawn(said, own_variance(said).max(low));
+    said.iter().map(|own| own.map_or(0.0, drawn)).collect()
+}
+
+/// What a line says, with its variance, drawn to nothing where it is normal beforehand with the other
+/// variance.
+fn drawn((value, variance): (f64, f64), beforehand: f64) -> f64 {
+    value * beforehand / (beforehand + variance)
+}
+
+/// The variance beforehand by which a line speaks for itself: none unless what it says is evident.
+fn own_variance((value, variance): (f64, f64)) -> f64 {
+    (value * value - BELIEVED.powi(2) * variance).max(0.0)
 }
 
 #[cfg(test)]
