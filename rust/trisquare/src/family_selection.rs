@@ -224,8 +224,8 @@ fn best_standing<'a, A: Lens, B: Lens>(
 }
 
 /// One fisheye against every distorted pinhole: the odds are less the preference and what is unlikely
-/// of it beforehand. Where sides err together under it as well (targets that are
-/// not flat), it has to halve the residuals of every one: its coefficients follow these.
+/// of it beforehand. Where sides err together under it as well (targets that are not flat), it has to
+/// halve the residuals of every one: its coefficients follow these.
 ///
 /// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
 /// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
@@ -379,8 +379,8 @@ fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
     }
 }
 
-/// Logarithm of the odds of one model's fit against another's. Where sides err together under the better one, they count by their smooth
-/// displacements, however many samples show them.
+/// Logarithm of the odds of one model's fit against another's. Where sides err together under the
+/// better one, they count by their smooth displacements, however many samples show them.
 fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fit<'_, B>) -> f64 {
     let samples: usize = one.planes.iter().map(|plane| plane.samples).sum();
     let sides: usize = one.residuals.iter().map(|figure| figure.sides.len()).sum();

@@ -46,7 +46,8 @@
 //! - A standard deviation is one sigma.
 //! - A figure is one [`PlaneEdges`]. Figures, planes, lines and samples are indices into what was given,
 //!   the first is 0: in errors and warnings as well. Where a warning names a plane and a figure, that
-//!   counts among the figures of the plane. A figure that is only being made, as by [`PlaneEdges::square`], is figure 0.
+//!   counts among the figures of the plane. A figure that is only being made, as by
+//!   [`PlaneEdges::square`], is figure 0.
 
 mod calibrate;
 mod error;

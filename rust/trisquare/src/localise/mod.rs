@@ -308,9 +308,7 @@ impl<'a> Localiser<'a> {
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
-        if is_crossed {
-            self.settle_spread(&mut side, noise);
-        }
+        self.settle_spread(&mut side, noise);
 
         let near = near(&side).min(margin[0].max(margin[1]));
         let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
@@ -325,9 +323,7 @@ impl<'a> Localiser<'a> {
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_STEP));
-        if is_crossed {
-            self.settle_spread(&mut side, noise);
-        }
+        self.settle_spread(&mut side, noise);
         side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
         let mut noise = self.noise_about(&side);
         // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
@@ -491,16 +487,21 @@ impl<'a> Localiser<'a> {
 
     /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
     fn settle_spread(&mut self, side: &mut Side, noise: f64) {
-        let before = side.spread;
+        let Some(before) = side.spread else {
+            return;
+        };
         for _ in 0..SPREAD_ROUNDS {
             if self.predictions.is_empty() {
                 self.predict(side);
             }
             let step = side.fit_spread(&self.pixels, &self.predictions, noise);
-            if side.spread.unwrap_or(0.0).abs() < LEAST_SPREAD {
-                side.spread = before.map(|_| 0.0);
+            if side
+                .spread
+                .is_some_and(|spread| spread.abs() < LEAST_SPREAD)
+            {
+                side.spread = Some(0.0);
             }
-            if side.spread == before || step < LAST_STEP {
+            if side.spread == Some(before) || step < LAST_STEP {
                 return;
             }
             self.predict(side);

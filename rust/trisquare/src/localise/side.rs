@@ -109,18 +109,23 @@ impl Side {
         }
     }
 
-    /// How far along its normal the edge lies from the curve where its light is on the side that a
-    /// [`Flip`](super::flip::Flip) of this slope leaves it on.
+    /// 1 where a [`Flip`](super::flip::Flip) of this slope leaves the light along the normal, else -1.
+    #[inline]
+    fn towards_light(&self, slope: f64) -> f64 {
+        (self.contrast[0] * slope).signum()
+    }
+
+    /// How far along its normal the edge lies from the curve where a flip has this slope.
     #[inline]
     pub fn spread_at(&self, slope: f64) -> f64 {
-        self.spread.unwrap_or(0.0) * (self.contrast[0] * slope).signum()
+        self.spread.unwrap_or(0.0) * self.towards_light(slope)
     }
 
     /// A prediction's derivative by the spread, but for what crossings make of it.
     #[inline]
     pub fn by_spread(&self, pixel: &Pixel, prediction: &Prediction) -> f64 {
         match self.spread {
-            Some(_) => prediction.by_offset * (self.contrast[0] * pixel.flip.slope).signum(),
+            Some(_) => prediction.by_offset * self.towards_light(pixel.flip.slope),
             None => 0.0,
         }
     }

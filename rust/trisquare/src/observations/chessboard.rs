@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
+use super::edge_shift::{CellSample, GridLineSamples, alternation, remove_edge_shift};
 use super::plane_edges::{PlaneEdges, check_places};
 use crate::error::Error;
 use crate::geometry::Line;
@@ -193,8 +193,4 @@ fn polarity_of_first(picture: &Picture, lines: &[Vec<Vector2<f64>>]) -> f64 {
         }
     }
     1f64.copysign(sum)
-}
-
-fn alternation(number: usize) -> f64 {
-    if number.is_multiple_of(2) { 1.0 } else { -1.0 }
 }

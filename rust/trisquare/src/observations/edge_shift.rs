@@ -171,12 +171,13 @@ impl GridLineSamples {
 
 impl CellSample {
     fn sign(&self, of_even: f64) -> f64 {
-        if self.cell.is_multiple_of(2) {
-            of_even
-        } else {
-            -of_even
-        }
+        of_even * alternation(self.cell)
     }
+}
+
+/// 1 of even numbers, -1 of odd ones.
+pub(super) fn alternation(number: usize) -> f64 {
+    if number.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
 /// How far the edges of a line lie toward their light, pixels: in the middle of its samples, and how
@@ -191,10 +192,14 @@ struct LineShift {
 /// along the chord; the Legendre polynomials at it, those zero that so few samples cannot follow; and
 /// one over its standard deviation.
 struct ZigzagSample {
+    /// Offset, `SIGNS` and `SIGNS_BY_PLACE`.
     values: RowVector3<f64>,
     basis: Vector5<f64>,
     precision: f64,
 }
+
+const SIGNS: usize = 1;
+const SIGNS_BY_PLACE: usize = 2;
 
 struct Zigzag(Vec<ZigzagSample>);
 
@@ -328,25 +333,22 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
         .flatten()
         .map(|it| (it.x - shift * it.y).powi(2));
     let scatter = median(scatter.collect()).unwrap_or(0.0) / MEDIAN_SQUARE;
-    let total = |precisions: &[f64]| precisions.iter().map(|it| it * it).sum::<f64>();
-    let departures = left.iter().zip(&precisions).map(|(left, precisions)| {
-        let (known, products) = sums(left.iter().map(|it| (it.y, it.x)));
-        let is_known = known > least * total(precisions);
-        is_known.then(|| {
-            (
-                products / known - shift,
-                scatter / known + f64::MIN_POSITIVE,
-            )
-        })
-    });
-    let departures = drawn_to_none(&departures.collect::<Vec<_>>());
+    // Of each line, what is left of the offsets under one of its columns of signs.
+    let said = |line: usize, shift: f64, column: usize| {
+        let rest = left[line].iter();
+        let (known, products) = sums(rest.map(|it| (it[column], it.x - shift * it.y)));
+        let all: f64 = precisions[line].iter().map(|it| it * it).sum();
+        let variance = scatter / known + f64::MIN_POSITIVE;
+        (known > least * all).then(|| (products / known, variance))
+    };
+    let departures: Vec<_> = (0..lines.len())
+        .map(|line| said(line, shift, SIGNS))
+        .collect();
+    let departures = drawn_to_none(&departures);
     let in_middle: Vec<f64> = departures.iter().map(|own| shift + own).collect();
-    let changes = left.iter().zip(&precisions).zip(lines).zip(&in_middle);
-    let changes = changes.map(|(((left, precisions), line), shift)| {
-        let rest = left.iter().map(|it| (it.z, it.x - shift * it.y));
-        let (known, products) = sums(rest);
-        let is_known = known > least * total(precisions) && line.has_cells_of_one_length();
-        is_known.then(|| (products / known, scatter / known + f64::MIN_POSITIVE))
+    let changes = lines.iter().zip(&in_middle).enumerate();
+    let changes = changes.map(|(number, (line, shift))| {
+        said(number, *shift, SIGNS_BY_PLACE).filter(|_| line.has_cells_of_one_length())
     });
     let shifts = in_middle.iter().zip(changes);
     let shifts = shifts.map(|(&in_middle, change)| LineShift {
