@@ -14,6 +14,7 @@ from trisquare._support.arrays import (
     FloatArray,
     Frozen,
     index_number,
+    pixel_array,
     real_array,
     real_number,
     string,
@@ -25,9 +26,6 @@ from trisquare.errors import NotEnoughDataError
 Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "offsets", "line"]
 
 EDGES_FORMAT = "trisquare-edges/1"
-
-# No picture is this large; beyond it float64 no longer resolves 1e-7 px, and squares may overflow.
-MAX_COORDINATE = 1e9
 
 # Blurs are some pixels at most, and no tone curve displaces an edge by more than its blur.
 MAX_DRIFT = 10.0
@@ -590,10 +588,8 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
         name = f"points[{index}]"
         if hasattr(given, "__len__") and len(given) == 0:
             raise NotEnoughDataError(f"{name} is empty: a line needs at least 2 points")
-        array = real_array(given, name, (None, 2), LEAVE_OUT)
+        array = pixel_array(given, name, (None, 2), LEAVE_OUT)
         low, high = array.min(axis=0, initial=np.inf), array.max(axis=0, initial=-np.inf)
-        if max(high.max(), -low.min()) > MAX_COORDINATE:
-            raise ValueError(f"{name} holds coordinates beyond {MAX_COORDINATE:g} px")
         if not (low < high).any():
             raise NotEnoughDataError(f"{name} holds one distinct point: a line needs at least 2")
         samples.append(array)

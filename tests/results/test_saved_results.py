@@ -1,5 +1,6 @@
 """Results kept in files, and compared."""
 
+import json
 from dataclasses import replace
 
 import cv2
@@ -63,6 +64,13 @@ def test_a_long_format_is_cited_in_part():
     with pytest.raises(ValueError, match=r'"format" is \'trisquare-.*is read here') as refusal:
         ts.PlaneEdges.from_json(f'{{"format": "{stated}"}}')
     assert len(str(refusal.value)) < 200
+
+
+def test_corners_beyond_every_picture_are_refused():
+    members = json.loads(RESULT.to_json())
+    members["planes"][0]["corners"][2][1] = -1e155
+    with pytest.raises(ValueError, match=r"^corners holds coordinates beyond 1e\+09 px$"):
+        ts.Calibration.from_json(json.dumps(members))
 
 
 def test_a_name_that_tells_no_format_is_refused(tmp_path):

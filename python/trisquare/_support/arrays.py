@@ -17,7 +17,8 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 NORMAL_MEDIAN = 0.6745
 """Median of the absolute values of normal draws, in standard deviations."""
 
-# No camera comes near; float64 resolves 1e-7 px so far out.
+# No camera comes near; float64 resolves 1e-7 px so far out, and squares of what is far beyond
+# overflow.
 LARGEST_SIDE = 10**9
 # What the compiled core counts with.
 LARGEST_INDEX = 2**63 - 1
@@ -64,6 +65,16 @@ def real_array(
         place = f", the first at {first}" if first else ""
         raise ValueError(f"{name} holds NaN or infinite values{place}{advice}")
     array.flags.writeable = False
+    return array
+
+
+def pixel_array(
+    value: Any, name: str, shape: tuple[int | None, ...], advice: str = ""
+) -> FloatArray:
+    """As `real_array`, of pixel coordinates: those beyond every picture are a ValueError, too."""
+    array = real_array(value, name, shape, advice)
+    if max(array.max(initial=-np.inf), -array.min(initial=np.inf)) > LARGEST_SIDE:
+        raise ValueError(f"{name} holds coordinates beyond {LARGEST_SIDE:g} px")
     return array
 
 

@@ -19,6 +19,7 @@ from trisquare._support.arrays import (
     index_number,
     instances,
     not_negative,
+    pixel_array,
     real_array,
     real_number,
     string,
@@ -60,6 +61,14 @@ def array(*shape: int | None) -> Kind:
     """Return the kind of arrays of a shape; None stands for any length."""
     return Kind(
         lambda value, name: real_array(value, name, shape),
+        lambda members, key: members.array(key, shape),
+    )
+
+
+def pixels(*shape: int | None) -> Kind:
+    """Return the kind of arrays of pixel coordinates of a shape."""
+    return Kind(
+        lambda value, name: pixel_array(value, name, shape),
         lambda members, key: members.array(key, shape),
     )
 

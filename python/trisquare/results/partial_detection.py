@@ -9,7 +9,7 @@ import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
-from trisquare._support.records import INDEX, TEXT, Record, array, member
+from trisquare._support.records import INDEX, TEXT, Record, member, pixels
 from trisquare.edges import PlaneEdges
 from trisquare.errors import TrisquareError
 
@@ -46,7 +46,7 @@ class PartialDetection(Record):
 
     kind: str = field(metadata=member(TEXT))
     image: int = field(metadata=member(INDEX))
-    corners: FloatArray = field(metadata=member(array(4, 2)))
+    corners: FloatArray = field(metadata=member(pixels(4, 2)))
 
     def __repr__(self) -> str:
         x, y = self.corners.mean(axis=0).tolist()

@@ -9,7 +9,17 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare._support.lengths import length_in
-from trisquare._support.records import INDEX, NUMBER, TEXT, Kind, Record, array, member, record
+from trisquare._support.records import (
+    INDEX,
+    NUMBER,
+    TEXT,
+    Kind,
+    Record,
+    array,
+    member,
+    pixels,
+    record,
+)
 from trisquare._support.rotations import rotation_matrix, rotation_vector
 from trisquare.results.pose_uncertainty import PoseUncertainty
 
@@ -75,7 +85,7 @@ class Plane(Record):
 
     kind: str = field(metadata=member(TEXT))
     image: int = field(metadata=member(INDEX))
-    corners: FloatArray = field(metadata=member(array(4, 2)))
+    corners: FloatArray = field(metadata=member(pixels(4, 2)))
     rotation: FloatArray = field(metadata=member(ROTATION))
     translation: FloatArray = field(metadata=member(array(3)))
     rms: float = field(metadata=member(NUMBER, "rms_px"))

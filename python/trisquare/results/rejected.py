@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from trisquare._support.arrays import FloatArray
-from trisquare._support.records import INDEX, NUMBER, TEXT, Record, array, member
+from trisquare._support.records import INDEX, NUMBER, TEXT, Record, member, pixels
 
 CUT_BY_BORDER = "it is cut by the picture's border"
 """Reason of a shape that is only partly in the picture: its corners are those of a box."""
@@ -39,7 +39,7 @@ class Rejected(Record):
 
     kind: str = field(metadata=member(TEXT))
     image: int = field(metadata=member(INDEX))
-    corners: FloatArray = field(metadata=member(array(4, 2)))
+    corners: FloatArray = field(metadata=member(pixels(4, 2)))
     reason: str = field(metadata=member(TEXT))
     residual: float | None = field(default=None, metadata=member(NUMBER, "residual_px"))
 

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trisquare._support.arrays import FloatArray, real_array
-from trisquare.edges import MAX_COORDINATE
+from trisquare._support.arrays import FloatArray, pixel_array
 
 SHORTEST_SIDE = 12.0
 """Pixels; what is left of a shorter side between its corners' blur cannot be measured."""
@@ -57,7 +56,7 @@ class AnnotatedOutline:
         TypeError, ValueError
             Naming `where`, if that is no outline.
         """
-        polygon = _points(points, where)
+        polygon = pixel_array(points, where, (None, 2))
         if len(polygon) > 1 and np.array_equal(polygon[0], polygon[-1]):
             polygon = polygon[:-1]  # closed by a repeated point
         if len(polygon) < 4:
@@ -89,7 +88,7 @@ class AnnotatedOutline:
             raise TypeError(f"{where} must hold four polylines") from error
         if len(given) != 4:
             raise ValueError(f"{where} has {len(given)} sides: a square has 4")
-        lines = [_points(side, f"{where}[{i}]") for i, side in enumerate(given)]
+        lines = [pixel_array(side, f"{where}[{i}]", (None, 2)) for i, side in enumerate(given)]
         for i, line in enumerate(lines):
             if len(line) < 2:
                 raise ValueError(f"{where}[{i}] has {len(line)} points: a side needs 2 or more")
@@ -169,13 +168,6 @@ class AnnotatedSquare:
     def outlines(self) -> tuple[AnnotatedOutline, ...]:
         """Return the outer one and, of a frame, the inner one."""
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
-
-
-def _points(points: Any, where: str) -> FloatArray:
-    array = real_array(points, where, (None, 2))
-    if not (np.abs(array) <= MAX_COORDINATE).all():
-        raise ValueError(f"{where} holds coordinates beyond {MAX_COORDINATE:g} px")
-    return array
 
 
 def _spread(count: int) -> NDArray[np.intp]:
