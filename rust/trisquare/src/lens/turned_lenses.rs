@@ -4,7 +4,7 @@
 //! a turn of the camera. So two lenses are compared after the rotation that brings their projections
 //! closest (mrcal's "projection difference", <https://mrcal.secretsauce.net>).
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 
 use super::{Lens, ProjectionJacobian};
 use crate::error::Error;
@@ -58,75 +58,120 @@ impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
     /// # Errors
     /// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together.
     pub fn closest(first: &'a A, second: &'a B, pixels: &[Vector2<f64>]) -> Result<Self, Error> {
-        let mut turned = Self {
+        Ok(Self {
             first,
             second,
-            rotation: Matrix3::identity(),
-        };
-        for _ in 0..MAX_STEPS {
-            let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
-            for pixel in pixels {
-                if let Some(again) = turned.see_again(pixel) {
-                    normal += again.by_turn.tr_mul(&again.by_turn);
-                    gradient += again.by_turn.tr_mul(&(again.pixel - pixel));
-                }
-            }
-            let floor = f64::EPSILON * normal.trace() * RIDGE;
-            for axis in 0..3 {
-                normal[(axis, axis)] += RIDGE * normal[(axis, axis)] + floor;
-            }
-            let Some(factor) = normal.cholesky() else {
-                break;
-            };
-            let step = -factor.solve(&gradient);
-            turned.rotation = Rotation3::new(step) * turned.rotation;
-            if step.norm() < CONVERGED {
-                break;
-            }
-        }
-        let seen = pixels.iter().filter(|p| turned.see_again(p).is_some());
-        let part = seen.count() as f64 / pixels.len().max(1) as f64;
-        if part < LEAST_IN_COMMON {
-            return Err(Error::InvalidArgument(format!(
-                "the cameras have too little in common: their distortions can be inverted together \
-                 over {:.0} % of the picture",
-                100.0 * part
-            )));
-        }
-        Ok(turned)
+            rotation: closest_rotation((first, second), pixels)?,
+        })
     }
 
     /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
-    ///
-    /// The derivatives are those of the second projection by the direction `d`, which a change of
-    /// the pixel moves by `R` times that of the first lens's direction, and a turn by `turn x d`.
     pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
-        let first_ray = self.first.unproject_with_jacobian(pixel)?;
-        let direction = self.rotation * self.first.direction(&first_ray);
-        let seen = self.second.project(&direction)?;
-        let second_ray = self.second.unproject_with_jacobian(&seen)?;
-        if is_near_rim(self.first, &first_ray) || is_near_rim(self.second, &second_ray) {
-            return None;
-        }
-        // Of a direction of another length, the same but for that length.
-        let length = self.second.direction(&second_ray).norm() / direction.norm();
-        let by_direction = self.second.projection_by_direction(&second_ray)? * length;
-        Some(SeenAgain {
-            pixel: seen,
-            by_first: self.first.projection_jacobian(&first_ray),
-            by_second: self.second.projection_jacobian(&second_ray),
-            by_pixel: by_direction * self.rotation * self.first.direction_jacobian(&first_ray),
-            by_turn: -by_direction * direction.cross_matrix(),
+        see_again((self.first, self.second), &self.rotation, pixel)
+    }
+}
+
+/// A lens of any family. What is compared through it is compiled once, not for each two families.
+trait Sight {
+    fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>>;
+    /// `None` where the lens cannot be inverted, or hardly.
+    fn look(&self, pixel: &Vector2<f64>) -> Option<Look>;
+}
+
+/// What a lens sees at a pixel.
+struct Look {
+    direction: Vector3<f64>,
+    by_pixel: Matrix3x2<f64>,
+    /// How the pixel follows the lens's parameters, ...
+    pixel_by_lens: ProjectionJacobian,
+    /// ... and the direction.
+    pixel_by_direction: Matrix2x3<f64>,
+}
+
+impl<L: Lens> Sight for L {
+    fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>> {
+        Lens::project(self, direction)
+    }
+
+    fn look(&self, pixel: &Vector2<f64>) -> Option<Look> {
+        let pixel_ray = self.unproject_with_jacobian(pixel)?;
+        let direction = self.direction(&pixel_ray);
+        let by_pixel = self.direction_jacobian(&pixel_ray);
+        let area = by_pixel.column(0).cross(&by_pixel.column(1));
+        let [fx, fy, ..] = self.intrinsics();
+        // Written so that NaN is near the rim.
+        let is_clear_of_rim = area.dot(&direction).abs() * fx * fy < NEAR_RIM;
+        is_clear_of_rim.then_some(Look {
+            direction,
+            by_pixel,
+            pixel_by_lens: self.projection_jacobian(&pixel_ray),
+            pixel_by_direction: self.projection_by_direction(&pixel_ray)?,
         })
     }
 }
 
-fn is_near_rim<L: Lens>(lens: &L, pixel_ray: &L::PixelRay) -> bool {
-    let by_pixel = lens.direction_jacobian(pixel_ray);
-    let area = by_pixel.column(0).cross(&by_pixel.column(1));
-    let [fx, fy, ..] = lens.intrinsics();
-    // Written so that NaN is near it.
-    !(area.dot(&lens.direction(pixel_ray)).abs() * fx * fy < NEAR_RIM)
+/// See [`TurnedLenses::closest`].
+fn closest_rotation(
+    lenses: (&dyn Sight, &dyn Sight),
+    pixels: &[Vector2<f64>],
+) -> Result<Matrix3<f64>, Error> {
+    let mut rotation = Matrix3::identity();
+    for _ in 0..MAX_STEPS {
+        let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+        for pixel in pixels {
+            if let Some(again) = see_again(lenses, &rotation, pixel) {
+                normal += again.by_turn.tr_mul(&again.by_turn);
+                gradient += again.by_turn.tr_mul(&(again.pixel - pixel));
+            }
+        }
+        let floor = f64::EPSILON * normal.trace() * RIDGE;
+        for axis in 0..3 {
+            normal[(axis, axis)] += RIDGE * normal[(axis, axis)] + floor;
+        }
+        let Some(factor) = normal.cholesky() else {
+            break;
+        };
+        let step = -factor.solve(&gradient);
+        rotation = Rotation3::new(step) * rotation;
+        if step.norm() < CONVERGED {
+            break;
+        }
+    }
+    let is_seen = |pixel: &&Vector2<f64>| see_again(lenses, &rotation, pixel).is_some();
+    let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len().max(1) as f64;
+    if part < LEAST_IN_COMMON {
+        return Err(Error::InvalidArgument(format!(
+            "the cameras have too little in common: their distortions can be inverted together \
+             over {:.0} % of the picture",
+            100.0 * part
+        )));
+    }
+    Ok(rotation)
+}
+
+/// See [`TurnedLenses::see_again`].
+///
+/// The derivatives are those of the second projection by the direction `d`, which a change of
+/// the pixel moves by `R` times that of the first lens's direction, and a turn by `turn x d`.
+fn see_again(
+    (first, second): (&dyn Sight, &dyn Sight),
+    rotation: &Matrix3<f64>,
+    pixel: &Vector2<f64>,
+) -> Option<SeenAgain> {
+    let by_first = first.look(pixel)?;
+    let direction = rotation * by_first.direction;
+    let seen = second.project(&direction)?;
+    let by_second = second.look(&seen)?;
+    // Of a direction of another length, the same but for that length.
+    let length = by_second.direction.norm() / direction.norm();
+    let by_direction = by_second.pixel_by_direction * length;
+    Some(SeenAgain {
+        pixel: seen,
+        by_first: by_first.pixel_by_lens,
+        by_second: by_second.pixel_by_lens,
+        by_pixel: by_direction * rotation * by_first.by_pixel,
+        by_turn: -by_direction * direction.cross_matrix(),
+    })
 }
 
 #[cfg(test)]

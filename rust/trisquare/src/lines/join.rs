@@ -1,11 +1,11 @@
 //! The lines joined with what the planes say.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::follow::moved_like;
 use super::mixture::{Mixture, sorted};
 use super::observed_line::{ObservedLine, SmoothLine};
-use super::planes::Planes;
+use super::planes::{Planes, Said};
 use crate::lens::Lens;
 use crate::noise::{LocalNoise, Noise};
 use crate::numeric::chi_square_tail;
@@ -107,40 +107,67 @@ fn join<L: Lens>(
                 .into_iter()
                 .unzip();
         let said = planes.at(lens)?;
+        let found = Balance::of(&said, &smooth)?;
+        let part = if found.length < last { 1.0 } else { SHORTENED };
+        lens = planes.moved(&(&found.step * part), &lens);
+        last = found.length;
+        if found.length > LAST_STEP {
+            continue;
+        }
+        let mut is_used = vec![false; lines.len()];
+        for (number, is_straight) in numbers.into_iter().zip(&found.is_straight) {
+            is_used[number] = *is_straight;
+        }
+        let covariance = found.factor.inverse();
+        let contradiction = found.contradiction(&said, &covariance);
+        let units = DMatrix::from_diagonal(&planes.units);
+        let joined = Joined {
+            lens,
+            covariance: &units * covariance * &units,
+            is_used,
+        };
+        let any = joined.is_used.contains(&true);
+        return any.then_some((joined, contradiction));
+    }
+    None
+}
+
+/// What lines and planes say together of a lens.
+struct Balance {
+    is_straight: Vec<bool>,
+    /// Of the information of both.
+    factor: Cholesky<f64, Dyn>,
+    /// To where they agree, and the square of its length in standard deviations.
+    step: DVector<f64>,
+    length: f64,
+}
+
+impl Balance {
+    fn of(said: &Said, lines: &[SmoothLine]) -> Option<Self> {
         let gradient = &said.information * &said.deviation;
         let Mixture {
             is_straight,
             information,
             gradient,
-        } = sorted(&smooth, (&said.information, &gradient))?;
+        } = sorted(lines, (&said.information, &gradient))?;
         let factor = information.clone().cholesky()?;
         let step = -factor.solve(&gradient);
-        let length = step.dot(&(&information * &step));
-        let part = if length < last { 1.0 } else { SHORTENED };
-        lens = planes.moved(&(&step * part), &lens);
-        last = length;
-        if length > LAST_STEP {
-            continue;
-        }
-        let mut is_used = vec![false; lines.len()];
-        for (number, is_straight) in numbers.into_iter().zip(&is_straight) {
-            is_used[number] = *is_straight;
-        }
-        let inverse = factor.inverse();
+        Some(Self {
+            is_straight,
+            factor,
+            length: step.dot(&(information * &step)),
+            step,
+        })
+    }
+
+    /// By how many standard deviations lines and planes differ, if beyond chance.
+    fn contradiction(&self, said: &Said, covariance: &DMatrix<f64>) -> Option<f64> {
         let square = said.deviation.dot(&(&said.information * &said.deviation));
         let square = square.max(said.square);
-        let told = step.len() as f64 - (&said.information * &inverse).trace();
+        let told = self.step.len() as f64 - (&said.information * covariance).trace();
         let contradicts = chi_square_tail(square, told.max(1.0)) < CHANCE;
-        let units = DMatrix::from_diagonal(&planes.units);
-        let joined = Joined {
-            lens,
-            covariance: &units * inverse * &units,
-            is_used,
-        };
-        let any = joined.is_used.contains(&true);
-        return any.then_some((joined, contradicts.then(|| (square / told.max(1.0)).sqrt())));
+        contradicts.then(|| (square / told.max(1.0)).sqrt())
     }
-    None
 }
 
 /// The lines whose samples a lens sees, with their numbers.

@@ -146,6 +146,19 @@ impl Family {
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|own| *own == index)?;
+        let jacobian = SideJacobian::of((state, figure, side), board_relief, moments, camera)?;
+        self.add_at(place, &jacobian, moments, white, block);
+        Some(())
+    }
+
+    fn add_at(
+        &mut self,
+        place: usize,
+        jacobian: &SideJacobian,
+        moments: &SideMoments,
+        white: f64,
+        block: &mut Block,
+    ) {
         let mirror = self.mirror(&moments.along);
         let gram = moments
             .robust
@@ -153,11 +166,10 @@ impl Family {
             .component_mul(&(mirror * mirror.transpose()))
             / white;
         let gradient = moments.robust.gradient.component_mul(&mirror) / white;
-        let jacobian = SideJacobian::of((state, figure, side), board_relief, moments, camera)?;
         let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
             mirror[k] * jacobian.own[(k, i)]
         });
-        let shared = DMatrix::from_fn(ORDERS, camera.len(), |k, i| {
+        let shared = DMatrix::from_fn(ORDERS, jacobian.shared.ncols(), |k, i| {
             mirror[k] * jacobian.shared[(k, i)]
         });
         let (weighed_own, weighed_shared) = (gram * &own, gram * &shared);
@@ -177,7 +189,6 @@ impl Family {
             .rows_mut(own, all - own)
             .tr_copy_from(&weighed_shared);
         beside.row_mut(all).tr_copy_from(&gradient);
-        Some(())
     }
 
     /// Signs of the basis where a side runs against the first of the family.

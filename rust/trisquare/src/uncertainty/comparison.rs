@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
 
-use super::projection::ProjectionUncertainty;
+use super::projection::{FreeColumns, ProjectionUncertainty};
 use crate::error::Error;
 use crate::lens::{Lens, SeenAgain, TurnedLenses};
 use crate::numeric::chi_square_tail;
@@ -57,37 +57,10 @@ pub fn compare_projections<A: Lens, B: Lens>(
 ) -> Result<ProjectionDifference, Error> {
     let turned = TurnedLenses::closest(first.camera(), second.camera(), pixels)?;
     let again: Vec<_> = pixels.iter().map(|p| turned.see_again(p)).collect();
-    let pairs = pixels.iter().zip(&again);
-    let differences: Vec<_> = pairs
-        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
-        .collect();
-    let count = first.len() + second.len();
-    let test = if count == 0 {
-        None
-    } else {
-        let seen: Vec<&SeenAgain> = again.iter().flatten().collect();
-        let (first_root, second_root) = (first.root()?, second.root()?);
-        let mut spread = DMatrix::zeros(2 * seen.len(), count);
-        let mut turns = DMatrix::zeros(2 * seen.len(), 3);
-        for (i, again) in seen.iter().enumerate() {
-            // What moves the first camera's projection moves the direction seen at a pixel back.
-            let moved = first.free_columns(&again.by_first) * &first_root;
-            let mut rows = spread.rows_mut(2 * i, 2);
-            rows.columns_mut(0, first.len())
-                .copy_from(&(-again.by_pixel * moved));
-            let moved = second.free_columns(&again.by_second) * &second_root;
-            rows.columns_mut(first.len(), second.len())
-                .copy_from(&moved);
-            turns.rows_mut(2 * i, 2).copy_from(&again.by_turn);
-        }
-        let basis = turns.qr().q();
-        spread -= &basis * basis.tr_mul(&spread);
-        let seen = differences.iter().flatten();
-        let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
-        let focal = first.camera().focal().min();
-        let kinds = kinds_of_change(first, second);
-        Some(tested(&difference, &spread, focal, kinds, &again)?)
-    };
+    let is_of_one_family = A::parameter_names() == B::parameter_names();
+    let focal = first.camera().focal().min();
+    let free = (first.free(), second.free());
+    let (differences, test) = differences(free, (is_of_one_family, focal), pixels, &again)?;
     Ok(ProjectionDifference {
         rotation: turned.rotation,
         differences,
@@ -95,16 +68,45 @@ pub fn compare_projections<A: Lens, B: Lens>(
     })
 }
 
-/// In how many ways parameters can change: in each of two cameras of one family the same.
-fn kinds_of_change<A: Lens, B: Lens>(
-    first: &ProjectionUncertainty<'_, A>,
-    second: &ProjectionUncertainty<'_, B>,
-) -> usize {
-    if A::parameter_names() != B::parameter_names() {
-        return first.len() + second.len();
+/// How far apart two cameras project, and whether their free parameters explain it.
+fn differences(
+    (first, second): (&FreeColumns, &FreeColumns),
+    (is_of_one_family, focal): (bool, f64),
+    pixels: &[Vector2<f64>],
+    again: &[Option<SeenAgain>],
+) -> Result<(Vec<Option<Vector2<f64>>>, Option<DifferenceTest>), Error> {
+    let pairs = pixels.iter().zip(again);
+    let differences: Vec<_> = pairs
+        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
+        .collect();
+    let count = first.len() + second.len();
+    if count == 0 {
+        return Ok((differences, None));
     }
-    let is_new = |column: &&usize| !first.columns().contains(column);
-    first.len() + second.columns().iter().filter(is_new).count()
+    let seen: Vec<&SeenAgain> = again.iter().flatten().collect();
+    let (first_root, second_root) = (first.root()?, second.root()?);
+    let mut spread = DMatrix::zeros(2 * seen.len(), count);
+    let mut turns = DMatrix::zeros(2 * seen.len(), 3);
+    for (i, again) in seen.iter().enumerate() {
+        // What moves the first camera's projection moves the direction seen at a pixel back.
+        let moved = first.of(&again.by_first) * &first_root;
+        let mut rows = spread.rows_mut(2 * i, 2);
+        rows.columns_mut(0, first.len())
+            .copy_from(&(-again.by_pixel * moved));
+        let moved = second.of(&again.by_second) * &second_root;
+        rows.columns_mut(first.len(), second.len())
+            .copy_from(&moved);
+        turns.rows_mut(2 * i, 2).copy_from(&again.by_turn);
+    }
+    let basis = turns.qr().q();
+    spread -= &basis * basis.tr_mul(&spread);
+    let seen = differences.iter().flatten();
+    let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
+    // In how many ways parameters can change: in each of two cameras of one family the same.
+    let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
+    let kinds = first.len() + second.columns().iter().filter(is_new).count();
+    let test = tested(&difference, &spread, focal, kinds, again)?;
+    Ok((differences, Some(test)))
 }
 
 /// The chi-squared test of a difference against a square root of its covariance.

@@ -34,10 +34,10 @@ fn contradicted<L: Lens>(untold: &Calibration<L>, related: &Related) -> Option<W
     let [first, second] = [first.uncertainty.as_ref()?, second.uncertainty.as_ref()?];
     let given_camera = first.given_camera + second.given_camera;
     let given_camera = given_camera.fixed_view::<3, 3>(0, 0);
-    let follows = camera.free_columns(&(&first.by_camera - &second.by_camera));
+    let follows = camera.free().of(&(&first.by_camera - &second.by_camera));
     let by_camera = &by_turn * follows.rows(0, 3);
     let covariance = &by_turn * given_camera * by_turn.transpose()
-        + &by_camera * camera.covariance() * by_camera.transpose();
+        + &by_camera * camera.free().covariance() * by_camera.transpose();
     let square = gaps.dot(&covariance.clone().cholesky()?.solve(&gaps));
     let std = covariance.trace().sqrt().to_degrees();
     (normal_deviate(square, gaps.len() as f64) > EVIDENT).then(|| Warning::RelationContradicted {

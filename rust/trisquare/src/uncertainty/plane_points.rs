@@ -130,8 +130,8 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
         let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
         let mut covariance = DMatrix::zeros(rows, rows);
         let mut by_pose = DMatrix::zeros(rows, 6);
-        let mut by_camera = DMatrix::zeros(rows, self.len());
-        let pose_by_free = self.free_columns(&uncertainty.by_camera);
+        let mut by_camera = DMatrix::zeros(rows, self.free().len());
+        let pose_by_free = self.free().of(&uncertainty.by_camera);
         for (i, met) in met.iter().enumerate() {
             let own = met.by_pixel * met.by_pixel.transpose() * variance;
             covariance
@@ -139,12 +139,12 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
                 .copy_from(&own);
             by_pose.fixed_rows_mut::<2>(2 * i).copy_from(&met.by_pose);
             // Where the camera projects a ray further along, a pixel's ray is the one before.
-            let moved = met.by_pixel * self.free_columns(&met.by_lens);
+            let moved = met.by_pixel * self.free().of(&met.by_lens);
             let followed = met.by_pose * &pose_by_free;
             by_camera.rows_mut(2 * i, 2).copy_from(&(followed - moved));
         }
         covariance += &by_pose * uncertainty.given_camera * by_pose.transpose();
-        covariance += &by_camera * self.covariance() * by_camera.transpose();
+        covariance += &by_camera * self.free().covariance() * by_camera.transpose();
         if !covariance.iter().all(|v| v.is_finite()) {
             return Err(Error::NotFinite {
                 what: "the covariance of points of a plane",

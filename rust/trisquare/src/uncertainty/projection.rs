@@ -20,6 +20,12 @@ const MAX_SWEEPS: usize = 1000;
 #[derive(Debug, Clone)]
 pub struct ProjectionUncertainty<'a, L: Lens = DefaultLens> {
     camera: &'a L,
+    free: FreeColumns,
+}
+
+/// The free parameters of a camera of any family.
+#[derive(Debug, Clone)]
+pub(super) struct FreeColumns {
     /// Columns of the projection's Jacobian that are free.
     columns: Vec<usize>,
     /// `fy / fx` where `fy` follows `fx`.
@@ -63,9 +69,11 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         let focal = camera.focal();
         Ok(Self {
             camera,
-            aspect: (aspect_fixed && columns.contains(&0)).then(|| focal.y / focal.x),
-            columns,
-            covariance,
+            free: FreeColumns {
+                aspect: (aspect_fixed && columns.contains(&0)).then(|| focal.y / focal.x),
+                columns,
+                covariance,
+            },
         })
     }
 
@@ -73,8 +81,8 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     /// the valid radius.
     pub fn at(&self, pixel: &Vector2<f64>) -> Option<Matrix2<f64>> {
         let pixel_ray = self.camera.unproject_with_jacobian(pixel)?;
-        let free = self.free_columns(&self.camera.projection_jacobian(&pixel_ray));
-        let covariance = &free * &self.covariance * free.transpose();
+        let free = self.free.of(&self.camera.projection_jacobian(&pixel_ray));
+        let covariance = &free * &self.free.covariance * free.transpose();
         covariance
             .iter()
             .all(|v| v.is_finite())
@@ -86,17 +94,32 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         self.camera
     }
 
-    /// The covariance of the free parameters.
+    /// The free parameters.
+    pub(super) fn free(&self) -> &FreeColumns {
+        &self.free
+    }
+
+    /// The same for many pixels.
+    ///
+    /// # Errors
+    /// [`Error::BeyondValidRadius`].
+    pub fn at_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Matrix2<f64>>, Error> {
+        of_all(self.camera, pixels, |pixel| self.at(pixel))
+    }
+}
+
+impl FreeColumns {
+    /// Their covariance.
     pub(super) fn covariance(&self) -> &DMatrix<f64> {
         &self.covariance
     }
 
-    /// The free parameters, by their places among all.
+    /// Their places among all parameters.
     pub(super) fn columns(&self) -> &[usize] {
         &self.columns
     }
 
-    /// How many parameters are free.
+    /// How many they are.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
     }
@@ -114,8 +137,8 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         Ok(eigen.eigenvectors * DMatrix::from_diagonal(&roots))
     }
 
-    /// Of derivatives by all parameters, those by the free ones; `fy` may follow `fx`.
-    pub(super) fn free_columns<const R: usize, C: Dim>(
+    /// Of derivatives by all parameters, those by these; `fy` may follow `fx`.
+    pub(super) fn of<const R: usize, C: Dim>(
         &self,
         all: &Matrix<f64, Const<R>, C, impl Storage<f64, Const<R>, C>>,
     ) -> OMatrix<f64, Const<R>, Dyn> {
@@ -128,14 +151,6 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
             }
         }
         free
-    }
-
-    /// The same for many pixels.
-    ///
-    /// # Errors
-    /// [`Error::BeyondValidRadius`].
-    pub fn at_pixels(&self, pixels: &[Vector2<f64>]) -> Result<Vec<Matrix2<f64>>, Error> {
-        of_all(self.camera, pixels, |pixel| self.at(pixel))
     }
 }
 
