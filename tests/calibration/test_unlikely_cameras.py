@@ -1,5 +1,6 @@
 """Answers that fit, and that no camera is like."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from scenes import edges_of, squares
 
 import trisquare as ts
 from trisquare.simulate import Scene, Target, edge_points, fisheye, tilted
+from trisquare.simulate.scene import rectangle
 
 SCENE = squares(3)
 WIDTH, HEIGHT = SCENE.camera.image_size
@@ -35,6 +37,32 @@ def test_a_stretched_picture_is_named_with_the_answer_for_square_pixels(stretch)
     held = ts.calibrate_edges(edges, (WIDTH, round(HEIGHT * stretch)), fix="aspect")
     assert f'With fix="aspect" fx is {held.camera.fx:.1f}' in result.warnings[0]
     assert "pixels_not_square" not in codes(held)
+
+
+def test_two_squares_say_what_a_stretched_print_makes_of_them():
+    """Each stretched by 0.3 %, the camera moves as far as the warning says."""
+    found = {}
+    for stretched in (None, 0, 1):
+        targets = [
+            replace(target, printed=rectangle(0.5 * 1.003, 0.5) if i == stretched else None)
+            for i, target in enumerate(SCENE.targets[:2])
+        ]
+        scene = replace(SCENE, targets=tuple(targets))
+        found[stretched] = ts.calibrate_edges(edges_of(scene, noise=1e-4), (WIDTH, HEIGHT))
+    (named,) = [w for w in found[None].warnings if w.code == "targets_unchecked"]
+    assert named.severity == "medium"
+    moved = [found[i].camera.fx - found[None].camera.fx for i in (0, 1)]
+    stated = re.search(r"fx is off by ([\d.]+) px", named)
+    assert stated is not None
+    assert float(stated[1]) == pytest.approx(np.hypot(*moved), rel=0.1)
+
+
+@pytest.mark.parametrize("held", ["aspect", "principal_point"])
+def test_what_is_held_checks_two_squares(held):
+    edges = edges_of(SCENE, noise=0.05)
+    assert "targets_unchecked" not in codes(ts.calibrate_edges(edges, (WIDTH, HEIGHT)))
+    two = ts.calibrate_edges(edges[:2], (WIDTH, HEIGHT), fix=held)
+    assert "targets_unchecked" not in codes(two)
 
 
 def test_a_cropped_picture_is_named():

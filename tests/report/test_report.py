@@ -524,7 +524,7 @@ def turned(plane):
     "contort",
     [
         lambda c: replace(c, planes=[turned(plane) for plane in c.planes]),
-        lambda c: replace(c, planes=[replace(p, corners=1e6 * p.corners) for p in c.planes]),
+        lambda c: replace(c, planes=[replace(p, corners=1e5 * p.corners) for p in c.planes]),
         lambda c: replace(c, camera=replace(c.camera, image_size=(3, 20000))),
         lambda c: replace(c, covariance=1e40 * c.covariance, rms=1e300),
     ],

@@ -25,6 +25,8 @@ MOST_REMEDIES = 2
 # Sides are said to err together where that is likelier than not.
 LIKELIER = 0.5
 
+UNCHECKED = "targets_unchecked"
+
 CAUSES = {
     "lens_beyond_model": "the lens is beyond its model",
     "relation_contradicted": "planes stand otherwise than they are said to",
@@ -34,6 +36,7 @@ CAUSES = {
     "plane_disagrees": "a plane disagrees with the rest",
     "planes_vary": "the pictures disagree",
     "correlated_residuals": "the samples of a side err together",
+    UNCHECKED: "nothing checks the targets",
 }
 """Warnings of what limits every parameter beyond the noise, by code."""
 
@@ -178,7 +181,7 @@ def _diagnose(
         remedies = [f"mend first what a warning names ({cause})", *remedies[:1]]
     remedies = remedies or [nothing]
     contradicted = contradicted_aspect(calibration)
-    if contradicted is not None and name in ("fx", "fy"):
+    if contradicted is not None and cause != UNCHECKED and name in ("fx", "fy"):
         ratio = plus_minus(*contradicted)
         remedies.append(f"fixing the aspect at 1 is no remedy: fy / fx is {ratio}")
     return ParameterDiagnosis(std, correlation, ", and ".join(limits[:2]), "; ".join(remedies))

@@ -18,7 +18,7 @@ use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, NestedOptima, Work, reject_outliers};
 use crate::uncertainty::{
     LensVerdict, assumed_centre, check_plane_count, contradicted_relations, extrapolated_lens,
-    poorly_known, unlikely_camera,
+    poorly_known, unchecked_targets, unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -309,6 +309,11 @@ fn run<L: Lens>(
         let conditioning = problem.conditioning(&solution.planes, refined);
         let assumed = assumed_centre(&conditioning, &calibration, refined.covariance_factor);
         calibration.warnings.splice(0..0, assumed);
+        let unchecked = unchecked_targets(edges, &planes, &calibration, |edges| {
+            let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
+            Some(found.ok()?.camera.focal().x)
+        });
+        calibration.warnings.extend(unchecked);
         // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);
         calibration.warnings.extend(poorly_known);

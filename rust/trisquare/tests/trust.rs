@@ -218,6 +218,26 @@ fn correlated_neighbours_are_told() {
 }
 
 #[test]
+fn what_a_stretch_makes_of_two_planes_is_told() {
+    let scene = scene(2);
+    let edges = scene.edges(2, NOISE, SPACING);
+    let told = |own: &Warning| match own {
+        Warning::TargetsUnchecked { planes, change, .. } => Some((*planes, *change)),
+        _ => None,
+    };
+    let found = solve(&edges[..2], &scene);
+    let (planes, change) = found.warnings.iter().find_map(told).unwrap();
+    assert_eq!(planes, 2);
+    assert!(change > 0.0);
+    assert!(
+        solve(&edges, &scene)
+            .warnings
+            .iter()
+            .all(|own| told(own).is_none())
+    );
+}
+
+#[test]
 fn the_most_severe_warnings_come_first() {
     for seed in 1..4 {
         let scene = scene(seed);

@@ -80,6 +80,15 @@ impl Line {
         }
     }
 
+    /// The line that it becomes where all X coordinates are so many times as large.
+    pub(crate) fn stretched(&self, factor: f64) -> Self {
+        let [x, y, z] = self.coefficients.into();
+        let coefficients = Vector3::new(x / factor, y, z);
+        Self {
+            coefficients: coefficients / coefficients.xy().norm(),
+        }
+    }
+
     /// Signed distance of a point, positive on the side the normal points to.
     pub fn distance(&self, point: &Vector2<f64>) -> f64 {
         self.normal().dot(point) + self.coefficients.z

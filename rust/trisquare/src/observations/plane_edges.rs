@@ -252,6 +252,15 @@ impl PlaneEdges {
         }
     }
 
+    /// The same, its lines being those of a figure that is so many times as long along X.
+    pub(crate) fn stretched(&self, factor: f64) -> Self {
+        let lines = self.lines.iter();
+        Self {
+            lines: lines.map(|line| line.stretched(factor)).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Number of samples on all lines.
     pub fn sample_count(&self) -> usize {
         self.points.iter().map(Vec::len).sum()

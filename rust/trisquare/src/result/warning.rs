@@ -265,6 +265,24 @@ pub enum Warning {
         /// The stated standard deviation of `fx`, pixels.
         std: f64,
     },
+    /// The planes are no more than the camera needs, so that nothing tells whether they are true.
+    #[error(
+        "nothing checks the targets: {} no more than this camera needs. If they are {:.1} % longer \
+         one way than the other, as printers make them, fx is off by {} px, and its standard \
+         deviation, {} px, does not show it: show one more, tilted another way",
+        if *.planes == 1 { "one plane is".into() } else { format!("{} planes are", .planes) },
+        100.0 * .stretch, two_digits(*.change), two_digits(*.std)
+    )]
+    TargetsUnchecked {
+        /// How many planes there are.
+        planes: usize,
+        /// By what part each square may be longer than wide.
+        stretch: f64,
+        /// What that makes of `fx`, one way or the other on each plane, pixels (rms).
+        change: f64,
+        /// The stated standard deviation of `fx`, pixels.
+        std: f64,
+    },
     /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
     #[error(
         "{parameter} is known to {std:.0} px only ({:.0} % of {of}): the planes err by more than \
@@ -576,6 +594,7 @@ impl Warning {
             Self::PixelsNotSquare { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
             Self::PrincipalPointAssumed { .. } => "principal_point_assumed",
+            Self::TargetsUnchecked { .. } => "targets_unchecked",
             Self::BarelyDetermined { .. } => "barely_determined",
             Self::LensEndsInPicture { .. } => "lens_ends_in_picture",
             Self::LensExtrapolated { .. } => "lens_extrapolated",
@@ -621,6 +640,7 @@ impl Warning {
             | Self::SideRejected { .. }
             | Self::PlaneRejected { .. }
             | Self::PrincipalPointOffCentre { .. }
+            | Self::TargetsUnchecked { .. }
             | Self::LensEndsInPicture { .. }
             | Self::LensExtrapolated { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,

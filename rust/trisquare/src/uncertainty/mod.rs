@@ -14,6 +14,7 @@ mod plane_spread;
 mod pose;
 mod projection;
 mod remedies;
+mod unchecked_targets;
 
 pub(crate) use assumed_centre::assumed_centre;
 pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
@@ -28,3 +29,4 @@ pub use plane_points::points_on_plane;
 pub(crate) use pose::pose_uncertainties;
 pub use projection::ProjectionUncertainty;
 pub(crate) use remedies::{MARGIN, add_remedies};
+pub(crate) use unchecked_targets::unchecked_targets;
