@@ -57,10 +57,14 @@ pub fn compare_projections<A: Lens, B: Lens>(
 ) -> Result<ProjectionDifference, Error> {
     let turned = TurnedLenses::closest(first.camera(), second.camera(), pixels)?;
     let again: Vec<_> = pixels.iter().map(|p| turned.see_again(p)).collect();
+    let pairs = pixels.iter().zip(&again);
+    let differences: Vec<_> = pairs
+        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
+        .collect();
     let is_of_one_family = A::parameter_names() == B::parameter_names();
     let focal = first.camera().focal().min();
     let free = (first.free(), second.free());
-    let (differences, test) = differences(free, (is_of_one_family, focal), pixels, &again)?;
+    let test = test_of_free(free, (is_of_one_family, focal), &differences, &again)?;
     Ok(ProjectionDifference {
         rotation: turned.rotation,
         differences,
@@ -68,20 +72,16 @@ pub fn compare_projections<A: Lens, B: Lens>(
     })
 }
 
-/// How far apart two cameras project, and whether their free parameters explain it.
-fn differences(
+/// Whether the free parameters of two cameras explain how far apart they project.
+fn test_of_free(
     (first, second): (&FreeColumns, &FreeColumns),
     (is_of_one_family, focal): (bool, f64),
-    pixels: &[Vector2<f64>],
+    differences: &[Option<Vector2<f64>>],
     again: &[Option<SeenAgain>],
-) -> Result<(Vec<Option<Vector2<f64>>>, Option<DifferenceTest>), Error> {
-    let pairs = pixels.iter().zip(again);
-    let differences: Vec<_> = pairs
-        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
-        .collect();
+) -> Result<Option<DifferenceTest>, Error> {
     let count = first.len() + second.len();
     if count == 0 {
-        return Ok((differences, None));
+        return Ok(None);
     }
     let seen: Vec<&SeenAgain> = again.iter().flatten().collect();
     let (first_root, second_root) = (first.root()?, second.root()?);
@@ -105,8 +105,7 @@ fn differences(
     // In how many ways parameters can change: in each of two cameras of one family the same.
     let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
     let kinds = first.len() + second.columns().iter().filter(is_new).count();
-    let test = tested(&difference, &spread, focal, kinds, again)?;
-    Ok((differences, Some(test)))
+    tested(&difference, &spread, focal, kinds, again).map(Some)
 }
 
 /// The chi-squared test of a difference against a square root of its covariance.
