@@ -69,14 +69,13 @@ def rejection_reasons(search: Search) -> list[Rejected]:
     if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
         return []
     targets = np.array([_region(target) / scale for target in search.targets]).reshape(-1, 4, 2)
-    reported: list[tuple[FloatArray, str]] = []
-    for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched)):
-        if (
-            quad_areas(corners) >= MIN_SIDE**2
-            and not is_among(corners, targets)
-            and not any(_same(corners, other) for other, _ in reported)
-        ):
-            reported.append((corners, reason))
+    shapes = [
+        (corners, reason)
+        for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched))
+        if quad_areas(corners) >= MIN_SIDE**2 and not is_among(corners, targets)
+    ]
+    outlines = np.array([corners for corners, _ in shapes]).reshape(-1, 4, 2)
+    reported = [shape for i, shape in enumerate(shapes) if not _same(shape[0], outlines[:i]).any()]
     reported.sort(key=lambda shape: -float(quad_areas(shape[0])))
     return [
         Rejected(KIND, 0, scale * corners, reason) for corners, reason in reported[:MOST_REPORTED]
@@ -116,10 +115,9 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
 
 
 def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
-    """Corners of the quads that a stage dropped."""
-    return [
-        corners for corners in before.corners if not any(_same(corners, o) for o in after.corners)
-    ]
+    """Corners of the quads that a stage dropped, of those that are large enough to be reported."""
+    large = before.corners[before.areas >= MIN_SIDE**2]
+    return [corners for corners in large if not _same(corners, after.corners).any()]
 
 
 def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
@@ -128,19 +126,17 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
     if brightest - darkest < MIN_CONTRAST:
         return
     for kind in (cv2.THRESH_BINARY, cv2.THRESH_BINARY_INV):
-        before: list[FloatArray] = []
+        before = np.empty((0, 4, 2))
         for share in (np.arange(BORDER_LEVELS) + 0.5) / BORDER_LEVELS:
             level = darkest + share * (brightest - darkest)
             mask = cv2.threshold(picture, level, 255, kind)[1]
             contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-            boxes = [
-                np.asarray(cv2.boxPoints(cv2.minAreaRect(contour)), dtype=np.float64)
-                for contour in contours
-                if _may_be_cut_square(contour, picture.shape)
-            ]
+            cut = [c for c in contours if _may_be_cut_square(c, picture.shape)]
+            boxes = np.array([cv2.boxPoints(cv2.minAreaRect(c)) for c in cut], float)
+            boxes = boxes.reshape(-1, 4, 2)
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
-                if any(_same(box, other) for other in before):
+                if _same(box, before).any():
                     yield box, CUT_BY_BORDER
             before = boxes
 
@@ -166,9 +162,9 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
     return len(corners) in CUT_CORNERS
 
 
-def _same(corners: FloatArray, other: FloatArray) -> bool:
-    """Whether two quads have one middle and one size."""
-    gap = np.abs(corners.mean(axis=0) - other.mean(axis=0)).max()
-    sizes = np.sqrt(quad_areas(np.array([corners, other])))
-    tolerance = 2.0 * (SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * sizes[0])
-    return bool(max(gap, abs(sizes[0] - sizes[1])) < tolerance)
+def _same(corners: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+    """Which of some quads, shape (N, 4, 2), have the middle and the size of one, (4, 2)."""
+    size, sizes = np.sqrt(quad_areas(corners)), np.sqrt(quad_areas(others))
+    gaps = np.abs(others.mean(axis=1) - corners.mean(axis=0)).max(axis=1)
+    tolerance = 2.0 * (SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * size)
+    return np.asarray(np.maximum(gaps, np.abs(sizes - size)) < tolerance)
