@@ -6,7 +6,7 @@ straight tells where the points within are as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,13 @@ class SquareViews:
             focal_lengths[bent] = tried[left.argmin(axis=0)]
         corners = _rays(points[:, :, 0], focal_lengths[:, None])
         return cls(square_columns(corners)[0], focal_lengths, image_size)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def subset(self, keep: slice) -> SquareViews:
+        """Return the views of some of the quads."""
+        return replace(self, columns=self.columns[keep], focal_lengths=self.focal_lengths[keep])
 
     def points(self, square: FloatArray) -> FloatArray:
         """Pixels of points of the unit square, shape (N, 2), in every quad, shape (Q, N, 2)."""

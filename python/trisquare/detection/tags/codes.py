@@ -61,9 +61,8 @@ class Dictionary:
         Turned left once, a code's top left corner is the reading's bottom left one.
         """
         signs = np.where(read.reshape(-1, self.side**2), np.float32(1.0), np.float32(-1.0))
-        agreement = products(signs, _turned_codes(self.name))
-        best = agreement.argmax(axis=1)
-        wrong = (signs.shape[1] - agreement.max(axis=1, initial=-np.inf)) / 2.0
+        best, agreement = largest_products(signs, _turned_codes(self.name))
+        wrong = (signs.shape[1] - agreement) / 2.0
         return [
             (int(place) % len(self.codes), int(place) // len(self.codes))
             if errors <= self.correctable
@@ -91,7 +90,7 @@ def opencv_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 @cache
 def _turned_codes(name: str) -> NDArray[np.float32]:
-    """Codes as +1 and -1 in the four ways they may be turned, as `products` takes them."""
+    """Codes as +1 and -1 in the four ways they may be turned, as `largest_products` takes them."""
     codes = dictionary(name).codes
     turned = np.concatenate([np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)])
     signs = np.where(turned.reshape(len(turned), -1), np.float32(1.0), np.float32(-1.0))
@@ -99,19 +98,28 @@ def _turned_codes(name: str) -> NDArray[np.float32]:
 
 
 def in_blocks(codes: NDArray[Real]) -> NDArray[Real]:
-    """Codes, shape (C, n), as `products` takes them, the last one repeated to fill a block."""
+    """Codes, shape (C, n), as `largest_products` takes them: the last one fills up a block."""
     filled = np.concatenate([codes, np.repeat(codes[-1:], -len(codes) % BLOCK, axis=0)])
     blocks = filled.reshape(-1, BLOCK, codes.shape[1])
     return np.ascontiguousarray(blocks.transpose(0, 2, 1))
 
 
-def products(rows: NDArray[Real], blocks: NDArray[Real]) -> NDArray[Real]:
-    """Scalar products of rows, shape (Q, n), with codes in blocks, shape (Q, C and a few).
+def largest_products(
+    rows: NDArray[Real], blocks: NDArray[Real]
+) -> tuple[NDArray[np.intp], NDArray[Real]]:
+    """For each of some rows, shape (Q, n), the code in blocks of the largest scalar product.
 
     In small products, for which BLAS starts no threads: these take longer to start than all does.
+
+    Returns
+    -------
+    numbers : ndarray of int, shape (Q,)
+    products : ndarray, shape (Q,)
     """
-    parts = [
-        (rows[first : first + BLOCK] @ blocks).swapaxes(0, 1).reshape(-1, len(blocks) * BLOCK)
-        for first in range(0, max(len(rows), 1), BLOCK)
-    ]
-    return np.concatenate(parts)
+    numbers = np.empty(len(rows), np.intp)
+    largest = np.empty_like(rows, shape=len(rows))
+    for first in range(0, len(rows), BLOCK):
+        some = slice(first, first + BLOCK)
+        products = (rows[some] @ blocks).swapaxes(0, 1).reshape(-1, len(blocks) * BLOCK)
+        numbers[some], largest[some] = products.argmax(axis=1), products.max(axis=1)
+    return numbers, largest

@@ -20,7 +20,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST, Tag
 from trisquare.detection.sampling import sample, straight_sides
 from trisquare.detection.square_views import SquareViews
-from trisquare.detection.tags.codes import Bits, Dictionary, dictionary, in_blocks, products
+from trisquare.detection.tags.codes import Bits, Dictionary, dictionary, in_blocks, largest_products
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 
 BORDER = 1
@@ -43,6 +43,9 @@ MIN_DARK_SHARE = 0.9
 
 MIN_RELATIVE_STEP = 0.5
 """Step from black to white inside, over the step across the outline."""
+
+AT_ONCE = 256
+"""Quads whose shades are looked up together: the places of each take some 20 kB."""
 
 MAX_FALSE_ALARMS = 1e-2
 """Dictionaries that chance may make believed, per picture."""
@@ -157,18 +160,17 @@ def agreement(
     views = SquareViews.of(straight_sides(corners), _size(grey))
     cells = _cell_shades(grey, views, book.side + 2 * border)
     shades = _normalised(cells[:, border:-border, border:-border])
-    quads = np.arange(len(shades))
     if expected is not None:
         codes = _normalised(book.codes[expected])
         return Agreement(expected, np.zeros_like(expected), (shades * codes).sum(axis=1))
-    correlation = products(shades, _normalised_codes(name))
-    turns, numbers = np.divmod(correlation.argmax(axis=1), len(book.codes))
-    return Agreement(numbers, turns, correlation[quads, turns * len(book.codes) + numbers])
+    best, correlation = largest_products(shades, _normalised_codes(name))
+    turns, numbers = np.divmod(best, len(book.codes))
+    return Agreement(numbers, turns, correlation)
 
 
 @cache
 def _normalised_codes(name: str) -> FloatArray:
-    """Codes in the four ways they may be turned, as `products` takes them."""
+    """Codes in the four ways they may be turned, as `largest_products` takes them."""
     codes = dictionary(name).codes
     turned = [np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)]
     return in_blocks(_normalised(np.concatenate(turned)))
@@ -222,7 +224,12 @@ def _cell_shades(grey: NDArray[np.uint8], views: SquareViews, cells: int) -> Flo
     """Mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
     places = (np.arange(cells)[:, None] + PROBES).ravel() / cells
     u, v = np.meshgrid(places, places)
-    shades = sample(grey, views.points(np.stack([u.ravel(), v.ravel()], axis=1)))
-    # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
-    grid = shades.reshape(-1, cells, len(PROBES), cells, len(PROBES))
-    return np.asarray(grid.mean(axis=(2, 4)))
+    probes = np.stack([u.ravel(), v.ravel()], axis=1)
+    shades = np.empty((len(views), cells, cells))
+    for first in range(0, len(views), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
+        grid = sample(grey, views.subset(some).points(probes))
+        grid = grid.reshape(-1, cells, len(PROBES), cells, len(PROBES))
+        shades[some] = grid.mean(axis=(2, 4))
+    return shades
