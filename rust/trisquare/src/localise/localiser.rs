@@ -1,0 +1,351 @@
+//! Measures the edges of spans: roughly on some of their pixels at first, then on all, once those
+//! that a span meets are known.
+
+use crate::image::{GreyReader, Picture, Tone};
+
+use super::band::{Band, Pixel};
+use super::blur::BlurShape;
+use super::coarse::CoarseEdge;
+use super::grid_crossings::GridCrossings;
+use super::measured::Measured;
+use super::prediction::Prediction;
+use super::preview::{self, Preview};
+use super::side::{BLUR_RANGE, LAST_STEP, Side};
+use super::sought::Sought;
+use super::span::{EdgeSpan, NoEdge, SpanEdges};
+use super::surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
+use super::tone_fit::{self, ToneShare};
+use super::{patches, plateaus, thinning};
+
+/// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
+/// takes or adds 2 % of what the edge rises by where it is steepest.
+const LEAST_MARGIN_BLURS: f64 = 1.5;
+/// The first fit, which only finds curve and blur, uses about this many columns of pixels, one in
+/// an odd number: of a steep side they are rows, even and odd ones.
+const PREVIEW_COLUMNS: f64 = 50.0;
+/// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
+/// this many pixels; then on those that the result points to.
+const LAST_ROUGH_STEP: f64 = 0.1;
+const PREVIEW_STEPS: usize = 12;
+/// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
+/// the errors of fx were a quarter larger with the lines' own.
+const LEAST_SPREAD: f64 = 0.1;
+/// Rounds of a crossed line's spread, and of all else with it.
+const SPREAD_ROUNDS: usize = 3;
+const FINAL_STEPS: usize = 6;
+/// Contrast over noise below which a step of this length, pixels, or less cannot be told from
+/// texture. It is the whole side that shows a step: a longer one may have less, by the root of its
+/// length.
+const MIN_CONTRAST: f64 = 4.0;
+const EVIDENT_LENGTH: f64 = 50.0;
+/// Pixels that a fit needs, three for each of its parameters.
+const MIN_PIXELS: usize = 30;
+/// Fewer samples do not make a line.
+const MIN_SAMPLES: usize = 2;
+
+/// What all spans share: the picture's reader, and buffers.
+pub(super) struct Localiser<'a> {
+    reader: GreyReader<'a>,
+    tone: Tone,
+    /// Whether the sides are asked for the tone curve.
+    tells_tone: bool,
+    /// No noise is taken to be below this.
+    noise_floor: f64,
+    pixels: Vec<Pixel>,
+    /// The pixels of a preview's wider band.
+    wide: Vec<Pixel>,
+    predictions: Vec<Prediction>,
+    residuals: Vec<f64>,
+}
+
+impl<'a> Localiser<'a> {
+    pub fn new(picture: &'a Picture, tone: Tone) -> Self {
+        Self {
+            reader: picture.reader(tone),
+            tone,
+            tells_tone: false,
+            noise_floor: picture.rounding_noise(),
+            pixels: Vec::new(),
+            wide: Vec::new(),
+            predictions: Vec::new(),
+            residuals: Vec::new(),
+        }
+    }
+
+    /// The same, but its sides are asked for the tone curve.
+    pub fn telling_tone(self) -> Self {
+        Self {
+            tells_tone: true,
+            ..self
+        }
+    }
+
+    pub fn reader(&self) -> &GreyReader<'a> {
+        &self.reader
+    }
+
+    /// Fits the edges of all spans to some of their pixels.
+    pub fn previews(&mut self, sought: &mut Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
+        let indices = 0..sought.spans.len();
+        let mut previews: Vec<_> = indices.map(|index| self.preview(sought, index)).collect();
+        for index in sought.settle_crossings(&self.reader, &previews) {
+            previews[index] = self.preview(sought, index);
+        }
+        previews
+    }
+
+    /// Fits a span's edge to some of its pixels, away from its ends.
+    fn preview(&mut self, sought: &Sought<'_>, index: usize) -> Result<Preview, NoEdge> {
+        let spans = &sought.spans;
+        let span = &spans[index];
+        let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
+        let is_crossed = !span.crossings.is_empty();
+        let mut side = self.first_guess(coarse, is_crossed);
+        let length = side.curve.length();
+        let end = match is_crossed {
+            true => side.curve.half_length,
+            false => inner_end(&side),
+        };
+        let margin = margin(spans, index, &side);
+        let within = |width: f64| margin.map(|margin| width.min(margin));
+        let crossings = |side: &Side| {
+            is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
+        };
+        let crossed = crossings(&side);
+        let band = |curve, near, reach, crossings| Band {
+            curve,
+            near,
+            reach,
+            ends: [-end, end],
+            limits: Vec::new(),
+            hidden: &coarse.hidden,
+            crossings,
+            stride: 2 * (0.5 * length / PREVIEW_COLUMNS) as usize + 1,
+        };
+        let narrow = near(&side);
+        let curve = side.curve.clone();
+        self.gather(&band(curve, narrow, within(narrow), crossed.as_ref()))?;
+        self.predict(&side);
+        let noise = self.noise_about(&side);
+        self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
+        self.settle_spread(&mut side, noise);
+
+        let near = near(&side).min(margin[0].max(margin[1]));
+        let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
+        let far = within(far.max(near));
+        let crossed = crossings(&side);
+        let curve = side.curve.clone();
+        self.gather(&band(curve, far[0].max(far[1]), far, crossed.as_ref()))?;
+        std::mem::swap(&mut self.pixels, &mut self.wide);
+        let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
+        self.pixels.clear();
+        self.pixels.extend(self.wide.iter().filter(is_near));
+        self.predict(&side);
+        let noise = self.noise_about(&side);
+        self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_STEP));
+        self.settle_spread(&mut side, noise);
+        side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
+        let mut noise = self.noise_about(&side);
+        // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
+        // it shifts to and fro from cell to cell.
+        if !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise) {
+            side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
+            noise = self.noise_about(&side);
+        }
+        // What lies beside the edge is no noise: the patches, which have their own light, tell.
+        if !span.is_beside_others {
+            self.judge(&side, span.polarity, noise)?;
+        }
+        if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.blur {
+            return Err(NoEdge::Cramped);
+        }
+        let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
+        let all = self.wide.iter().zip(&self.predictions);
+        let within = all.filter(|(p, _)| (-reach[0]..=reach[1]).contains(&side.distance(p)));
+        let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
+        pixels.reserve_exact(self.wide.len());
+        predictions.reserve_exact(self.wide.len());
+        for (pixel, prediction) in within {
+            pixels.push(*pixel);
+            predictions.push(*prediction);
+        }
+        Ok(Preview {
+            side,
+            noise,
+            reach,
+            hidden: coarse.hidden.clone(),
+            pixels,
+            predictions,
+        })
+    }
+
+    /// Measures all spans, whose curves are known.
+    pub fn measure_all(
+        &mut self,
+        spans: &[EdgeSpan],
+        previews: &[Result<Preview, NoEdge>],
+    ) -> Vec<Result<Measured, NoEdge>> {
+        let indices = 0..spans.len();
+        indices
+            .map(|index| self.measure(spans, index, previews))
+            .collect()
+    }
+
+    /// Measures a span once its own curve and those it meets are known.
+    fn measure(
+        &mut self,
+        spans: &[EdgeSpan],
+        index: usize,
+        previews: &[Result<Preview, NoEdge>],
+    ) -> Result<Measured, NoEdge> {
+        let preview = previews[index].as_ref().map_err(|&reason| reason)?;
+        let Preview {
+            side,
+            noise,
+            reach,
+            hidden,
+            ..
+        } = preview;
+        let mut side = side.clone();
+        let span = &spans[index];
+        let is_crossed = !span.crossings.is_empty();
+        let found = |line| preview::found(previews, line);
+        let crossings = is_crossed
+            .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.edge_shape()), found));
+        let (ends, limits) = match is_crossed {
+            true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
+            false => limits(span, &side, previews),
+        };
+        let margin = margin(spans, index, &side);
+        let near = near(&side).min(margin[0].max(margin[1]));
+        let band = Band {
+            curve: side.curve.clone(),
+            near,
+            reach: [0, 1].map(|i| reach[i].max(near).min(margin[i])),
+            ends,
+            limits,
+            hidden,
+            crossings: crossings.as_ref(),
+            stride: 1,
+        };
+        self.gather(&band)?;
+        self.predict(&side);
+        self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
+        if side.reshape(self.reader.curve(), &self.pixels, *noise) || self.predictions.is_empty() {
+            self.predict(&side);
+        }
+        let (samples, noise) = patches::measure(
+            &side,
+            self.reader.curve(),
+            (&self.pixels, &self.predictions),
+            (*noise, self.noise_floor),
+            span.is_beside_others,
+            &mut self.residuals,
+        );
+        self.judge(&side, span.polarity, noise)?;
+        if samples.points.len() < MIN_SAMPLES {
+            return Err(NoEdge::Unmeasurable);
+        }
+        let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
+        let share = match self.tells_tone {
+            true => {
+                let stride = tone_fit::stride(self.pixels.len(), spans.len());
+                let asked = thinning::some_of(self.pixels.iter().zip(&self.predictions), stride);
+                ToneShare::of(&side, self.reader.curve(), asked, noise)
+            }
+            false => None,
+        };
+        let edges = SpanEdges {
+            points: samples.points,
+            std: samples.std,
+            blur: side.blur,
+            dark: before.min(after),
+            light: before.max(after),
+            noise,
+            tone_drift: Vec::new(),
+        };
+        Ok(Measured {
+            edges,
+            side,
+            share,
+            is_crossed,
+        })
+    }
+
+    fn first_guess(&self, coarse: &CoarseEdge, is_crossed: bool) -> Side {
+        let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
+        Side {
+            curve: coarse.curve.clone(),
+            base: [before, 0.0],
+            contrast: [after - before, 0.0],
+            blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
+            shape: BlurShape::NORMAL,
+            blur_slope: 0.0,
+            spread: is_crossed.then_some(0.0),
+        }
+    }
+
+    /// Collects a band's pixels, if there are enough.
+    fn gather(&mut self, band: &Band<'_>) -> Result<(), NoEdge> {
+        band.gather(&self.reader, &mut self.pixels);
+        if self.pixels.len() < MIN_PIXELS {
+            return Err(NoEdge::Unmeasurable);
+        }
+        Ok(())
+    }
+
+    /// Predicts the pixels that were gathered.
+    fn predict(&mut self, side: &Side) {
+        side.predict_all(self.reader.curve(), &self.pixels, &mut self.predictions);
+    }
+
+    /// Fits a side, whose predictions there are, to these; afterwards there may be none.
+    fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) {
+        let tone = self.reader.curve();
+        side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);
+    }
+
+    /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
+    fn settle_spread(&mut self, side: &mut Side, noise: f64) {
+        let Some(before) = side.spread else {
+            return;
+        };
+        for _ in 0..SPREAD_ROUNDS {
+            if self.predictions.is_empty() {
+                self.predict(side);
+            }
+            let step = side.fit_spread(&self.pixels, &self.predictions, noise);
+            if side
+                .spread
+                .is_some_and(|spread| spread.abs() < LEAST_SPREAD)
+            {
+                side.spread = Some(0.0);
+            }
+            if side.spread == Some(before) || step < LAST_STEP {
+                return;
+            }
+            self.predict(side);
+            let noise = self.noise_about(side);
+            self.fit(side, noise, (PREVIEW_STEPS, LAST_STEP));
+        }
+    }
+
+    /// The noise that the last predictions show.
+    fn noise_about(&mut self, side: &Side) -> f64 {
+        side.edge_noise(&self.predictions, self.noise_floor, &mut self.residuals)
+    }
+
+    /// Whether a fitted side is a step of the expected polarity, above the noise.
+    fn judge(&self, side: &Side, polarity: f64, noise: f64) -> Result<(), NoEdge> {
+        let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
+        let contrast = polarity.signum() * (after - before);
+        let relative_length = EVIDENT_LENGTH / side.curve.length();
+        let least = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
+        let is_step = side.blur < BLUR_RANGE[1] && contrast > least;
+        if is_step {
+            Ok(())
+        } else {
+            Err(NoEdge::Unmeasurable)
+        }
+    }
+}
