@@ -6,6 +6,7 @@ photograph shows is a `TrisquareError`, so that one ``except`` catches every ref
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -46,6 +47,9 @@ HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
 
 FAULT = 500
 """The status of a code that is none of these."""
+
+OPENCV_NO_MEMORY = -4
+"""OpenCV's code for it, which it names differently from version to version."""
 
 
 def help_of(code: str) -> str:
@@ -88,9 +92,10 @@ def error_members(error: BaseException) -> dict[str, Any]:
     dict
         ``code``, the name of its class, or of the nearest base that the documentation explains;
         ``text``, one line; ``help``, where the documentation explains it. An exception that the
-        documentation does not explain is an ``InternalError``. Of a `TrisquareError` that knows
-        them also ``found`` and ``rejected``, the targets and the shapes that were not used, each
-        with ``kind``, ``image`` and ``corners``, and of the latter ``reason``.
+        documentation does not explain is an ``InternalError``, unless memory was lacking: OpenCV
+        and the system say that in ways of their own. Of a `TrisquareError` that knows them also
+        ``found`` and ``rejected``, the targets and the shapes that were not used, each with
+        ``kind``, ``image`` and ``corners``, and of the latter ``reason``.
 
     Examples
     --------
@@ -103,6 +108,8 @@ def error_members(error: BaseException) -> dict[str, Any]:
     bases = (kind.__name__ for kind in type(error).__mro__)
     code = next((name for name in bases if name in HTTP_STATUSES), InternalError.__name__)
     text = str(error) or type(error).__name__
+    if lacks_memory(error):
+        code, text = MemoryError.__name__, f"not enough memory: {error}".removesuffix(": ")
     if code == InternalError.__name__ and not isinstance(error, InternalError):
         text = f"{type(error).__name__}: {text}"
     members = code_members(code, text)
@@ -110,6 +117,17 @@ def error_members(error: BaseException) -> dict[str, Any]:
         shapes = {"found": error.found, "rejected": error.rejected}
         members |= {key: [one.members() for one in own] for key, own in shapes.items() if own}
     return members
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that there was not enough memory: Python's, OpenCV's or the system's.
+
+    OpenCV hands on what C++ throws, as text without a code.
+    """
+    kind = type(error)
+    if (kind.__module__, kind.__name__) == ("cv2", "error"):
+        return getattr(error, "code", None) == OPENCV_NO_MEMORY or "bad_alloc" in str(error)
+    return isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM
 
 
 def code_members(code: str, text: str) -> dict[str, Any]:

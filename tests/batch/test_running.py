@@ -141,6 +141,15 @@ def test_too_little_memory_is_always_told_as_such(tmp_path, megabytes):
     assert "max_memory" in own.record["error"]["text"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded on Linux")
+def test_what_libraries_reserve_is_no_memory_of_a_job(tmp_path):
+    """OpenBLAS takes 32 MB at its first use, and ends the process where it gets none."""
+    make_pictures(tmp_path, ["a.png"])
+    jobs = [ts.Job("a", (tmp_path / "a.png",), {"targets": "squares"})]
+    (own,) = ts.calibrate_many(jobs, max_memory=2.5e7, workers=1)
+    assert code_of(own.record) == "done"
+
+
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_any_executor_will_do(kind):
     if kind == "threads":

@@ -3,8 +3,10 @@
 import ast
 import json
 import re
+from errno import ENOMEM
 from pathlib import Path
 
+import cv2
 import pytest
 from shown import CHECKOUT, page
 
@@ -93,6 +95,14 @@ def test_the_http_statuses_are_those_of_services():
     assert set(said) <= set(sections)
 
 
+def opencv_error(text, code):
+    """As OpenCV raises it; what C++ throws has no code."""
+    error = cv2.error(text)
+    if code is not None:
+        error.code = code
+    return error
+
+
 @pytest.mark.parametrize(
     ("error", "code", "text"),
     [
@@ -100,7 +110,12 @@ def test_the_http_statuses_are_those_of_services():
         (ts.LensModelError("a lens", None, 0.0, 0.0), "LensModelError", "a lens"),
         (UnicodeError("bad"), "ValueError", "bad"),
         (FileNotFoundError("gone"), "OSError", "gone"),
-        (MemoryError(), "MemoryError", "MemoryError"),
+        (MemoryError(), "MemoryError", "not enough memory"),
+        (MemoryError("a.png"), "MemoryError", "not enough memory: a.png"),
+        (OSError(ENOMEM, "all taken"), "MemoryError", "not enough memory: [Errno 12] all taken"),
+        (opencv_error("x", -4), "MemoryError", "not enough memory: x"),
+        (opencv_error("std::bad_alloc", None), "MemoryError", "not enough memory: std::bad_alloc"),
+        (opencv_error("size.width > 0", -215), "InternalError", "error: size.width > 0"),
         (IndexError("5"), "InternalError", "IndexError: 5"),
         (ts.InternalError("a panic"), "InternalError", "a panic"),
     ],

@@ -142,11 +142,13 @@ def serve() -> None:
 def prepare(limits: JobLimits) -> None:
     """Load what jobs need, in one thread, and bound the memory that they may take."""
     import cv2
+    import numpy as np
 
     cv2.setNumThreads(1)
     import trisquare.measurement.find
     import trisquare.measurement.measure  # noqa: F401
 
+    np.linalg.inv(np.eye(100))  # so OpenBLAS has its buffer: it ends a process where it gets none
     try:
         import resource
 
@@ -175,11 +177,11 @@ def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> An
         except RuntimeError as error:  # its thread has no room
             raise MemoryError from error
         return work(job, limits)
-    except MemoryError as error:
-        allowed = f"max_memory allows {limits.max_memory / 1e9:.3g} GB"
-        return failure(job, "MemoryError", f"{str(error) or 'not enough memory'} ({allowed})"), None
     except BaseException as error:  # a panic of the core is no Exception
-        return failed_with(job, error_members(error)), None
+        members = error_members(error)
+        if members["code"] == MemoryError.__name__:
+            members["text"] += f" (max_memory allows {limits.max_memory / 1e9:.3g} GB)"
+        return failed_with(job, members), None
     finally:
         faulthandler.cancel_dump_traceback_later()
 

@@ -40,6 +40,7 @@ from trisquare.errors import (
     NotEnoughPlanesError,
     code_members,
     error_members,
+    lacks_memory,
 )
 
 CLOSED_PIPE_EXIT = 1  # as Python's documentation and rich have it
@@ -178,8 +179,8 @@ def _fault_message(error: BaseException) -> str:
     """Say what no input should have led to; the traceback comes first where it is asked for."""
     if os.environ.get(TRACEBACK_VARIABLE):
         traceback.print_exception(error)
-    elif isinstance(error, MemoryError):
-        return f"not enough memory: {error}"
+    elif lacks_memory(error):
+        return str(error_members(error)["text"])
     elif isinstance(error, InternalError):
         return str(error)
     return (

@@ -117,7 +117,7 @@ def _read_heif(encoded: bytes, name: str, limits: PictureLimits) -> Image:
         )
         limits.check_pixels(name, picture.size)
         pixels = np.asarray(picture)
-    except ImageError:
+    except (ImageError, MemoryError):
         raise
     except Exception as error:  # its parser fails as damage would have it: IndexError, SyntaxError
         raise ImageError(f"{name}: not a readable HEIC picture") from error

@@ -8,7 +8,7 @@ import numpy as np
 
 from trisquare._support.paths import read_bytes
 from trisquare._support.writing import PathLike
-from trisquare.errors import ImageError, MissingImageError
+from trisquare.errors import ImageError, MissingImageError, lacks_memory
 from trisquare.images.exif import TIFF_STARTS
 from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
@@ -17,9 +17,6 @@ from trisquare.images.limits import PictureLimits
 from trisquare.images.orientation import OrientationTag, find_orientation
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
 from trisquare.images.sources import content_of, is_pillow
-
-NO_MEMORY = -4
-"""OpenCV's code for it, which it names differently from version to version."""
 
 SHAPES = ((), (1,), (3,), (4,))
 """Of a pixel."""
@@ -93,8 +90,8 @@ def decode_photograph(
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error as error:
-        if error.code == NO_MEMORY:
-            raise MemoryError(f"{name}: not enough memory to decode it") from error
+        if lacks_memory(error):
+            raise MemoryError(f"{name} cannot be decoded") from error
         raise ImageError(f"{name}: not a readable picture") from error
     if image is None:
         raise ImageError(f"{name}: not a readable picture")

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from trisquare._support.writing import PathLike
-from trisquare.errors import ImageError, MissingImageError
+from trisquare.errors import ImageError, MissingImageError, lacks_memory
 from trisquare.images.foreign import TRANSPORT_PACKET, VIDEO, foreign_kind
 from trisquare.images.limits import MOST_SECONDS_MORE, SLOWEST_PIXELS, PictureLimits
 from trisquare.images.pixels import Image
@@ -137,6 +137,8 @@ class Video:
             try:
                 is_there, frame = self._capture.read()
             except cv2.error as error:  # of its own reader, which it uses where FFmpeg gives up
+                if lacks_memory(error):
+                    raise
                 raise ImageError(f"{self.name}: damaged after {found} frames") from error
             # Of both the lesser: other threads take the processor's time, and other programs ours.
             seconds += min(now - then for now, then in zip(_clocks(), before, strict=True))
