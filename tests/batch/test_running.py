@@ -166,6 +166,22 @@ def test_any_executor_will_do(kind):
     }
 
 
+def test_a_process_ends_with_the_thread_that_it_is_beside(monkeypatch):
+    started = []
+
+    class Noted(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Noted)
+    with ThreadPoolExecutor(2) as executor:
+        outcomes(jobs_of("a", "b", "c", "d"), executor)
+        assert [own.poll() for own in started] == [None] * len(started)
+    assert 1 <= len(started) <= 2
+    assert all(own.returncode is not None for own in started)
+
+
 class Broken(ThreadPoolExecutor):
     def submit(self, *_, **__):
         future = super().submit(int)

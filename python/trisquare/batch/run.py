@@ -98,7 +98,7 @@ def calibrate_many(
     executor : concurrent.futures.Executor, optional
         Whose workers run the jobs: of processes, of threads, Dask's (``Client.get_executor()``) or
         MPI's (``mpi4py.futures.MPIPoolExecutor()``). By default threads of this process. Each
-        worker keeps a process beside itself that does the jobs, in one thread.
+        worker keeps a process beside itself that does the jobs, in one thread, and ends with it.
     output : path, optional
         A folder that holds what is done, as `trisquare batch` has it: jobs that it holds are not
         done again, and not yielded. It gets no summaries: `trisquare batch` with the same inputs
@@ -192,7 +192,7 @@ class Submission:
         work: Callable[[Job, JobLimits], Answer] | None = None,
     ) -> None:
         from trisquare.batch.worker import calibrated
-        from trisquare.batch.workers import Workers, do_in_shared_workers
+        from trisquare.batch.workers import Workers, do_beside
 
         work = calibrated if work is None else work
         self._own: Executor | None = None
@@ -204,7 +204,7 @@ class Submission:
             self._own = executor = ThreadPoolExecutor(workers or usable_cores())
             do: Callable[[Job, str], Answer] = self._workers.do
         else:
-            do = partial(do_in_shared_workers, limits=limits, work=work)
+            do = partial(do_beside, limits=limits, work=work)
         self._executor, self._do = executor, do
 
     def __call__(self, job: Job) -> Future[Answer]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
 import pickle
@@ -11,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from typing import Any
 
 from trisquare.batch.jobs import Job
@@ -232,16 +232,22 @@ class _Process:
         return json.loads(line)
 
 
-_shared: dict[tuple[JobLimits, Any], Workers] = {}
-_shared_lock = threading.Lock()
+class _Beside:
+    """The process beside a thread; it ends when that thread does, or the interpreter."""
+
+    def __init__(self, limits: JobLimits, work: Any) -> None:
+        self.workers = Workers(limits, work)
+        weakref.finalize(self, self.workers.close)
 
 
-def do_in_shared_workers(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
-    """Do a job in a process beside this one, whichever executor's worker this one is."""
-    with _shared_lock:
-        workers = _shared.get((limits, work))
-        # After a fork the processes are those of the other.
-        if workers is None or workers.owner != os.getpid():
-            workers = _shared[limits, work] = Workers(limits, work)
-            atexit.register(workers.close)
-    return workers.do(job, folder)
+_threads = threading.local()
+
+
+def do_beside(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
+    """Do a job in a process beside this thread, whichever executor's worker it is."""
+    kept: dict[tuple[JobLimits, Any], _Beside] = vars(_threads).setdefault("kept", {})
+    beside = kept.get((limits, work))
+    # After a fork the processes are those of the other.
+    if beside is None or beside.workers.owner != os.getpid():
+        beside = kept[limits, work] = _Beside(limits, work)
+    return beside.workers.do(job, folder)
