@@ -12,6 +12,8 @@ import re
 import shlex
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -390,6 +392,36 @@ def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
     assert code in (2, 5)
     assert err.startswith("trisquare: error: endless.json: ")
     assert_refused((code, out, err), code, folder, before)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("arguments", [*PICTURES_READ, *FILES_READ], ids=" ".join)
+def test_a_pipe_that_nobody_writes_to_is_not_waited_for(run, folder, arguments):
+    if arguments[0] == "serve":
+        pytest.skip("OpenSSL reads certificates itself")
+    os.mkfifo(folder / "pipe.json")
+    before = held(folder)
+    code, out, err = run(*with_argument(arguments, "GIVEN", "pipe.json"))
+    assert err.startswith("trisquare: error: pipe.json: is a pipe that nobody writes to")
+    assert_refused((code, out, err), 5, folder, before)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs /dev/fd")
+def test_what_is_written_to_a_pipe_is_waited_for(run, folder):
+    """As of ``<(curl ...)`` in a shell."""
+    source, sink = os.pipe()
+    with ThreadPoolExecutor(1) as threads, open(sink, "wb") as sending:
+        sent = threads.submit(send_late, sending, (folder / "photo.png").read_bytes())
+        code, _, err = run("calibrate", f"/dev/fd/{source}")
+        os.close(source)
+        sent.result()
+    assert (code, err) == (0, "")
+
+
+def send_late(pipe, content):
+    time.sleep(0.5)
+    pipe.write(content)
+    pipe.close()
 
 
 @pytest.mark.parametrize("name", ["calibrate", "measure"])

@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 MOST_CHARACTERS = 600
 """Of a message: it may cite what a file holds, and that may be anything."""
 
 
-def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Return what a file holds.
+def open_at_once(path: str, flags: int) -> int:
+    """Open a file as ``opener=`` of `open`: a pipe that nobody writes to is then empty."""
+    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+    if hasattr(os, "O_NONBLOCK"):
+        os.set_blocking(descriptor, True)  # what is written to a pipe is waited for
+    return descriptor
+
+
+def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
+    """Return what a file holds, `most` bytes of it if that is not negative.
 
     Raises
     ------
     OSError
         "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
-        ``/dev/zero``, of which there may be no end.
+        ``/dev/zero``, of which there may be no end, and for a pipe that nobody writes to.
     """
     try:
-        if Path(path).is_char_device():
-            raise OSError("is a device, not a file")
-        return Path(path).read_bytes()
+        with open(path, "rb", opener=open_at_once) as file:
+            mode = os.fstat(file.fileno()).st_mode
+            if stat.S_ISCHR(mode):
+                raise OSError("is a device, not a file")
+            content = file.read(most)
+        if not content and stat.S_ISFIFO(mode):
+            raise OSError("is a pipe that nobody writes to")
+        return content
     except OSError as error:
         raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from trisquare._support.json_members import parse_json
+from trisquare._support.paths import open_at_once
 from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import FILE_OPTIONS, OPTIONS, Job, faulty_job
 
@@ -95,7 +96,7 @@ def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> J
 
 
 def _json_records(path: str) -> Iterator[tuple[int, Any]]:
-    with open(path, encoding="utf-8") as file:
+    with open(path, encoding="utf-8", opener=open_at_once) as file:
         number = 0
         while line := file.readline(LONGEST_LINE):
             number += 1
@@ -112,7 +113,7 @@ def _json_records(path: str) -> Iterator[tuple[int, Any]]:
 def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
     import csv  # needed for these alone
 
-    with open(path, encoding="utf-8-sig", newline="") as file:
+    with open(path, encoding="utf-8-sig", newline="", opener=open_at_once) as file:
         rows = csv.reader(file, strict=True)
         try:
             columns = [name.strip() for name in next(rows, [])]

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import PurePath
 
 from trisquare._support.json_members import JsonFields, parse_json
+from trisquare._support.paths import read_bytes
 from trisquare.formats.yaml_text import parse_yaml
 
 MOST_BYTES = 64 << 20
@@ -47,11 +48,7 @@ class Document:
             If it is too large, or no text.
         """
         shown = os.fspath(path)
-        try:
-            with open(path, "rb") as file:
-                content = file.read(MOST_BYTES + 1)
-        except OSError as error:
-            raise type(error)(f"{shown}: {error.strerror or error}") from error
+        content = read_bytes(path, MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
             raise ValueError(f"{shown}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
         name = PurePath(shown).name.lower()

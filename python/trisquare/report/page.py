@@ -7,12 +7,12 @@ import hashlib
 import os
 from collections.abc import Sequence
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from trisquare._support.html_pages import page_environment
+from trisquare._support.paths import read_bytes
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
@@ -118,7 +118,7 @@ def _pictures(
         if path is None:
             files.append((names[index], "no file"))
         else:
-            encoded = Path(path).read_bytes()
+            encoded = read_bytes(path)
             files.append((names[index], _digest(encoded)))
             stated += filter(None, [stated_focal_length(encoded, size)])
         if len(layers) < MOST_PICTURES:
