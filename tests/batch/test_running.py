@@ -362,6 +362,8 @@ def test_two_jobs_of_one_name(tmp_path):
         ({"max_seconds": -1.0}, ValueError),
         ({"max_seconds": float("nan")}, ValueError),
         ({"max_pixels": "many"}, TypeError),
+        ({"max_pixels": 1.5}, ValueError),
+        ({"max_bytes": 1e6 + 0.5}, ValueError),
         ({"workers": 2, "executor": ThreadPoolExecutor(1)}, ValueError),
     ],
 )

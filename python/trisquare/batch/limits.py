@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trisquare.images.limits import MAX_BYTES, MAX_PIXELS, PictureLimits, stated_limit
+from trisquare.images.limits import MAX_BYTES, MAX_PIXELS, PictureLimits, stated_count, stated_limit
 
 MAX_SECONDS = 300.0
 """Of a job: a hundred photographs of 24 megapixels take half of it on a slow machine."""
@@ -53,8 +53,8 @@ class JobLimits:
         """
         usual = DEFAULTS if defaults is None else defaults
         return cls(
-            int(stated_limit("max_pixels", max_pixels, usual.max_pixels)),
-            int(stated_limit("max_bytes", max_bytes, usual.max_bytes)),
+            stated_count("max_pixels", max_pixels, usual.max_pixels),
+            stated_count("max_bytes", max_bytes, usual.max_bytes),
             stated_limit("max_seconds", max_seconds, usual.max_seconds),
             stated_limit("max_memory", max_memory, usual.max_memory),
         )

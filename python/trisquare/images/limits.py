@@ -94,10 +94,10 @@ class PictureLimits:
             If one is not a positive number.
         """
         return cls(
-            int(stated_limit("max_pixels", max_pixels, MAX_PIXELS)),
-            int(stated_limit("max_bytes", max_bytes, MAX_BYTES)),
-            int(stated_limit("max_scans", max_scans, MAX_SCANS)),
-            int(stated_limit("max_frames", max_frames, MAX_FRAMES)),
+            stated_count("max_pixels", max_pixels, MAX_PIXELS),
+            stated_count("max_bytes", max_bytes, MAX_BYTES),
+            stated_count("max_scans", max_scans, MAX_SCANS),
+            stated_count("max_frames", max_frames, MAX_FRAMES),
         )
 
 
@@ -118,6 +118,20 @@ def stated_limit(name: str, given: float | None, default: float) -> float:
     if not 0 < given < float("inf"):
         raise ValueError(f"{name} must be positive and finite, not {given}")
     return float(given)
+
+
+def stated_count(name: str, given: float | None, default: int) -> int:
+    """Return a limit of what is counted, as `stated_limit`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a positive whole number.
+    """
+    limit = stated_limit(name, given, default)
+    if limit != int(limit):
+        raise ValueError(f"{name} must be a whole number, not {limit:g}")
+    return int(limit)
 
 
 def parse_amount(text: str, name: str) -> float:
