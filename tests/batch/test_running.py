@@ -66,11 +66,14 @@ def test_a_process_that_ends_otherwise_is_not_said_to_lack_memory():
     assert found["exit-1"]["error"]["text"] == "its process died 2 times (exit code 3)"
 
 
-def test_every_job_is_logged_once(caplog):
+def test_every_job_is_logged_once(tmp_path, caplog):
+    make_pictures(tmp_path, ["a.png"])
+    jobs = [ts.Job(name, (tmp_path / f"{name}.png",)) for name in ("a", "gone")]
     with caplog.at_level("INFO", logger="trisquare"):
-        found = outcomes(jobs_of("a", "die-1"))
-    told = sorted(record.getMessage() for record in caplog.records)
-    assert told == ["a: done", f"die-1: WorkerDiedError: {found['die-1']['error']['text']}"]
+        found = {own.job.name: own.record for own in ts.calibrate_many(jobs, workers=1)}
+    told = sorted((record.levelname, record.getMessage()) for record in caplog.records)
+    text = found["gone"]["error"]["text"]
+    assert told == [("INFO", "a: done"), ("WARNING", f"gone: MissingImageError: {text}")]
 
 
 def test_a_job_whose_process_died_has_a_second_chance(tmp_path):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -123,7 +123,7 @@ def calibrate_many(
     ------
     JobResult
         As they are done, in any order. Whatever goes wrong with a job is in its result. The logger
-        ``trisquare`` has a line for each, of the level INFO.
+        ``trisquare`` has a line for each, of the level INFO, or WARNING if it failed.
 
     Raises
     ------
@@ -166,7 +166,14 @@ def _calibrated(
         if output is not None:
             store = stack.enter_context(Store(output, limits, retry=retry))
         submit = stack.enter_context(Submission(executor, workers, limits))
-        yield from finished(jobs, submit, store, window)
+        # Closed before the executor is, so that what waits is not begun.
+        for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
+            error = own.record.get("error")
+            if error is None:
+                LOG.info("%s: done", own.job.name)
+            else:
+                LOG.warning("%s: %s: %s", own.job.name, error["code"], error["text"])
+            yield own
         if store is not None:
             store.finish()
 
@@ -227,7 +234,7 @@ def finished(
     submit: Callable[[Job], Future[Answer]],
     store: Store | None = None,
     window: int = WINDOW,
-) -> Iterator[JobResult]:
+) -> Generator[JobResult, None, None]:
     """Yield the results of jobs as they are done, at most `window` of them submitted at a time.
 
     What is in the store is not done again, and what is done is in the store before it is yielded.
@@ -299,6 +306,4 @@ def _stored(job: Job, key: str, answer: Answer, store: Store | None) -> JobResul
     record, json = answer
     if store is not None:
         record = store.add(job, key, answer)
-    error = record.get("error")
-    LOG.info("%s: %s", job.name, "done" if error is None else "{code}: {text}".format(**error))
     return JobResult(job, record, json)
