@@ -5,6 +5,7 @@ import json
 import re
 from errno import ENOMEM
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import cv2
 import pytest
@@ -157,6 +158,7 @@ def test_a_missing_file_other_than_a_picture_is_the_service_s(tmp_path):
 def test_every_severity_has_its_part():
     headings = re.findall(r"^## Warnings of (\w+) severity$", page("faq.md"), re.MULTILINE)
     assert headings == list(SEVERITIES)
+    assert get_args(get_type_hints(ts.CalibrationWarning)["severity"]) == SEVERITIES
 
 
 def test_the_exit_codes_are_those_of_the_command():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Literal
 
 from trisquare._support.arrays import index_number, string
 from trisquare._support.json_members import JsonFields
@@ -11,7 +11,9 @@ from trisquare._support.records import Kind
 from trisquare._support.suggestions import unknown
 from trisquare.errors import help_of
 
-SEVERITIES = ("high", "medium", "low")
+Severity = Literal["high", "medium", "low"]
+
+SEVERITIES: tuple[Severity, ...] = ("high", "medium", "low")
 """In the order in which warnings are told."""
 
 
@@ -38,7 +40,7 @@ class CalibrationWarning(str):
     """
 
     code: str
-    severity: str
+    severity: Severity
     plane: int | None
 
     def __new__(
@@ -55,7 +57,7 @@ class CalibrationWarning(str):
             raise unknown("severity", str(severity), SEVERITIES)
         self = super().__new__(cls, string(text, "text"))
         self.code = string(code, "code")
-        self.severity = severity
+        self.severity = SEVERITIES[SEVERITIES.index(severity)]
         self.plane = None if plane is None else index_number(plane, "plane")
         return self
 
