@@ -50,13 +50,13 @@ def run_line(line):
     return True
 
 
-def run_page(name, capsys):
+def run_page(name, capsys, languages=(*SHELLS, "python")):
     """Run the commands and the Python of a page in order, and return the names it has made.
 
     What a ``console`` block shows must be what is printed.
     """
     names = {}
-    for language, content in blocks(page(name), *SHELLS, "python"):
+    for language, content in blocks(page(name), *languages):
         if language == "python":
             exec(compile(content, name, "exec"), names)
         elif language == "console":

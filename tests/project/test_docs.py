@@ -112,6 +112,11 @@ def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
     assert ts.compare(names["result"], names["later"]).same
 
 
+@pytest.mark.slow
+def test_the_python_of_the_tutorial_needs_none_of_its_commands(folder, capsys):
+    assert "later" in run_page("tutorial.md", capsys, ["python"])
+
+
 def test_the_outlines_calibrate(folder):
     outlines, several = [
         json.loads(content)
