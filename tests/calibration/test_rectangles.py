@@ -15,6 +15,7 @@ from trisquare.simulate import (
     photo_of_sheets,
     random_camera,
     random_scene,
+    render,
 )
 
 A4 = 2.0**0.5
@@ -137,6 +138,15 @@ def test_sheets_of_a4_are_found_whichever_way_up(dark):
     for plane in result.planes:
         long, short = np.linalg.norm(plane.corners[[1, 2]] - plane.corners[[0, 1]], axis=1)
         assert long > 0.6 * short
+
+
+@pytest.mark.parametrize("kind", ["square", "frame"])
+def test_sheets_taken_for_squares_lead_to_their_name(kind):
+    rng = np.random.default_rng(3)
+    scene = random_scene(rng, kind=kind, aspect=A4)
+    (warning, *_) = ts.calibrate(render(scene, rng)).warnings
+    assert warning.code == "planes_contradict"
+    assert 'Sheets of paper and other rectangles have to be named: targets="a4"' in warning
 
 
 @pytest.mark.parametrize("seed", first_quick([0, 2, 10]))

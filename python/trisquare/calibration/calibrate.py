@@ -421,9 +421,10 @@ def _calibration(
     }
     if shifted := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
-    by_picture = bool(images) and {figure.kind for figure in gathered.figures} == {"square"}
+    kinds = {figure.kind for figure in gathered.figures}
+    may_be_rectangles = bool(images) and kinds <= {"square", "frame"}
     for text, code, severity, plane, picture in found.warnings:
-        if by_picture and code == "planes_contradict":
+        if may_be_rectangles and code == "planes_contradict":
             text += NO_SQUARES_HINT
         if picture is not None:
             text = contradiction_text(contradicting or gathered.names[images[picture]], text)
