@@ -41,7 +41,7 @@ def measure() -> list[Row]:
         scene = draw(rng, SHAPES[index % 2])
         noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
         picture, ideal = photograph(
-            scene, rng, noise=noise, blur=blur, tone="srgb", jpeg_quality=JPEG_QUALITY
+            scene, rng, noise=noise, blur=blur, tone="srgb", jpeg_quality=JPEG_QUALITY, exact=True
         )
         tags = _tags(scene)
         every += len(tags)
