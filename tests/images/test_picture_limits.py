@@ -92,6 +92,15 @@ def test_more_pixels_than_allowed_are_refused(tmp_path, suffix):
         read_photograph(path, PictureLimits(64 * 48 - 1))
 
 
+def test_a_size_of_a_thousand_digits_is_refused_in_a_line(tmp_path):
+    many = 1000 * b"6"
+    path = tmp_path / "a.pgm"
+    path.write_bytes(b"P5\n%s %s\n255\n" % (many, many))
+    with pytest.raises(ts.ImageError) as caught:
+        read_image(path)
+    assert len(str(caught.value)) < len(str(path)) + 100
+
+
 def test_larger_files_than_allowed_are_not_read(tmp_path):
     path = tmp_path / "photo.png"
     with path.open("wb") as file:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 
+from trisquare._support.arrays import LARGEST_SIDE
 from trisquare.images.exif import ExifBlock
 from trisquare.images.integrity import JPEG_SIGNATURE, PNG_SIGNATURE, jpeg_segments
 
@@ -33,7 +34,9 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
         width, height = _of_usual(encoded) or _of_others(encoded)
     except Exception:  # whatever a damaged header leads to
         return None
-    return (int(width), int(height)) if min(width, height) > 0 else None
+    # Netpbm has numbers of any length.
+    is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_SIDE
+    return (int(width), int(height)) if is_possible else None
 
 
 def _of_usual(encoded: bytes) -> tuple[int, int] | None:
