@@ -31,6 +31,7 @@ BENCHMARKS = (
     "accuracy.richer_models",
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",
+    "accuracy.decentred_lens",
     "accuracy.pixel_bound",
     "accuracy.lattice_bound",
     "accuracy.photo_like",

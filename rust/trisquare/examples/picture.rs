@@ -1,5 +1,5 @@
 //! Calibrates a camera from a picture of three dark squares whose outlines are roughly known:
-//! `cargo run -p trisquare --example picture`.
+//! `cargo run --release -p trisquare --example picture`.
 
 use trisquare::Lens;
 use trisquare::synthetic::{Scene, SceneOptions};

@@ -1,0 +1,54 @@
+"""Slightly decentred lenses: what the default model makes of them, and the model by evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+
+SCENES = 60
+SEED = 5
+DECENTRED = ((0.0006, -0.0004), (0.0012, -0.0008))  # p1, p2
+NOISE, SPACING = 0.05, 4.0  # pixels
+NAMES = ("fx", "fy", "cx", "cy")
+WRONG_STDS = 4.0
+
+
+def measure() -> list[Row]:
+    """Count answers with a parameter off by more than 4 stated standard deviations."""
+    rows = []
+    for p1, p2 in DECENTRED:
+        name = f"three squares from edges, lens with p1 {p1:g}, p2 {p2:g}, {SCENES} scenes"
+        wrong, silent = _wrong(p1, p2, "radial2")
+        rows.append(
+            Row(
+                f"{name}, `radial2`: beyond 4 standard deviations; of these not warned of",
+                f"{wrong}; {silent}",
+                "",
+                None,
+            )
+        )
+        wrong, silent = _wrong(p1, p2, "auto")
+        rows.append(Row("the same, `model=auto`", f"{wrong}; {silent}", "0; 0", wrong == 0))
+    return rows
+
+
+def _wrong(p1: float, p2: float, model: str) -> tuple[int, int]:
+    """Count the wrong answers, and those of them with warnings of low severity at most."""
+    wrong = silent = 0
+    for number in range(SCENES):
+        rng = np.random.default_rng([SEED, number])
+        lens = np.array([-0.2, 0.05, p1, p2, 0.0])
+        camera = simulate.TrueCamera(900.0, 900.0, 645.0, 475.0, lens, image_size=(1280, 960))
+        scene = simulate.random_scene(rng, camera=camera)
+        points = simulate.edge_points(scene, rng, noise=NOISE, spacing=SPACING)
+        edges = [ts.PlaneEdges.square(sides) for sides in points]
+        result = ts.calibrate_edges(edges, camera.image_size, model=model)
+        off = [getattr(result.camera, name) - getattr(camera, name) for name in NAMES]
+        ratios = [abs(one) / result.std[name] for one, name in zip(off, NAMES, strict=True)]
+        if max(ratios) > WRONG_STDS:
+            wrong += 1
+            silent += all(warning.severity == "low" for warning in result.warnings)
+    return wrong, silent
