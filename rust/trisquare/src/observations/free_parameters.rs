@@ -56,7 +56,7 @@ impl FreeParameters {
 
     /// The same with the coefficients beyond the default model held to what lenses are like that
     /// have about the focal length of a given one, those that a poorer model has as they are held
-    /// there; all of them tighter by a factor.
+    /// there; those of its radial part, which alone turns back, tighter by a factor.
     pub fn held_like<L: Lens>(
         mut self,
         model: L::Model,
@@ -69,10 +69,12 @@ impl FreeParameters {
         let free = further
             .iter()
             .filter(|column| self.columns.contains(column));
+        let is_radial = |column: usize| self.names[column].starts_with('k');
         let prior = |column: usize| {
             let known = poorer.priors.iter().find(|(other, _)| *other == column);
             let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);
-            (column, std / tighter)
+            let factor = if is_radial(column) { tighter } else { 1.0 };
+            (column, std / factor)
         };
         self.priors = free.map(prior).collect();
         self
@@ -209,5 +211,32 @@ impl FreeParameters {
 impl<L: Lens> Options<L> {
     pub(crate) fn free_parameters(&self) -> FreeParameters {
         FreeParameters::new::<L>(self.model, &self.fixed, self.aspect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::{Brown, BrownModel};
+
+    #[test]
+    fn what_does_not_turn_a_distortion_back_is_not_held_tighter_for_it() {
+        let lens = Brown::new([900.0, 900.0, 640.0, 480.0, -0.3, 0.0, 0.0, 0.0, 0.0]);
+        let size = ImageSize {
+            width: 1280,
+            height: 960,
+        };
+        let free = FreeParameters::all::<Brown>();
+        let held = |tighter| {
+            let held = free
+                .clone()
+                .held_like(BrownModel::Brown, (&lens, size), &free, tighter);
+            held.priors().to_vec()
+        };
+        let factors = held(1.0).into_iter().zip(held(9.0));
+        let factors: Vec<_> = factors
+            .map(|((column, usual), (_, tight))| (free.names[column], usual / tight))
+            .collect();
+        assert_eq!(factors, [("k3", 9.0), ("p1", 1.0), ("p2", 1.0)]);
     }
 }
