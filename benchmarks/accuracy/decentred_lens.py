@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from accuracy.planned_scenes import edges_of
 from harness.rows import Row
+from harness.truth import PINHOLE, errors
 
 import trisquare as ts
 from trisquare import simulate
@@ -11,8 +13,7 @@ from trisquare import simulate
 SCENES = 60
 SEED = 5
 DECENTRED = ((0.0006, -0.0004), (0.0012, -0.0008))  # p1, p2
-NOISE, SPACING = 0.05, 4.0  # pixels
-NAMES = ("fx", "fy", "cx", "cy")
+NOISE = 0.05  # pixels
 WRONG_STDS = 4.0
 
 
@@ -43,12 +44,9 @@ def _wrong(p1: float, p2: float, model: str) -> tuple[int, int]:
         lens = np.array([-0.2, 0.05, p1, p2, 0.0])
         camera = simulate.TrueCamera(900.0, 900.0, 645.0, 475.0, lens, image_size=(1280, 960))
         scene = simulate.random_scene(rng, camera=camera)
-        points = simulate.edge_points(scene, rng, noise=NOISE, spacing=SPACING)
-        edges = [ts.PlaneEdges.square(sides) for sides in points]
-        result = ts.calibrate_edges(edges, camera.image_size, model=model)
-        off = [getattr(result.camera, name) - getattr(camera, name) for name in NAMES]
-        ratios = [abs(one) / result.std[name] for one, name in zip(off, NAMES, strict=True)]
-        if max(ratios) > WRONG_STDS:
+        result = ts.calibrate_edges(edges_of(scene, rng, NOISE), camera.image_size, model=model)
+        stds = np.array([result.std[name] for name in PINHOLE])
+        if np.abs(errors(result, camera)[: len(PINHOLE)] / stds).max() > WRONG_STDS:
             wrong += 1
             silent += all(warning.severity == "low" for warning in result.warnings)
     return wrong, silent

@@ -294,11 +294,12 @@ fn run<L: Lens>(
     }
     calibration.warnings.splice(0..0, outliers);
     if judging {
+        let focal = |edges: &[PlaneEdges], options: &Options<L>| {
+            let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
+            Some(found.ok()?.camera.focal().x)
+        };
         let unlikely = unlikely_camera(&calibration, options.fixed, |fixed| {
-            let options = Options { fixed, ..*options };
-            let held =
-                calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()?;
-            Some(held.camera.focal().x)
+            focal(edges, &Options { fixed, ..*options })
         });
         // What explains other warnings comes before them.
         calibration.warnings.splice(0..0, unlikely);
@@ -309,10 +310,8 @@ fn run<L: Lens>(
         let conditioning = problem.conditioning(&solution.planes, refined);
         let assumed = assumed_centre(&conditioning, &calibration, refined.covariance_factor);
         calibration.warnings.splice(0..0, assumed);
-        let unchecked = unchecked_targets(edges, &planes, &calibration, |edges| {
-            let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
-            Some(found.ok()?.camera.focal().x)
-        });
+        let unchecked =
+            unchecked_targets(edges, &planes, &calibration, |edges| focal(edges, options));
         calibration.warnings.extend(unchecked);
         // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);

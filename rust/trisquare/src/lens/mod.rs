@@ -65,6 +65,9 @@ pub const MAX_LENS_COLUMNS: usize = 19;
 /// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
 pub const SKEW: &str = "skew";
 
+/// Names of the parameters that make the camera matrix.
+pub(crate) const MATRIX: [&str; INTRINSICS + 1] = ["fx", "fy", "cx", "cy", SKEW];
+
 /// Derivatives of a pixel by the lens parameters; columns that a lens has no parameter for are
 /// zero.
 pub type ProjectionJacobian = SMatrix<f64, 2, MAX_LENS_COLUMNS>;

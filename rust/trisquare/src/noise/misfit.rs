@@ -4,7 +4,7 @@
 use super::local::Noise;
 use super::side_basis::ORDERS;
 use super::side_moments::{Moments, SideMoments};
-use crate::lens::SKEW;
+use crate::lens::MATRIX;
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
 /// Sides in the wrong place by so many times the variance of their curvature disagree:
@@ -106,8 +106,7 @@ impl Misfit {
         // The parameters take as large a part of these errors as of any others.
         all.expected /= observed.max(1.0);
         // The camera matrix moves lines; what is left of the camera curves them.
-        let pinhole = ["fx", "fy", "cx", "cy", SKEW];
-        let moving = pinhole.iter().filter(|name| free.position(name).is_some());
+        let moving = MATRIX.iter().filter(|name| free.position(name).is_some());
         let moving = moving.count() as f64;
         all.straight_freedom = (all.straight_freedom - moving).max(1.0);
         all.curved_freedom = (all.curved_freedom - (free.len() as f64 - moving)).max(1.0);

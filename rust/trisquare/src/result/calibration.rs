@@ -169,6 +169,12 @@ impl<L: Lens> Calibration<L> {
         self.parameters.iter().position(|own| *own == name)
     }
 
+    /// The standard deviation of a free parameter.
+    pub(crate) fn std_of(&self, name: &str) -> Option<f64> {
+        let position = self.position(name)?;
+        Some(self.covariance[(position, position)].max(0.0).sqrt())
+    }
+
     /// All parameters of the camera, free or held, in the order of [`Lens::parameter_names`].
     ///
     /// ```

@@ -33,7 +33,7 @@ pub(crate) fn assumed_centre<L: Lens>(
     if !options.fixed.principal_point || options.initial.is_some() {
         return None;
     }
-    let position = found.position("fx")?;
+    let std = found.std_of("fx")?;
     let scatter = USUAL_SCATTER * f64::from(found.image_size.width);
     let (information, response) = freed_centre(conditioning, factor)?;
     let directions = SymmetricEigen::try_new(information, f64::EPSILON, MAX_SWEEPS)?;
@@ -41,7 +41,6 @@ pub(crate) fn assumed_centre<L: Lens>(
     let variance =
         open.map(|i| (scatter * response.dot(&directions.eigenvectors.column(i))).powi(2));
     let added = variance.sum::<f64>().sqrt();
-    let std = found.covariance[(position, position)].max(0.0).sqrt();
     (added > std).then_some(Warning::PrincipalPointAssumed {
         scatter,
         added,

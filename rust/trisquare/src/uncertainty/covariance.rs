@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::error::Error;
-use crate::lens::SKEW;
+use crate::lens::MATRIX;
 use crate::numeric::ArrowSystem;
 use crate::observations::FreeParameters;
 
@@ -41,7 +41,7 @@ pub(crate) fn check_plane_count(found: usize, free: &FreeParameters) -> Result<(
     let names: Vec<&str> = free
         .names()
         .into_iter()
-        .filter(|name| ["fx", "fy", "cx", "cy", SKEW].contains(name))
+        .filter(|name| MATRIX.contains(name))
         .collect();
     let needed = names.len().div_ceil(2).max(1);
     if found < needed {

@@ -10,7 +10,7 @@ use super::comparison::compare_projections;
 use super::conditioning::largest_std;
 use super::projection::ProjectionUncertainty;
 use crate::image_size::ImageSize;
-use crate::lens::Lens;
+use crate::lens::{Lens, MATRIX};
 use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
 
@@ -80,8 +80,7 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
         ("cy", width, "the width"),
     ];
     let parts = parts.into_iter().filter_map(|(parameter, whole, of)| {
-        let position = found.position(parameter)?;
-        let std = found.covariance[(position, position)].max(0.0).sqrt();
+        let std = found.std_of(parameter)?;
         Some((parameter, std, std / whole, of))
     });
     let worst = parts.max_by(|a, b| a.2.total_cmp(&b.2));
@@ -121,7 +120,7 @@ fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
 ///
 /// A lens that ends in the picture is warned of already.
 pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
-    let is_of_lens = |name: &&str| !["fx", "fy", "cx", "cy", "skew"].contains(name);
+    let is_of_lens = |name: &&str| !MATRIX.contains(name);
     if !found.parameters.iter().any(is_of_lens) || missing(found) > LEAST_MISSING {
         return None;
     }
