@@ -62,6 +62,9 @@ pub const INTRINSICS: usize = 4;
 /// Room for the parameters of any lens and the two offsets of its centre of distortion.
 pub const MAX_LENS_COLUMNS: usize = 19;
 
+/// Pixels to which it is told where a lens ends.
+const RIM_TOLERANCE: f64 = 1e-6;
+
 /// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
 pub const SKEW: &str = "skew";
 
@@ -254,6 +257,23 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         corners
             .iter()
             .all(|corner| self.unproject(corner).is_some())
+    }
+
+    /// The last pixel that has its direction, on the way from the principal point to one that has
+    /// none; `None` where that one has its own.
+    fn rim_towards(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let centre = self.principal_point();
+        let offset = pixel - centre;
+        let sees = |part: f64| self.unproject(&(centre + offset * part)).is_some();
+        if sees(1.0) {
+            return None;
+        }
+        let (mut seen, mut unseen) = (0.0, 1.0);
+        while (unseen - seen) * offset.norm() > RIM_TOLERANCE {
+            let middle = 0.5 * (seen + unseen);
+            *(if sees(middle) { &mut seen } else { &mut unseen }) = middle;
+        }
+        Some(centre + offset * seen)
     }
 
     /// The unit ray along which a pixel looks; `None` where the distortion is not invertible.

@@ -21,7 +21,14 @@ pub(crate) struct FreeParameters {
     aspect: Option<f64>,
     /// Column and standard deviation of what is known beforehand to be near zero.
     priors: Vec<(usize, f64)>,
+    /// The picture that the lens has to see all of, and by how much (pixels, a standard deviation)
+    /// it may end short of that.
+    reach: Option<(ImageSize, f64)>,
 }
+
+/// How far beyond a corner of the picture a lens has to see, as a part of the corner's distance:
+/// just inside its rim a lens sees hardly anything any more.
+const BEYOND_CORNER: f64 = 0.02;
 
 /// The coefficients beyond the default model are held to so many times what lenses are like: an
 /// unusual lens is not bent to the usual, and coefficients a hundred times any lens's are none.
@@ -51,33 +58,85 @@ impl FreeParameters {
             centre: L::centre_columns(),
             aspect: (fixed.aspect && !fixed.focal).then_some(aspect),
             priors: Vec::new(),
+            reach: None,
         }
     }
 
     /// The same with the coefficients beyond the default model held to what lenses are like that
     /// have about the focal length of a given one, those that a poorer model has as they are held
-    /// there; those of its radial part, which alone turns back, tighter by a factor.
+    /// there.
     pub fn held_like<L: Lens>(
         mut self,
         model: L::Model,
         (lens, size): (&L, ImageSize),
         poorer: &Self,
-        tighter: f64,
     ) -> Self {
         let usual = lens.coefficient_priors(size);
         let further = model.further_columns();
         let free = further
             .iter()
             .filter(|column| self.columns.contains(column));
-        let is_radial = |column: usize| self.names[column].starts_with('k');
         let prior = |column: usize| {
             let known = poorer.priors.iter().find(|(other, _)| *other == column);
             let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);
-            let factor = if is_radial(column) { tighter } else { 1.0 };
-            (column, std / factor)
+            (column, std)
         };
         self.priors = free.map(prior).collect();
         self
+    }
+
+    /// The same for a lens that has to see all of a picture, but for so many pixels (a standard
+    /// deviation).
+    pub fn seeing_all_of(self, size: ImageSize, short: f64) -> Self {
+        Self {
+            reach: Some((size, short)),
+            ..self
+        }
+    }
+
+    /// Whether the lens has to see all of a picture.
+    pub fn has_reach(&self) -> bool {
+        self.reach.is_some()
+    }
+
+    /// The same without what the lens has to see, which tells where to search and measures nothing.
+    pub fn without_reach(&self) -> Self {
+        Self {
+            reach: None,
+            ..self.clone()
+        }
+    }
+
+    /// Adds what draws the rim of the lens beyond the corners that it has to see; returns its cost.
+    ///
+    /// The distortion turns back at the rim: to first order a parameter moves it as it moves the
+    /// pixel there.
+    pub fn add_reach<L: Lens>(&self, lens: &L, system: &mut ArrowSystem) -> f64 {
+        let Some((size, short)) = self.reach else {
+            return 0.0;
+        };
+        let centre = lens.principal_point();
+        let mut cost = 0.0;
+        for corner in size.corners() {
+            let target = corner + (corner - centre) * BEYOND_CORNER;
+            let rim = lens.rim_towards(&target);
+            let seen = rim.and_then(|rim| Some((rim, lens.unproject_with_jacobian(&rim)?)));
+            let Some((rim, ray)) = seen else {
+                continue;
+            };
+            let outwards = (target - rim).normalize();
+            let residual = (target - rim).norm() / short;
+            let moved = lens.projection_jacobian(&ray).transpose() * outwards / -short;
+            let mut gradient = DVector::zeros(self.len());
+            self.gather(&moved.into(), gradient.as_mut_slice());
+            let n = self.len();
+            let mut prior = system.prior.view_mut((0, 0), (n, n));
+            prior += &gradient * gradient.transpose();
+            let mut prior_gradient = system.prior_gradient.rows_mut(0, n);
+            prior_gradient += gradient * residual;
+            cost += 0.5 * residual * residual;
+        }
+        cost
     }
 
     /// Column and standard deviation of what is held near zero.
@@ -112,6 +171,7 @@ impl FreeParameters {
             centre: L::centre_columns(),
             aspect: None,
             priors: Vec::new(),
+            reach: None,
         }
     }
 
@@ -217,26 +277,41 @@ impl<L: Lens> Options<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lens::{Brown, BrownModel};
+    use crate::lens::Brown;
+
+    /// The cost of a lens that turns back inside the picture, and its derivatives.
+    fn reach(free: &FreeParameters, lens: &Brown) -> (f64, DVector<f64>) {
+        let mut system = ArrowSystem::zeros(free.len(), std::iter::empty());
+        let cost = free.add_reach(lens, &mut system);
+        (cost, system.prior_gradient)
+    }
 
     #[test]
-    fn what_does_not_turn_a_distortion_back_is_not_held_tighter_for_it() {
-        let lens = Brown::new([900.0, 900.0, 640.0, 480.0, -0.3, 0.0, 0.0, 0.0, 0.0]);
+    fn every_parameter_draws_the_rim_to_the_corners_as_it_moves_it() {
+        let lens = Brown::new([700.0, 710.0, 640.0, 480.0, -0.3, 0.02, 0.0, 0.0, 0.0]);
         let size = ImageSize {
             width: 1280,
             height: 960,
         };
-        let free = FreeParameters::all::<Brown>();
-        let held = |tighter| {
-            let held = free
-                .clone()
-                .held_like(BrownModel::Brown, (&lens, size), &free, tighter);
-            held.priors().to_vec()
-        };
-        let factors = held(1.0).into_iter().zip(held(9.0));
-        let factors: Vec<_> = factors
-            .map(|((column, usual), (_, tight))| (free.names[column], usual / tight))
-            .collect();
-        assert_eq!(factors, [("k3", 9.0), ("p1", 1.0), ("p2", 1.0)]);
+        assert!(!lens.sees_all_of(size));
+        let free = FreeParameters::all::<Brown>().seeing_all_of(size, 10.0);
+        let (_, gradient) = reach(&free, &lens);
+        for (i, name) in free.names().into_iter().enumerate() {
+            let step = if name.starts_with(['k', 'p']) {
+                1e-5
+            } else {
+                1e-2
+            };
+            let change = DVector::from_fn(free.len(), |j, _| if i == j { step } else { 0.0 });
+            let [above, below] = [change.clone(), -change]
+                .map(|change| reach(&free, &free.advance(&lens, &change)).0);
+            let slope = (above - below) / (2.0 * step);
+            let far = (slope - gradient[i]).abs();
+            assert!(
+                far <= 0.05 * gradient[i].abs() + 0.1,
+                "{name}: {slope}, {}",
+                gradient[i]
+            );
+        }
     }
 }

@@ -162,7 +162,9 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
         let found = each(self.planes.len(), |p| self.of_plane(view, p))?;
         let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
         let mut system = ArrowSystem::of(self.free.len(), blocks.into_iter());
-        let cost = self.free.add_prior(&view.lens, &mut system) + costs.iter().sum::<f64>();
+        let cost = self.free.add_prior(&view.lens, &mut system)
+            + self.free.add_reach(&view.lens, &mut system)
+            + costs.iter().sum::<f64>();
         view.tie(&mut system);
         Some((cost, system))
     }

@@ -90,7 +90,7 @@ impl<L: Lens> Refined<L> {
         let residuals = residuals(planes, &view)?;
         let scale = robust_scale(&residuals);
         let unknowns = view.unknowns(free);
-        let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&view)?;
+        let (_, system) = information(planes, judged, (&view, scale))?;
         Some(Self::around((view, residuals, system), scale, unknowns, 0))
     }
 }
@@ -116,6 +116,15 @@ impl<L: Lens> Refined<L> {
             termination: Termination::Converged,
         }
     }
+}
+
+/// The cost of a view by samples and priors alone, and their normal equations.
+pub(crate) fn information<L: Lens>(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+    (view, scale): (&View<L>, f64),
+) -> Option<(f64, ArrowSystem)> {
+    EdgeProblem::new(planes, &free.without_reach(), scale).evaluate(view)
 }
 
 /// Where a search for the optimum ended.
@@ -221,6 +230,10 @@ fn finish_near<L: Lens>(
         if let Some(residuals) = residuals
             && (settled || rescalings == MAX_RESCALINGS)
         {
+            let system = match judged.has_reach() {
+                true => information(planes, judged, (&view, scale))?.1,
+                false => system,
+            };
             let found = (view, residuals, system);
             return Some(Refined::around(found, scale, unknowns, iterations));
         }

@@ -36,9 +36,9 @@ impl<L: Lens> JointProblem<'_, L> {
         if self.options.method == Method::Linear {
             return None;
         }
-        let lens = match &self.poorer {
+        let lens = match &self.beginning {
             // They leave a poorer model's optimum in no doubt: a search from there is enough.
-            Some(poorer) => poorer.lens,
+            Some(beginning) => beginning.view.lens,
             None => {
                 let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
                 self.sketched(&some)?.view.lens

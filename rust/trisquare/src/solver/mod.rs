@@ -10,6 +10,7 @@ mod problem;
 mod richer_lens;
 mod solve;
 mod starts;
+mod whole_picture;
 mod work;
 
 pub(crate) use many::step_of_some;

@@ -2,21 +2,15 @@
 
 use std::rc::Rc;
 
+use nalgebra::DVector;
+
 use super::optimum::Optimum;
-use super::problem::{JointProblem, Poorer};
+use super::problem::{Beginning, JointProblem};
 use super::work::Work;
-use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{FreeParameters, Method, ObservedPlane, Options};
 use crate::uncertainty::judged_parameters;
-
-/// Pixels to which it is told where a distortion turns back.
-const REACH_TOLERANCE: f64 = 0.5;
-
-/// By how much tighter coefficients are held where the distortion turns back, and how often.
-const TIGHTENING: f64 = 3.0;
-const MAX_TIGHTENINGS: usize = 9;
 
 /// What nested models begin from and find, for the same planes, by models that are asked in turn:
 /// each may ask for the poorer ones' again.
@@ -27,7 +21,8 @@ pub(crate) struct NestedOptima<L: Lens>(Vec<KnownModel<L>>);
 struct KnownModel<L: Lens> {
     model: L::Model,
     free: FreeParameters,
-    poorer: Option<Poorer<L>>,
+    beginning: Option<Beginning<L>>,
+    contradicted: Option<DVector<f64>>,
     optimum: Option<Optimum<L>>,
 }
 
@@ -43,11 +38,17 @@ impl<L: Lens> NestedOptima<L> {
     }
 
     fn add(&mut self, problem: &JointProblem<'_, L>) {
-        let JointProblem { free, poorer, .. } = problem;
+        let JointProblem {
+            free,
+            beginning,
+            contradicted,
+            ..
+        } = problem;
         self.0.push(KnownModel {
             model: problem.options.model,
             free: free.clone(),
-            poorer: poorer.clone(),
+            beginning: beginning.clone(),
+            contradicted: contradicted.clone(),
             optimum: problem.found.as_ref().map(|(_, found)| found.clone()),
         });
     }
@@ -74,7 +75,8 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             return Self {
                 judged: judged_parameters(&known.free),
                 free: known.free.clone(),
-                poorer: known.poorer.clone(),
+                beginning: known.beginning.clone(),
+                contradicted: known.contradicted.clone(),
                 found: known.optimum.clone().map(|found| (planes, found)),
                 ..Self::new(size, options).within(work)
             };
@@ -87,64 +89,33 @@ impl<'a, L: Lens> JointProblem<'a, L> {
 
     /// The same beginning from what a poorer model has found, if any has.
     ///
-    /// Where the distortion turns back inside the picture, beyond the samples, further coefficients
-    /// are held the tighter until it does not: with none it is the poorer one.
+    /// Where its distortion turns back inside the picture, beyond the samples, one is searched among
+    /// those that do not.
     pub(super) fn beginning_at(
-        poorer: Option<Poorer<L>>,
+        poorer: Option<Beginning<L>>,
         planes: &'a [ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
     ) -> Self {
-        let problem = |tighter: f64| {
-            let problem = Self::new(size, options).within(work);
-            match &poorer {
-                Some(poorer) => problem.beyond(poorer.clone(), tighter),
-                None => problem,
-            }
+        let problem = Self::new(size, options).within(work);
+        let problem = match poorer {
+            Some(poorer) => problem.beyond(poorer),
+            None => problem,
         };
-        let mut tighter = 1.0;
-        let mut found = problem(tighter);
-        for _ in 0..MAX_TIGHTENINGS {
-            if found.is_rich() && !work.is_spent() {
-                let optimum = found.optimum_with_noise(planes);
-                found.found = optimum.ok().map(|optimum| (planes, optimum));
-            }
-            let turns_back =
-                |(_, found): &(_, Optimum<L>)| !found.refined.view.lens.sees_all_of(size);
-            if !found.found.as_ref().is_some_and(turns_back) {
-                break;
-            }
-            tighter *= TIGHTENING;
-            found = problem(tighter);
+        if !problem.is_rich() {
+            return problem;
         }
-        found
+        problem.with_optimum(planes).seeing_all_of_picture()
     }
 
-    /// Refuses the lens of a rich model that turns back inside the picture.
-    ///
-    /// # Errors
-    /// [`Error::TurnsBack`].
-    pub fn check_reach(&self, lens: &L) -> Result<(), Error> {
-        if !self.is_rich() || lens.sees_all_of(self.size) {
-            return Ok(());
+    /// The same with its optimum, where there is one.
+    fn with_optimum(mut self, planes: &'a [ObservedPlane]) -> Self {
+        if !self.work.is_spent() {
+            let optimum = self.optimum_with_noise(planes);
+            self.found = optimum.ok().map(|optimum| (planes, optimum));
         }
-        let centre = lens.principal_point();
-        let offsets = self.size.corners().map(|corner| corner - centre);
-        let farthest = offsets.iter().max_by(|a, b| a.norm().total_cmp(&b.norm()));
-        let farthest = farthest.copied().unwrap_or_default();
-        let (mut seen, mut unseen) = (0.0, 1.0);
-        while (unseen - seen) * farthest.norm() > REACH_TOLERANCE {
-            let middle = 0.5 * (seen + unseen);
-            match lens.unproject(&(centre + farthest * middle)) {
-                Some(_) => seen = middle,
-                None => unseen = middle,
-            }
-        }
-        Err(Error::TurnsBack {
-            radius: seen * farthest.norm(),
-            corner: farthest.norm(),
-        })
+        self
     }
 }
 
@@ -156,7 +127,7 @@ fn poorer_optimum<L: Lens>(
     options: &Options<L>,
     work: &Rc<Work>,
     nested: &mut NestedOptima<L>,
-) -> Option<Poorer<L>> {
+) -> Option<Beginning<L>> {
     if options.fixed.distortion || options.method == Method::Linear {
         return None;
     }
@@ -168,11 +139,11 @@ fn poorer_optimum<L: Lens>(
     match problem.optimum_with_noise(planes) {
         Ok(found) => {
             nested.set_optimum(poorer.model, &found);
-            Some(Poorer {
-                lens: found.refined.view.lens,
+            Some(Beginning {
+                view: found.refined.view,
                 free: problem.free,
             })
         }
-        Err(_) => problem.poorer,
+        Err(_) => problem.beginning,
     }
 }

@@ -2,13 +2,15 @@
 
 use std::rc::Rc;
 
+use nalgebra::DVector;
+
 use super::optimum::Optimum;
 use super::work::Work;
 use crate::error::Error;
 use crate::ill_conditioning::IllConditioning;
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
-use crate::observations::{FreeParameters, ObservedPlane, Options};
+use crate::observations::{FreeParameters, ObservedPlane, Options, View};
 use crate::refine::Refined;
 use crate::uncertainty::{Conditioning, judged_parameters};
 
@@ -18,18 +20,21 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
-    /// What the next poorer model found, where the model is richer than the default.
-    pub(super) poorer: Option<Poorer<L>>,
+    /// What a search begins from, where the model is richer than the default.
+    pub(super) beginning: Option<Beginning<L>>,
+    /// By how much the free parameters would change with the lens that fits best, where it does not
+    /// see all of the picture and the samples contradict those that do.
+    pub(super) contradicted: Option<DVector<f64>>,
     /// Planes of which the optimum is known already, and that.
     pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
     /// Shared with the tasks that try what would help.
     pub work: Rc<Work>,
 }
 
-/// What a poorer model found.
+/// An optimum from which that of a richer model, or of one that may do more, is searched.
 #[derive(Clone)]
-pub(super) struct Poorer<L> {
-    pub lens: L,
+pub(super) struct Beginning<L> {
+    pub view: View<L>,
     pub free: FreeParameters,
 }
 
@@ -72,21 +77,22 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             options,
             judged: judged_parameters(&free),
             free,
-            poorer: None,
+            beginning: None,
+            contradicted: None,
             found: None,
             work: Rc::new(Work::unbounded()),
         }
     }
 
     /// The same beginning from what the next poorer model found, which also says of what size
-    /// coefficients are; these are held tighter than that by a factor.
-    pub(super) fn beyond(self, poorer: Poorer<L>, tighter: f64) -> Self {
-        let (model, known) = (self.options.model, (&poorer.lens, self.size));
-        let free = self.free.held_like(model, known, &poorer.free, tighter);
+    /// coefficients are.
+    pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {
+        let (model, known) = (self.options.model, (&poorer.view.lens, self.size));
+        let free = self.free.held_like(model, known, &poorer.free);
         Self {
             judged: judged_parameters(&free),
             free,
-            poorer: Some(poorer),
+            beginning: Some(poorer),
             ..self
         }
     }

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use nalgebra::DVector;
 
-use super::problem::{JointProblem, Poorer};
+use super::problem::{Beginning, JointProblem};
 use super::solve::Solution;
 use super::work::Work;
 use crate::lens::{DistortionModel, Lens};
@@ -32,7 +32,14 @@ impl<L: Lens> JointProblem<'_, L> {
         }
         let refined = &solution.refined;
         let fields = PictureFields::of(&refined.view.lens, self.size);
-        beyond_lens(&solution.planes, (&self.free, fields), refined, noise)
+        let verdict = beyond_lens(&solution.planes, (&self.free, fields), refined, noise);
+        match (verdict, &self.contradicted) {
+            (
+                None | Some(LensVerdict::Held | LensVerdict::Unclear { asked: false }),
+                Some(change),
+            ) => Some(LensVerdict::Beyond(change.clone())),
+            (verdict, _) => verdict,
+        }
     }
 
     /// Adds what a verdict leaves in doubt to the covariance of an answer, and warns of it first.
@@ -83,8 +90,8 @@ impl<L: Lens> JointProblem<'_, L> {
             LensVerdict::Beyond(change) | LensVerdict::Likely(change) => Some(change.clone()),
         };
         let planes = solution.with_its_outliers(planes);
-        let mut poorer = Poorer {
-            lens: solution.refined.view.lens,
+        let mut poorer = Beginning {
+            view: solution.refined.view.clone(),
             free: self.free.clone(),
         };
         // Where the distortion is held, its own model with other coefficients may do.
@@ -104,8 +111,8 @@ impl<L: Lens> JointProblem<'_, L> {
                 continue;
             };
             let lens = found.refined.view.lens;
-            poorer = Poorer {
-                lens,
+            poorer = Beginning {
+                view: found.refined.view.clone(),
                 free: richer.free.clone(),
             };
             if richer.is_ill_conditioned(&found) {

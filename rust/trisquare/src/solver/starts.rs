@@ -6,7 +6,7 @@ use std::iter;
 use nalgebra::Matrix3;
 
 use super::optimum::Optimum;
-use super::problem::{Failure, JointProblem, Poorer};
+use super::problem::{Beginning, Failure, JointProblem};
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
@@ -76,7 +76,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     ) -> Result<Self, Error> {
         let starts = Self::unasked(problem, planes);
         // Where the lens's law or a poorer model gives a start, polynomials may never be needed.
-        if problem.poorer.is_none() && lenses_of_the_law(problem).next().is_none() {
+        if problem.beginning.is_none() && lenses_of_the_law(problem).next().is_none() {
             starts.linear_steps()?;
         }
         Ok(starts)
@@ -172,20 +172,29 @@ impl<'a, L: Lens> Starts<'a, L> {
                 Ok(found) => Ok(found.into()),
                 Err(error) => Err(self.why_not_linear(error)),
             },
-            Method::MaximumLikelihood => match self.beyond_poorer() {
+            Method::MaximumLikelihood => match self.beyond_beginning() {
                 Some(found) => Ok(found.into()),
                 None => self.refine(),
             },
         }
     }
 
-    /// The optimum of the next poorer model and from there that of the model, which therefore fits
-    /// no worse.
-    fn beyond_poorer(&self) -> Option<Refined<L>> {
+    /// The optimum that the search begins from, a poorer model's for one, and from there that of the
+    /// model, which therefore fits no worse.
+    fn beyond_beginning(&self) -> Option<Refined<L>> {
         let problem = self.problem;
-        let Poorer { lens, free } = problem.poorer.clone()?;
-        let found = problem.searched(&self.some, &free, self.view_by(lens).ok()?)?;
-        self.finish(problem.searched(&self.some, &problem.free, found.view)?)
+        let Beginning { view, free } = problem.beginning.as_ref()?;
+        // Fewer planes than those of the optimum may be others.
+        let start = match view.planes.len() == self.planes.len() {
+            true => view.clone(),
+            false => self.view_by(view.lens).ok()?,
+        };
+        let among = |planes: &[ObservedPlane]| {
+            let found = problem.searched(planes, free, start.clone())?;
+            self.finish(problem.searched(planes, &problem.free, found.view)?)
+        };
+        // Of some samples the distortion may turn back before others.
+        among(&self.some).or_else(|| among(self.planes))
     }
 
     /// The linear steps' own answer.

@@ -1,0 +1,123 @@
+//! Lenses of rich models see all of the picture: no lens turns back inside it.
+
+use std::rc::Rc;
+
+use nalgebra::Vector2;
+
+use super::problem::{Beginning, JointProblem};
+use super::starts::Starts;
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::lens::Lens;
+use crate::observations::{ObservedPlane, View};
+use crate::refine::{Refined, information};
+use crate::uncertainty::judged_parameters;
+
+/// By how many pixels a lens may end short of the corners it has to see, step by step: standard
+/// deviations.
+const SHORT_OF_CORNERS: [f64; 5] = [100.0, 30.0, 10.0, 3.0, 1.0];
+
+/// Rise of half the sum of squares, in units of the noise, from which the samples contradict lenses
+/// that see all of the picture: four standard deviations.
+const CONTRADICTED: f64 = 8.0;
+
+/// Residuals of such a lens are at most so many times those of the lens that fits best.
+const MOST_CONTRADICTED: f64 = 1.1;
+
+/// Whether a lens surely sees as far from its principal point, all around, as the picture's corners
+/// are.
+fn reaches_corners<L: Lens>(lens: &L, size: ImageSize) -> bool {
+    let offsets = size.corners().map(|corner| corner - lens.principal_point());
+    let seen = lens.valid_pixel_radius();
+    offsets.iter().all(|offset| offset.norm() < seen)
+}
+
+impl<'a, L: Lens> JointProblem<'a, L> {
+    /// The same among lenses that see all of the picture, where that of its optimum may not and the
+    /// samples allow them: from there, step by step, as that one may turn back far from the corners.
+    pub(super) fn seeing_all_of_picture(self) -> Self {
+        let size = self.size;
+        let Some((planes, best)) = &self.found else {
+            return self;
+        };
+        let best = &best.refined;
+        if reaches_corners(&best.view.lens, size) {
+            return self;
+        }
+        let most = MOST_CONTRADICTED * best.noise_scale;
+        let mut view = best.view.clone();
+        let mut last = None;
+        for short in SHORT_OF_CORNERS {
+            if self.work.is_spent() || reaches_corners(&view.lens, size) {
+                break;
+            }
+            let problem = self.seeing_but(short);
+            let found = Starts::optimum_near(&problem, planes, view);
+            let Some(found) = found.filter(|found| found.noise_scale < most) else {
+                break;
+            };
+            view = found.view.clone();
+            if view.lens.sees_all_of(size) {
+                last = Some((problem, found));
+            }
+        }
+        match last {
+            Some((problem, found)) => problem.settled(planes, found, best),
+            None => self,
+        }
+    }
+
+    /// The same for lenses that see all of the picture but for so many pixels (a standard
+    /// deviation).
+    fn seeing_but(&self, short: f64) -> Self {
+        let free = self.free.clone().seeing_all_of(self.size, short);
+        Self {
+            judged: judged_parameters(&free),
+            free,
+            beginning: self.beginning.clone(),
+            contradicted: None,
+            found: None,
+            work: Rc::clone(&self.work),
+            ..*self
+        }
+    }
+
+    /// The same whose searches begin from its optimum, beside the lens that fits best.
+    fn settled(self, planes: &'a [ObservedPlane], found: Refined<L>, best: &Refined<L>) -> Self {
+        let cost = |view: &View<L>| {
+            let judged = information(planes, &self.free, (view, best.scale));
+            judged.map_or(f64::INFINITY, |(cost, _)| cost)
+        };
+        let is_contradicted = cost(&found.view) > cost(&best.view) + CONTRADICTED;
+        let change = || self.free.difference(&best.view.lens, &found.view.lens);
+        Self {
+            contradicted: is_contradicted.then(change),
+            beginning: Some(Beginning {
+                view: found.view.clone(),
+                free: self.free.clone(),
+            }),
+            found: Some((planes, found.into())),
+            ..self
+        }
+    }
+
+    /// Refuses the lens of a rich model that turns back inside the picture.
+    ///
+    /// # Errors
+    /// [`Error::TurnsBack`].
+    pub fn check_reach(&self, lens: &L) -> Result<(), Error> {
+        if !self.is_rich() || lens.sees_all_of(self.size) {
+            return Ok(());
+        }
+        let centre = lens.principal_point();
+        let offset = |corner: &Vector2<f64>| (corner - centre).norm();
+        let corners = self.size.corners();
+        let unseen = corners
+            .iter()
+            .filter_map(|corner| Some((lens.rim_towards(corner)?, corner)));
+        let farthest = unseen.max_by(|(_, a), (_, b)| offset(a).total_cmp(&offset(b)));
+        let (radius, corner) =
+            farthest.map_or((0.0, 0.0), |(rim, corner)| (offset(&rim), offset(corner)));
+        Err(Error::TurnsBack { radius, corner })
+    }
+}
