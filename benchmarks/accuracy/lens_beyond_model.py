@@ -115,11 +115,11 @@ def draw_lens(rng: np.random.Generator, kind: str) -> Lens:
                 c[:2] *= min(1.0, (fx / width / 0.5) ** 0.5)
             law = brown(c)
         lens = Lens(fx * np.array([1.0, rng.uniform(0.998, 1.002)]), centre, law)
-        if kind == "fisheye" or _is_monotonic(lens):
+        if kind == "fisheye" or is_monotonic(lens):
             return lens
 
 
-def _is_monotonic(lens: Lens) -> bool:
+def is_monotonic(lens: Lens) -> bool:
     """Whether the radius grows up to a tenth beyond the farthest corner."""
     farthest = 1.1 * np.linalg.norm(np.array(SIZE) / 2 / lens.focal) + 0.05
     return bool(lens.radii()[1][-1] > farthest)
@@ -156,9 +156,15 @@ def edges_of(rng: np.random.Generator, kind: str, layout: str, lens: Lens) -> li
             pose = (place, direction, (25.0, 50.0), (0.30, 0.42))
             edges.append(_figure(rng, lens, (1, 1), pose, draw_heights(rng, kind), noise, 0))
         return edges
-    sheet = draw_heights(rng, kind)
+    return boards_of(rng, lens, draw_heights(rng, kind), noise, BOARDS)
+
+
+def boards_of(
+    rng: np.random.Generator, lens: Lens, sheet: Heights, noise: float, count: int
+) -> list[ts.PlaneEdges]:
+    """Draw several pictures of one board, seen by a lens."""
     edges = []
-    for image in range(BOARDS):
+    for image in range(count):
         place = rng.uniform(0.35, 0.65, 2)
         pose = (place, rng.uniform(0.0, 360.0), (15.0, 45.0), (0.35, 0.8))
         edges.append(_figure(rng, lens, CELLS, pose, sheet, noise, image))

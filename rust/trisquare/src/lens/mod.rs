@@ -271,7 +271,10 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         let (mut seen, mut unseen) = (0.0, 1.0);
         while (unseen - seen) * offset.norm() > RIM_TOLERANCE {
             let middle = 0.5 * (seen + unseen);
-            *(if sees(middle) { &mut seen } else { &mut unseen }) = middle;
+            match sees(middle) {
+                true => seen = middle,
+                false => unseen = middle,
+            }
         }
         Some(centre + offset * seen)
     }

@@ -78,8 +78,8 @@ impl FreeParameters {
             .filter(|column| self.columns.contains(column));
         let prior = |column: usize| {
             let known = poorer.priors.iter().find(|(other, _)| *other == column);
-            let std = known.map_or(PRIOR_SLACK * usual[column - INTRINSICS], |(_, std)| *std);
-            (column, std)
+            let usual = PRIOR_SLACK * usual[column - INTRINSICS];
+            (column, known.map_or(usual, |(_, std)| *std))
         };
         self.priors = free.map(prior).collect();
         self
@@ -129,11 +129,8 @@ impl FreeParameters {
             let moved = lens.projection_jacobian(&ray).transpose() * outwards / -short;
             let mut gradient = DVector::zeros(self.len());
             self.gather(&moved.into(), gradient.as_mut_slice());
-            let n = self.len();
-            let mut prior = system.prior.view_mut((0, 0), (n, n));
-            prior += &gradient * gradient.transpose();
-            let mut prior_gradient = system.prior_gradient.rows_mut(0, n);
-            prior_gradient += gradient * residual;
+            system.prior += &gradient * gradient.transpose();
+            system.prior_gradient += gradient * residual;
             cost += 0.5 * residual * residual;
         }
         cost

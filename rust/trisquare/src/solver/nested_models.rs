@@ -10,7 +10,6 @@ use super::work::Work;
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{FreeParameters, Method, ObservedPlane, Options};
-use crate::uncertainty::judged_parameters;
 
 /// What nested models begin from and find, for the same planes, by models that are asked in turn:
 /// each may ask for the poorer ones' again.
@@ -72,13 +71,12 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         nested: &mut NestedOptima<L>,
     ) -> Self {
         if let Some(known) = nested.of_model(options.model) {
+            let problem = Self::new(size, options).within(work);
             return Self {
-                judged: judged_parameters(&known.free),
-                free: known.free.clone(),
                 beginning: known.beginning.clone(),
                 contradicted: known.contradicted.clone(),
                 found: known.optimum.clone().map(|found| (planes, found)),
-                ..Self::new(size, options).within(work)
+                ..problem.with_free(known.free.clone())
             };
         }
         let poorer = poorer_optimum(planes, size, options, work, nested);

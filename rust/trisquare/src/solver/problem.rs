@@ -20,7 +20,7 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
-    /// What a search begins from, where the model is richer than the default.
+    /// What the search begins from, where the model is richer than the default.
     pub(super) beginning: Option<Beginning<L>>,
     /// By how much the free parameters would change with the lens that fits best, where it does not
     /// see all of the picture and the samples contradict those that do.
@@ -31,7 +31,8 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub work: Rc<Work>,
 }
 
-/// An optimum from which that of a richer model, or of one that may do more, is searched.
+/// An optimum from which another is searched: a poorer model's, or that of a lens that sees all of
+/// the picture.
 #[derive(Clone)]
 pub(super) struct Beginning<L> {
     pub view: View<L>,
@@ -88,11 +89,18 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// coefficients are.
     pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {
         let (model, known) = (self.options.model, (&poorer.view.lens, self.size));
-        let free = self.free.held_like(model, known, &poorer.free);
+        let free = self.free.clone().held_like(model, known, &poorer.free);
+        Self {
+            beginning: Some(poorer),
+            ..self.with_free(free)
+        }
+    }
+
+    /// The same with other free parameters.
+    pub(super) fn with_free(self, free: FreeParameters) -> Self {
         Self {
             judged: judged_parameters(&free),
             free,
-            beginning: Some(poorer),
             ..self
         }
     }

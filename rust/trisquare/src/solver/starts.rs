@@ -172,7 +172,7 @@ impl<'a, L: Lens> Starts<'a, L> {
                 Ok(found) => Ok(found.into()),
                 Err(error) => Err(self.why_not_linear(error)),
             },
-            Method::MaximumLikelihood => match self.beyond_beginning() {
+            Method::MaximumLikelihood => match self.continued() {
                 Some(found) => Ok(found.into()),
                 None => self.refine(),
             },
@@ -181,10 +181,10 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// The optimum that the search begins from, a poorer model's for one, and from there that of the
     /// model, which therefore fits no worse.
-    fn beyond_beginning(&self) -> Option<Refined<L>> {
+    fn continued(&self) -> Option<Refined<L>> {
         let problem = self.problem;
         let Beginning { view, free } = problem.beginning.as_ref()?;
-        // Fewer planes than those of the optimum may be others.
+        // Where planes were left out, nothing tells which of the view's these are.
         let start = match view.planes.len() == self.planes.len() {
             true => view.clone(),
             false => self.view_by(view.lens).ok()?,

@@ -1,7 +1,5 @@
 //! Lenses of rich models see all of the picture: no lens turns back inside it.
 
-use std::rc::Rc;
-
 use nalgebra::Vector2;
 
 use super::problem::{Beginning, JointProblem};
@@ -11,7 +9,6 @@ use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, View};
 use crate::refine::{Refined, information};
-use crate::uncertainty::judged_parameters;
 
 /// By how many pixels a lens may end short of the corners it has to see, step by step: standard
 /// deviations.
@@ -41,9 +38,6 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             return self;
         };
         let best = &best.refined;
-        if reaches_corners(&best.view.lens, size) {
-            return self;
-        }
         let most = MOST_CONTRADICTED * best.noise_scale;
         let mut view = best.view.clone();
         let mut last = None;
@@ -51,7 +45,9 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             if self.work.is_spent() || reaches_corners(&view.lens, size) {
                 break;
             }
-            let problem = self.seeing_but(short);
+            let free = self.free.clone().seeing_all_of(size, short);
+            let problem = Self::new(size, self.options).within(&self.work);
+            let problem = problem.with_free(free);
             let found = Starts::optimum_near(&problem, planes, view);
             let Some(found) = found.filter(|found| found.noise_scale < most) else {
                 break;
@@ -64,21 +60,6 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         match last {
             Some((problem, found)) => problem.settled(planes, found, best),
             None => self,
-        }
-    }
-
-    /// The same for lenses that see all of the picture but for so many pixels (a standard
-    /// deviation).
-    fn seeing_but(&self, short: f64) -> Self {
-        let free = self.free.clone().seeing_all_of(self.size, short);
-        Self {
-            judged: judged_parameters(&free),
-            free,
-            beginning: self.beginning.clone(),
-            contradicted: None,
-            found: None,
-            work: Rc::clone(&self.work),
-            ..*self
         }
     }
 
@@ -106,18 +87,17 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// # Errors
     /// [`Error::TurnsBack`].
     pub fn check_reach(&self, lens: &L) -> Result<(), Error> {
-        if !self.is_rich() || lens.sees_all_of(self.size) {
+        if !self.is_rich() {
             return Ok(());
         }
-        let centre = lens.principal_point();
-        let offset = |corner: &Vector2<f64>| (corner - centre).norm();
+        let distance = |pixel: &Vector2<f64>| (pixel - lens.principal_point()).norm();
         let corners = self.size.corners();
         let unseen = corners
             .iter()
-            .filter_map(|corner| Some((lens.rim_towards(corner)?, corner)));
-        let farthest = unseen.max_by(|(_, a), (_, b)| offset(a).total_cmp(&offset(b)));
-        let (radius, corner) =
-            farthest.map_or((0.0, 0.0), |(rim, corner)| (offset(&rim), offset(corner)));
-        Err(Error::TurnsBack { radius, corner })
+            .filter_map(|corner| Some((distance(&lens.rim_towards(corner)?), distance(corner))));
+        match unseen.max_by(|(_, a), (_, b)| a.total_cmp(b)) {
+            Some((radius, corner)) => Err(Error::TurnsBack { radius, corner }),
+            None => Ok(()),
+        }
     }
 }
