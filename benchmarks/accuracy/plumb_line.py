@@ -220,7 +220,7 @@ def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
     tolerance = ROUND_TOLERANCES[-1] * problem.pixel
 
     def lens(first: float) -> CentredLens:
-        return CentredLens(RadialLens("division", np.array([first, 0.0])), problem.middle)
+        return CentredLens(RadialLens("division", np.array([first, 0.0, 0.0])), problem.middle)
 
     def cost(first: float) -> float:
         return problem.cost(lens(first), bundle.measure(lens(first)), tolerance)

@@ -28,21 +28,23 @@ class PlumbScene(NamedTuple):
 
 def undistorted(points, K, distortion):
     """Undistort pixels, shape (N, 2), by a table of radii up to the fold."""
-    k1 = distortion[0]
-    ideal = np.linspace(0, 0.999 / np.sqrt(-3 * k1) if k1 < 0 else 1.5, 20_000)
+    k1, k2, _, _, k3 = distortion
+    ideal = np.linspace(0, 1.5, 20_000)
+    seen = ideal * (1 + k1 * ideal**2 + k2 * ideal**4 + k3 * ideal**6)
+    fold = int(np.argmax(np.append(np.diff(seen) <= 0, True)))
     off = (points - K[:2, 2]) / K[0, 0]
     observed = np.hypot(off[..., 0], off[..., 1])
-    radius = np.interp(observed, ideal * (1 + k1 * ideal**2), ideal)
+    radius = np.interp(observed, seen[: fold + 1], ideal[: fold + 1])
     return K[:2, 2] + K[0, 0] * off * (radius / np.maximum(observed, 1e-12))[..., None]
 
 
 @cache
-def ideal_pixels(size, focal, cx, cy, k1):
+def ideal_pixels(size, focal, cx, cy, distortion):
     """Undistorted places of the pixels of a picture drawn `SUPERSAMPLING` times as large."""
     K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
     x, y = ((np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5 for side in size)
     pixels = np.stack(np.meshgrid(x, y), axis=-1)
-    return undistorted(pixels, K, np.array([k1, 0, 0, 0, 0.0])).astype(np.float32)
+    return undistorted(pixels, K, np.array(distortion)).astype(np.float32)
 
 
 def quads(rng, canvas, count=24):
@@ -112,21 +114,21 @@ def circle(canvas, centre, radius, rng):
     cv2.polylines(canvas, [fixed], True, colour, 10, cv2.LINE_AA, SHIFT)
 
 
-def plumb_scene(rng, size, k1, draw=windows, centre=None, noise=2.0):
-    """Draw a plane scene, and see it through a lens with one coefficient."""
+def plumb_scene(rng, size, k1, draw=windows, centre=None, noise=2.0, k2=0.0, k3=0.0):
+    """Draw a plane scene, and see it through a radial lens."""
     middle = (np.array(size) - 1) / 2
     focal = FOCAL * size[0]
     cx, cy = middle if centre is None else centre
     K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
-    distortion = np.array([k1, 0, 0, 0, 0.0])
+    distortion = (k1, k2, 0.0, 0.0, k3)
     scale = SUPERSAMPLING
     canvas_size = np.rint(np.array(size) * scale * MARGIN).astype(int)
     canvas = np.full((canvas_size[1], canvas_size[0], 3), 150, np.uint8)
     draw(rng, canvas)
-    ideal = ideal_pixels(size, focal, float(cx), float(cy), k1)
+    ideal = ideal_pixels(size, focal, float(cx), float(cy), distortion)
     source = (ideal - np.float32(middle)) * scale + np.float32((canvas_size - 1) / 2)
     seen = cv2.remap(canvas, source[..., 0], source[..., 1], cv2.INTER_LINEAR)
     blurred = cv2.GaussianBlur(seen, (0, 0), BLUR)
     small = cv2.resize(blurred, size, interpolation=cv2.INTER_AREA)
     picture = np.clip(small + rng.normal(0, noise, small.shape), 0, 255).astype(np.uint8)
-    return PlumbScene(picture, K, distortion)
+    return PlumbScene(picture, K, np.array(distortion))

@@ -49,6 +49,18 @@ def test_known_lenses_are_undone(draw, count):
     assert good >= max(count - 1, 1)
 
 
+@pytest.mark.parametrize("k3", [0.0, -0.09])
+def test_a_third_coefficient_is_free_where_the_lines_tell_it(k3):
+    rng = np.random.default_rng(2)
+    scene = plumb_scene(rng, SIZE, -0.45, quads, k2=0.2, k3=k3)
+    found = ts.straighten(scene.picture)
+    off, in_std = errors(found, scene)
+    assert (found.camera.coefficients[2] == 0) == (k3 == 0)
+    assert found.camera.std["a3"] > 0
+    assert off.mean() <= MEAN
+    assert np.abs(in_std).max() < 4
+
+
 def test_the_centre_is_found_where_the_lens_is_strong():
     centre = np.array([505.0, 340.0])
     scene = plumb_scene(np.random.default_rng(4), SIZE, -0.25, centre=centre)

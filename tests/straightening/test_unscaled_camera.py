@@ -7,7 +7,7 @@ import trisquare as ts
 from trisquare.straightening.radial import RadialLens
 
 SIZE = (1280, 960)
-COVARIANCE = np.diag([1e-3, 2e-3, 3.0, 4.0]) ** 2
+STD = {"a1": 1e-3, "a2": 2e-3, "a3": 1e-3, "cx": 3.0, "cy": 4.0}
 LENSES = [
     ("division", (-0.25, -0.02)),
     ("division", (0.08, -0.01)),
@@ -16,11 +16,18 @@ LENSES = [
     ("polynomial", (-0.16, 0.035)),
     ("polynomial", (0.04, 0.001)),
     ("division", (0.0, 0.0)),
+    ("polynomial", (-0.29, 0.08, -0.008)),
+    ("division", (-0.3, -0.1, 0.06)),
 ]
 
 
 def camera_of(family, coefficients, centre=(650.0, 470.0)):
-    return ts.UnscaledCamera(SIZE, family, coefficients, centre, COVARIANCE)
+    return ts.UnscaledCamera(SIZE, family, coefficients, centre, covariance_of(coefficients))
+
+
+def covariance_of(coefficients):
+    names = [*("a1", "a2", "a3")[: len(coefficients)], "cx", "cy"]
+    return np.diag([STD[name] ** 2 for name in names])
 
 
 @pytest.fixture(params=LENSES, ids=str)
@@ -50,8 +57,7 @@ def test_derivatives_of_the_divisor_agree_with_differences(camera):
     step = 1e-6
     ahead, behind = lens.divisor(square + step)[0], lens.divisor(square - step)[0]
     np.testing.assert_allclose(slope, (ahead - behind) / (2 * step), atol=1e-6, rtol=1e-5)
-    for column in range(2):
-        change = step * np.eye(2)[column]
+    for column, change in enumerate(step * np.eye(len(lens.coefficients))):
         ahead, behind = (
             RadialLens(lens.family, lens.coefficients + sign * change).divisor(square)[0]
             for sign in (1, -1)
@@ -67,11 +73,10 @@ def test_the_std_of_the_displacement_is_that_of_drawn_lenses(camera):
     points, std = displaced.points[inner], displaced.std[inner]
     rng = np.random.default_rng(2)
     draws = []
-    for a1, a2, cx, cy in rng.multivariate_normal(np.zeros(4), COVARIANCE, 400):
+    covariance = camera.covariance
+    for change in rng.multivariate_normal(np.zeros(len(covariance)), covariance, 400):
         moved = camera_of(
-            camera.family,
-            camera.coefficients + np.array([a1, a2]),
-            camera.centre + np.array([cx, cy]),
+            camera.family, camera.coefficients + change[:-2], camera.centre + change[-2:]
         )
         draws.append(moved.undistort_points(points))
     np.testing.assert_allclose(np.std(draws, axis=0), std, rtol=0.2, atol=0.02)
@@ -108,7 +113,7 @@ def test_no_point_comes_back_from_beyond_the_valid_radius():
 def test_unknown_stays_unknown_and_nonsense_is_refused():
     camera = camera_of("division", (-0.2, 0.0))
     assert not hasattr(camera, "K")
-    assert camera.std == pytest.approx({"a1": 1e-3, "a2": 2e-3, "cx": 3.0, "cy": 4.0})
+    assert camera.std == pytest.approx({name: STD[name] for name in ("a1", "a2", "cx", "cy")})
     for value in (0.0, -3.0, np.nan):
         with pytest.raises(ValueError, match="focal_length"):
             camera.camera(value)
@@ -116,6 +121,10 @@ def test_unknown_stays_unknown_and_nonsense_is_refused():
         camera_of("brown", (0.0, 0.0))
     with pytest.raises(ValueError, match="NaN"):
         camera_of("division", (np.nan, 0.0))
+    with pytest.raises(ValueError, match="two or three, not 1"):
+        ts.UnscaledCamera(SIZE, "division", [0.0], (1, 1), np.eye(3))
+    with pytest.raises(ValueError, match="covariance"):
+        ts.UnscaledCamera(SIZE, "division", (0, 0, 0), (1, 1), np.eye(4))
     with pytest.raises(ValueError, match="covariance"):
         ts.UnscaledCamera(SIZE, "division", (0, 0), (1, 1), -np.eye(4))
     with pytest.raises(ValueError, match="step"):

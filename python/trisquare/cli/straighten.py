@@ -116,15 +116,15 @@ def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str
     numbers = [
         f"{name} {text} +- {its_std}" for name, (text, its_std) in zip(std, texts, strict=True)
     ]
-    yield f"{camera.family} model, in half diagonals: {', '.join(numbers[:2])}"
+    yield f"{camera.family} model, in half diagonals: {', '.join(numbers[:-2])}"
     if found.centre_held:
-        (x, y), known = camera.centre.tolist(), " and ".join(its_std for _, its_std in texts[2:])
+        (x, y), known = camera.centre.tolist(), " and ".join(its_std for _, its_std in texts[-2:])
         yield (
             f"centre of distortion, px: cx {x:.6g}, cy {y:.6g}, held at the picture's centre: the "
             f"lines tell it only to {known} px"
         )
     else:
-        yield f"centre of distortion, px: {', '.join(numbers[2:])}"
+        yield f"centre of distortion, px: {', '.join(numbers[-2:])}"
     map_ = camera.displacement_map()
     largest = (map_.displacement**2).sum(axis=1).argmax()
     moved, its_std = with_its_std(

@@ -29,13 +29,13 @@ class CentredLens:
 
     @property
     def parameters(self) -> FloatArray:
-        """``a1, a2, cx, cy``."""
+        """``a1, a2, ..., cx, cy``."""
         return np.concatenate([self.radial.coefficients, self.centre])
 
     def moved(self, step: FloatArray) -> CentredLens:
         """Return the lens with changed parameters."""
-        radial = RadialLens(self.radial.family, self.radial.coefficients + step[:2])
-        return CentredLens(radial, self.centre + step[2:])
+        radial = RadialLens(self.radial.family, self.radial.coefficients + step[:-2])
+        return CentredLens(radial, self.centre + step[-2:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Straightness:
         ``(n, d)`` with ``|n| = 1``, in units of ``S`` about the centre.
     rows : ndarray, shape (P, 3)
         ``(q, D)`` of each point.
-    by_coefficients : ndarray, shape (P, 2)
+    by_coefficients : ndarray, shape (P, C)
         Derivatives of ``D``.
     norms : ndarray, shape (P,)
         The norm of
@@ -126,7 +126,7 @@ class Straightness:
     rms: FloatArray
 
     def jacobian(self) -> FloatArray:
-        """Return derivatives of the residuals by ``a1, a2, cx, cy``; the lines follow.
+        """Return derivatives of the residuals by ``a1, a2, ..., cx, cy``; the lines follow.
 
         The lines are eliminated by projecting on what they cannot follow (variable projection, L.
         Kaufman, BIT 15 (1975) 49-57). Change of the norms is left out: the residuals are small.

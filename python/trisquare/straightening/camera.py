@@ -19,7 +19,7 @@ from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.errors import LensModelError
 from trisquare.straightening.radial import FAMILIES, RadialLens
 
-PARAMETERS = ("a1", "a2", "cx", "cy")
+COEFFICIENT_COUNTS = (2, 3)
 
 MOST_MODEL_ERROR = 0.5
 """Pixels by which a `Camera` may differ from the lens that it stands for."""
@@ -65,7 +65,7 @@ class UnscaledCamera(RebuiltByConstructor):
     Straight lines tell where a lens has displaced pixels, but not the angle at which a pixel looks.
     There is no `K`: `camera` makes one of a focal length that is known otherwise. Points and
     pictures need none. With ``q = (pixel - centre) / S`` and `S` half the image diagonal,
-    ``q_ideal = q / D``, ``D = 1 + a1 s + a2 s^2``.
+    ``q_ideal = q / D``, ``D = 1 + a1 s + a2 s^2 + a3 s^3``.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ class UnscaledCamera(RebuiltByConstructor):
         Division: ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001). Polynomial: ``s = |q_ideal|^2``, which
         is OpenCV's model but for the unit (F. Devernay & O. Faugeras, Machine Vision and
         Applications 13 (2001) 14-24).
-    coefficients : array_like, shape (2,)
-        ``a1, a2``.
+    coefficients : array_like, shape (2,) or (3,)
+        ``a1, a2``, and ``a3`` where it is not left out, as zero.
     centre : array_like, shape (2,)
         Of the distortion, pixels.
-    covariance : array_like, shape (4, 4)
-        Of ``a1, a2, cx, cy``.
+    covariance : array_like, shape (4, 4) or (5, 5)
+        Of the coefficients, ``cx`` and ``cy``.
 
     Raises
     ------
@@ -105,8 +105,13 @@ class UnscaledCamera(RebuiltByConstructor):
         if self.family not in FAMILIES:
             raise ValueError(f"family must be one of {FAMILIES}, not {self.family!r}")
         object.__setattr__(self, "image_size", size_of_image(self.image_size))
-        for name, shape in (("coefficients", (2,)), ("centre", (2,)), ("covariance", (4, 4))):
+        for name, shape in (("coefficients", (None,)), ("centre", (2,))):
             object.__setattr__(self, name, real_array(getattr(self, name), name, shape))
+        if len(self.coefficients) not in COEFFICIENT_COUNTS:
+            raise ValueError(f"coefficients must be two or three, not {len(self.coefficients)}")
+        count = len(self.coefficients) + 2
+        covariance = real_array(self.covariance, "covariance", (count, count))
+        object.__setattr__(self, "covariance", covariance)
         if not _core.is_covariance(self.covariance):
             raise ValueError("covariance must be symmetric and positive semidefinite")
 
@@ -117,9 +122,13 @@ class UnscaledCamera(RebuiltByConstructor):
 
     @property
     def std(self) -> dict[str, float]:
-        """Standard deviations of ``a1, a2, cx, cy``; of the centre in pixels."""
+        """Standard deviations of the coefficients, ``cx`` and ``cy``; of the centre in pixels."""
         values = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
-        return dict(zip(PARAMETERS, values, strict=True))
+        return dict(zip(self._names, values, strict=True))
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (*("a1", "a2", "a3")[: len(self.coefficients)], "cx", "cy")
 
     @property
     def radial(self) -> RadialLens:
@@ -245,7 +254,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return DisplacementMap(points, displacement, np.sqrt(np.maximum(variances, 0.0)))
 
     def _jacobian(self, points: FloatArray) -> FloatArray:
-        """Return derivatives of ideal places by ``a1, a2, cx, cy``; shape (N, 2, 4)."""
+        """Return derivatives of ideal places by all parameters; shape (N, 2, C + 2)."""
         q = (points - self.centre) / self.radius
         divisor, slope, by_coefficients = self.radial.divisor(np.einsum("ij,ij->i", q, q))
         along = q[:, :, None] * q[:, None, :]
@@ -266,8 +275,8 @@ class UnscaledCamera(RebuiltByConstructor):
         Returns
         -------
         Camera
-            "radial2" for a polynomial, which is exact. For the division model the nearest of
-            "radial3" and "fisheye" over the picture.
+            "radial2" for a polynomial, or "radial3", which are exact. For the division model the
+            nearest of "radial3" and "fisheye" over the picture.
 
         Raises
         ------
@@ -289,8 +298,9 @@ class UnscaledCamera(RebuiltByConstructor):
         K = camera_matrix(focal, focal, *self.centre.tolist())
         unit = focal / self.radius
         if self.family == "polynomial":
-            k1, k2 = self.coefficients * unit ** np.array([2, 4])
-            return Camera(K, np.array([k1, k2, 0, 0, 0]), self.image_size, "radial2")
+            k1, k2, k3 = np.append(self.coefficients, 0.0)[:3] * unit ** np.array([2, 4, 6])
+            model = "radial2" if k3 == 0 else "radial3"
+            return Camera(K, np.array([k1, k2, 0, 0, k3]), self.image_size, model)
         corners = np.array(self.image_size) * [[0, 0], [0, 1], [1, 0], [1, 1]] - self.centre
         farthest = np.linalg.norm(corners, axis=1).max() / self.radius
         end = min(float(farthest), self.radial.largest_radius())
@@ -318,7 +328,7 @@ class UnscaledCamera(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         width, height = self.image_size
-        values = zip(PARAMETERS, (*self.coefficients, *self.centre), strict=True)
+        values = zip(self._names, (*self.coefficients, *self.centre), strict=True)
         numbers = ", ".join(f"{name} {value:.5g}" for name, value in values)
         return f"<UnscaledCamera {width} x {height}, {self.family}: {numbers}>"
 

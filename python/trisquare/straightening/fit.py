@@ -23,10 +23,15 @@ merging and fitting."""
 MOST_POINTS = 40
 """A longer line counts as one of so many points."""
 
-CENTRE_PRIOR = 0.08
-"""Weak prior: standard deviation of the centre about the picture's, half diagonals."""
-COEFFICIENT_PRIORS = (5.0, 0.1)
-"""And of the coefficients."""
+HELD_STD = 1e-6
+"""Standard deviation of the prior of a parameter that is held."""
+PRIORS = (5.0, 0.1, HELD_STD, 0.08, 0.08)
+"""Weak priors about zero and the picture's middle: standard deviations of `PARAMETERS`, in half
+diagonals. A third coefficient is held until"""
+FREE_PRIORS = (5.0, 0.3, 0.1, 0.08, 0.08)
+"""it is free: of such a lens the second is less known before."""
+CENTRE = (3, 4)
+"""Places of the centre among them."""
 FIRST_SPREAD = 1.0
 """Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
 SHARED_ERRORS = 40.0
@@ -34,9 +39,6 @@ SHARED_ERRORS = 40.0
 of a plane that is not flat, as if some 40 of them were one."""
 LEAST_RMS = 0.02
 """Working pixels: lines may be straighter by chance."""
-
-HELD_CENTRE_STD = 1e-6
-"""The same where the centre is held."""
 
 MOST_STEPS = 30
 LAST_DECREASE = 1e-7
@@ -105,9 +107,16 @@ def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
     return replace(problem, prior_spread=SHARED_ERRORS * max(fit.rms() / problem.pixel, LEAST_RMS))
 
 
+def with_third_free(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """Fit the same family again with three coefficients; return the problem as well."""
+    problem = replace(with_shared_errors(problem, fit), priors=FREE_PRIORS)
+    return problem, alternate(problem, fit.lens, ROUND_TOLERANCES[-3:])
+
+
 def with_centre_held(problem: Problem, fit: Fit) -> Fit:
     """Fit the same family again with the centre in the picture's middle."""
-    held = replace(with_shared_errors(problem, fit), centre_std=HELD_CENTRE_STD)
+    priors = (*problem.priors[: CENTRE[0]], HELD_STD, HELD_STD)
+    held = replace(with_shared_errors(problem, fit), priors=priors)
     lens = CentredLens(fit.lens.radial, problem.middle)
     return alternate(held, lens, ROUND_TOLERANCES[-3:])
 
@@ -116,15 +125,14 @@ def with_centre_held(problem: Problem, fit: Fit) -> Fit:
 class Problem:
     """What is given: arcs, the picture's middle and half diagonal, the size of a working pixel.
 
-    `centre_std`, in half diagonals, is that of the centre's prior; a residual of `prior_spread`
-    working pixels weighs as much as the priors' standard deviations.
+    A residual of `prior_spread` working pixels weighs as much as the priors' standard deviations.
     """
 
     curves: tuple[FloatArray, ...]
     middle: FloatArray
     radius: float
     pixel: float
-    centre_std: float = CENTRE_PRIOR
+    priors: tuple[float, ...] = PRIORS
     prior_spread: float = FIRST_SPREAD
 
     def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
@@ -136,13 +144,14 @@ class Problem:
         return np.diag((self.prior_spread * self.pixel / self.prior_std()) ** 2)
 
     def prior_std(self) -> FloatArray:
-        """Return standard deviations of the weak priors of ``a1, a2, cx, cy``."""
-        centre = self.centre_std * self.radius
-        return np.array([*COEFFICIENT_PRIORS, centre, centre])
+        """Return standard deviations of the priors, of the centre in pixels."""
+        std = np.array(self.priors)
+        std[list(CENTRE)] *= self.radius
+        return std
 
     def deviation(self, lens: CentredLens) -> FloatArray:
         """Parameters less what the priors expect."""
-        return np.asarray(lens.parameters - np.array([0.0, 0.0, *self.middle]))
+        return np.asarray(lens.parameters - np.array([0.0, 0.0, 0.0, *self.middle]))
 
     def cost(self, lens: CentredLens, straightness: Straightness, tolerance: float) -> float:
         """Geman and McClure's cost of the lines' rms, and the priors'."""
@@ -171,7 +180,7 @@ def as_polynomial(lens: CentredLens) -> CentredLens:
     ideal = lens.radial.ideal_radius(radii)
     design = np.column_stack([ideal**3, ideal**5])
     found, *_ = np.linalg.lstsq(design / radii[:, None], (radii - ideal) / radii, rcond=None)
-    return CentredLens(RadialLens("polynomial", np.asarray(found, dtype=np.float64)), lens.centre)
+    return CentredLens(RadialLens("polynomial", np.append(found, 0.0)), lens.centre)
 
 
 def search(problem: Problem) -> CentredLens:
@@ -186,8 +195,8 @@ def search(problem: Problem) -> CentredLens:
     def score(lens: CentredLens) -> float:
         return float(lengths**2 @ line_weights(bundle.measure(lens), tolerance))
 
-    coefficients = [np.array([first, 0.0]) for first in SEARCHED]
-    lenses = [CentredLens(RadialLens("division", pair), problem.middle) for pair in coefficients]
+    coefficients = [np.array([first, 0.0, 0.0]) for first in SEARCHED]
+    lenses = [CentredLens(RadialLens("division", each), problem.middle) for each in coefficients]
     return max(lenses, key=score)
 
 
@@ -225,7 +234,7 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float
 
 
 def normal_equations(straightness: Straightness, tolerance: float) -> tuple[FloatArray, FloatArray]:
-    """Information and gradient of the weighted squares, by ``a1, a2, cx, cy``."""
+    """Information and gradient of the weighted squares, by ``a1, a2, a3, cx, cy``."""
     bundle = straightness.bundle
     weights = bundle.weights * bundle.spread(line_weights(straightness, tolerance))
     jacobian = straightness.jacobian()

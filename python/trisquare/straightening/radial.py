@@ -1,4 +1,4 @@
-"""Radial distortion of two coefficients, in units of half the picture's diagonal."""
+"""Radial distortion of a few coefficients, in units of half the picture's diagonal."""
 
 from __future__ import annotations
 
@@ -34,53 +34,61 @@ class RadialLens:
     Parameters
     ----------
     family : {"division", "polynomial"}
-        ``D = 1 + a1 s + a2 s^2`` with ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001), or the same of
-        ``s = |q_ideal|^2``, which is OpenCV's ``k1, k2`` but for the unit (F. Devernay & O.
+        ``D = 1 + a1 s + a2 s^2 + ...`` with ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001), or the same
+        of ``s = |q_ideal|^2``, which is OpenCV's ``k1, k2, k3`` but for the unit (F. Devernay & O.
         Faugeras, Machine Vision and Applications 13 (2001) 14-24).
-    coefficients : ndarray, shape (2,)
-        ``a1, a2``.
+    coefficients : ndarray, shape (C,)
+        ``a1, a2, ...``.
     """
 
     family: str
     coefficients: FloatArray
 
     def divisor(self, square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """``D`` at squared observed radii, its derivative by them, and by ``a1, a2``.
+        """``D`` at squared observed radii, its derivative by them, and by coefficients.
 
         Beyond the fold of a polynomial the ideal radius stays at its largest.
 
         Returns
         -------
         divisor, slope : ndarray, shape (P,)
-        by_coefficients : ndarray, shape (P, 2)
+        by_coefficients : ndarray, shape (P, C)
         """
-        first, second = self.coefficients
         if self.family == "division":
-            divisor = 1 + square * (first + square * second)
-            by_coefficients = np.column_stack([square, square**2])
-            return divisor, first + 2 * second * square, by_coefficients
+            divisor, slope = self._of_squares(square)
+            return divisor, slope, square[:, None] ** self._powers
         ideal, folded = self._ideal_square(square)
-        divisor = 1 + ideal * (first + ideal * second)
-        inner = first + 2 * second * ideal
+        divisor, inner = self._of_squares(ideal)
         growth = np.maximum(divisor * (divisor + 2 * ideal * inner), TINY)
         slope = inner / growth
         # The ideal radius follows a coefficient so that the observed one stays.
-        by_first = ideal - inner * 2 * ideal**2 * divisor / growth
-        by_coefficients = np.column_stack([by_first, ideal * by_first])
+        stays = 1 - inner * 2 * ideal * divisor / growth
+        by_coefficients = stays[:, None] * ideal[:, None] ** self._powers
         if folded.any():
             divisor[folded] = np.sqrt(square[folded] / ideal[folded])
             slope[folded] = 0.5 / np.sqrt(square[folded] * ideal[folded])
             by_coefficients[folded] = 0.0
         return divisor, slope, by_coefficients
 
+    @property
+    def _powers(self) -> FloatArray:
+        return np.arange(1.0, len(self.coefficients) + 1)
+
+    def _of_squares(self, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``D`` of its own ``s``, and its derivative."""
+        divisor, slope = np.zeros_like(squares), np.zeros_like(squares)
+        for coefficient in (*self.coefficients[::-1], 1.0):
+            slope = divisor + squares * slope
+            divisor = coefficient + squares * divisor
+        return divisor, slope
+
     def _ideal_square(self, square: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Squared ideal radii of a polynomial, and which points lie beyond its fold."""
         largest = SHORT_OF_FOLD**2 * self._fold()
-        first, second = self.coefficients
 
         def observed(ideal: FloatArray) -> tuple[FloatArray, FloatArray]:
-            factor = 1 + ideal * (first + ideal * second)
-            return ideal * factor**2, factor * (factor + 2 * ideal * (first + 2 * second * ideal))
+            factor, slope = self._of_squares(ideal)
+            return ideal * factor**2, factor * (factor + 2 * ideal * slope)
 
         folded = np.zeros(len(square), dtype=bool)
         if np.isfinite(largest):
@@ -103,14 +111,10 @@ class RadialLens:
     def _fold(self) -> float:
         """Squared radius of a polynomial's fold: ideal of the polynomial, observed of the division.
 
-        Where ``1 + 3 a1 s + 5 a2 s^2``, or ``1 - a1 s - 3 a2 s^2``, first vanishes.
+        Where ``1 + 3 a1 s + 5 a2 s^2 + ...``, or ``1 - a1 s - 3 a2 s^2 - ...``, first vanishes.
         """
-        first, second = self.coefficients
-        if self.family == "division":
-            slope, curvature = -first, -3 * second
-        else:
-            slope, curvature = 3 * first, 5 * second
-        roots = np.roots([curvature, slope, 1.0])
+        factors = 1 + (-2 if self.family == "division" else 2) * self._powers
+        roots = np.roots([*(factors * self.coefficients)[::-1], 1.0])
         positive = roots.real[(np.abs(roots.imag) < TINY) & (roots.real > 0)]
         return float(positive.min(initial=np.inf))
 
@@ -133,8 +137,7 @@ class RadialLens:
     def observed_radius(self, ideal: FloatArray) -> FloatArray:
         """Observed radii of ideal ones that are not beyond the largest."""
         if self.family == "polynomial":
-            first, second = self.coefficients
-            return np.asarray(ideal * (1 + ideal**2 * (first + ideal**2 * second)))
+            return np.asarray(ideal * self._of_squares(ideal**2)[0])
         low = np.zeros_like(ideal)
         high = np.full_like(ideal, self.largest_radius())
         for _ in range(NEWTON_STEPS):

@@ -11,14 +11,15 @@ from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
-from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held
+from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held, with_third_free
 from trisquare.straightening.uncertainty import uncertainty
 
 KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
 """Standard deviation of the centre up to which it is free, and from which it is held at the
 picture's, half diagonals. In between it is free if"""
 CLEARLY_OFF = 3.0
-"""so many standard deviations, or more, off the picture's."""
+"""so many standard deviations, or more, off the picture's. A third coefficient is free if it is as
+far from zero."""
 
 STRAIGHT_WEIGHT = 0.25
 """Weight of a line from which it is used: its rms is then the tolerance of half a pixel."""
@@ -176,17 +177,23 @@ def straighten(image: ImageSource) -> Straightened:
     _check_count(_spans(arcs.curves) / radius, "edges")
     fit = fit_lens(problem)
     _check_curves(problem, fit)
-    known = uncertainty(problem, fit)
+    free, with_third = with_third_free(problem, fit)
+    known = uncertainty(free, with_third)
+    third, its_std = with_third.lens.radial.coefficients[2], np.sqrt(known.covariance[2, 2])
+    third_free = abs(third) > CLEARLY_OFF * its_std
+    if third_free:
+        problem, fit = free, with_third
+    # What is held is not known: the covariance is that with it free.
+    known = uncertainty(free, fit)
     off = np.abs(fit.lens.centre - middle) / known.centre_std
     std = float(known.centre_std.max()) / radius
     centre_held = std > (UNKNOWN_CENTRE_STD if off.max() > CLEARLY_OFF else KNOWN_CENTRE_STD)
     if centre_held:
         fit = with_centre_held(problem, fit)
-        known = uncertainty(problem, fit)
-    lens = fit.lens
-    camera = UnscaledCamera(
-        size, lens.radial.family, lens.radial.coefficients, lens.centre, known.covariance
-    )
+        known = uncertainty(free, fit)
+    radial = fit.lens.radial
+    coefficients = radial.coefficients * [1, 1, third_free]
+    camera = UnscaledCamera(size, radial.family, coefficients, fit.lens.centre, known.covariance)
     lines = fit.lines()
     is_used = fit.weights >= STRAIGHT_WEIGHT
     used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
@@ -237,7 +244,7 @@ def _check_known(camera: UnscaledCamera) -> None:
     square = np.array([JUDGED_RADIUS**2])
     divisor, _, by_coefficients = camera.radial.divisor(square)
     slope = by_coefficients[0] * JUDGED_RADIUS / divisor[0]
-    std = float(np.sqrt(slope @ camera.covariance[:2, :2] @ slope))
+    std = float(np.sqrt(slope @ camera.covariance[:-2, :-2] @ slope))
     if std > MOST_STD:
         raise DegenerateGeometryError(
             f"the lines tell the distortion near the corners only to {std * camera.radius:.1f} px: "

@@ -16,19 +16,22 @@ scatter between lines does not show."""
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Covariances of ``a1, a2, cx, cy``.
+    """Covariances of ``a1, a2, ..., cx, cy``.
 
     Parameters
     ----------
-    covariance : ndarray, shape (4, 4)
+    covariance : ndarray, shape (C + 2, C + 2)
         From the lines and the weak priors.
     centre_std : ndarray, shape (2,)
         Standard deviations of the centre that the lines alone give, pixels; infinite where they
         tell nothing.
+    spread : float
+        Variance of the lines' points as if they erred independently, pixels squared.
     """
 
     covariance: FloatArray
     centre_std: FloatArray
+    spread: float
 
 
 def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
@@ -47,14 +50,15 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     # In units of the priors' standard deviations, which make the parameters comparable.
     unit = problem.prior_std()
     information = information * unit[:, None] * unit
-    ridge = 1e-12 * np.trace(information) / 4 * np.eye(4) + np.eye(4) * np.finfo(float).tiny
+    count = len(unit)
+    ridge = (1e-12 * np.trace(information) / count + np.finfo(float).tiny) * np.eye(count)
     inverse = np.linalg.pinv(information + ridge, hermitian=True)
     scaled = gradients * unit
     leverages = np.einsum("ij,lji->l", inverse, of_lines * unit[:, None] * unit)
-    spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / 4
+    spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / count
     effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
-    spread *= effective / max(effective - 4, 1.0)
+    spread *= effective / max(effective - count, 1.0)
     spread = max(spread, SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2)
-    covariance = np.linalg.inv(information / spread + np.eye(4)) * unit[:, None] * unit
-    alone = np.diag(inverse)[2:] * spread
-    return Uncertainty(0.5 * (covariance + covariance.T), unit[2:] * np.sqrt(alone))
+    covariance = np.linalg.inv(information / spread + np.eye(count)) * unit[:, None] * unit
+    alone = np.diag(inverse)[-2:] * spread
+    return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone), spread)
