@@ -26,8 +26,8 @@ MOST_POINTS = 40
 HELD_STD = 1e-6
 """Standard deviation of the prior of a parameter that is held."""
 PRIORS = (5.0, 0.1, HELD_STD, 0.08, 0.08)
-"""Weak priors about zero and the picture's middle: standard deviations of `PARAMETERS`, in half
-diagonals. A third coefficient is held until"""
+"""Weak priors about zero and the picture's middle: standard deviations of ``a1, a2, a3, cx,
+cy``, in half diagonals. A third coefficient is held until"""
 FREE_PRIORS = (5.0, 0.3, 0.1, 0.08, 0.08)
 """it is free: of such a lens the second is less known before."""
 CENTRE = (3, 4)

@@ -183,8 +183,9 @@ def straighten(image: ImageSource) -> Straightened:
     third_free = abs(third) > CLEARLY_OFF * its_std
     if third_free:
         problem, fit = free, with_third
-    # What is held is not known: the covariance is that with it free.
-    known = uncertainty(free, fit)
+    else:
+        # What is held is not known: the covariance is that with it free.
+        known = uncertainty(free, fit)
     off = np.abs(fit.lens.centre - middle) / known.centre_std
     std = float(known.centre_std.max()) / radius
     centre_held = std > (UNKNOWN_CENTRE_STD if off.max() > CLEARLY_OFF else KNOWN_CENTRE_STD)

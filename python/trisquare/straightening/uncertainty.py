@@ -25,13 +25,10 @@ class Uncertainty:
     centre_std : ndarray, shape (2,)
         Standard deviations of the centre that the lines alone give, pixels; infinite where they
         tell nothing.
-    spread : float
-        Variance of the lines' points as if they erred independently, pixels squared.
     """
 
     covariance: FloatArray
     centre_std: FloatArray
-    spread: float
 
 
 def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
@@ -61,4 +58,4 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     spread = max(spread, SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2)
     covariance = np.linalg.inv(information / spread + np.eye(count)) * unit[:, None] * unit
     alone = np.diag(inverse)[-2:] * spread
-    return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone), spread)
+    return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone))

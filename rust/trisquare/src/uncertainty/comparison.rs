@@ -117,8 +117,8 @@ fn test_of_free(
 
 /// The chi-squared test of a difference against a square root of its covariance.
 ///
-/// The cameras' own values differ a little, and with them what one parameter does in each: beyond
-/// the `kinds` of change that there are, directions are of the second order.
+/// In two cameras of one family a parameter does the same, but for the aspects that `fy` may follow
+/// `fx` by: beyond the `kinds` of change that there are, directions are of the second order.
 ///
 /// What the least known direction leaves in the second order, its own size over the focal length
 /// times itself, would look significant in directions that are better known than that: they are
