@@ -27,9 +27,6 @@ const PREVIEW_COLUMNS: f64 = 50.0;
 /// this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
-/// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
-/// the errors of fx were a quarter larger with the lines' own.
-const LEAST_SPREAD: f64 = 0.1;
 /// Rounds of a crossed line's spread, and of all else with it.
 const SPREAD_ROUNDS: usize = 3;
 const FINAL_STEPS: usize = 6;
@@ -315,10 +312,7 @@ impl<'a> Localiser<'a> {
                 self.predict(side);
             }
             let step = side.fit_spread(&self.pixels, &self.predictions, noise);
-            if side
-                .spread
-                .is_some_and(|spread| spread.abs() < LEAST_SPREAD)
-            {
+            if side.small_spread().is_some() {
                 side.spread = Some(0.0);
             }
             if side.spread == Some(before) || step < LAST_STEP {

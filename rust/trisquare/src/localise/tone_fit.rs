@@ -19,6 +19,7 @@ use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
 };
+use crate::numeric::median;
 
 /// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
 /// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.
@@ -390,6 +391,7 @@ pub(super) fn estimate_tone(
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
         let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
         if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
+            share_spread(previews);
             return ToneEstimate {
                 curve: power,
                 ..estimate
@@ -397,6 +399,21 @@ pub(super) fn estimate_tone(
         }
         if settled {
             trust = Trust::ByMisfit;
+        }
+    }
+}
+
+/// Gives all crossed lines whose spread is small the same: a tone curve that is a little off spreads
+/// all of them alike, and what a line's own differs by is its noise.
+fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
+    let small = previews
+        .iter()
+        .flatten()
+        .filter_map(|preview| preview.side.small_spread());
+    let shared = median(small.collect());
+    for preview in previews.iter_mut().flatten() {
+        if preview.side.small_spread().is_some() {
+            preview.side.spread = shared;
         }
     }
 }
@@ -428,5 +445,39 @@ impl Side {
             0.5 * (contrast[0] + contrast[1]),
             0.5 * (contrast[1] - contrast[0]),
         ];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::blur::BlurShape;
+    use super::super::curve::Curve;
+    use super::*;
+
+    #[test]
+    fn small_spreads_become_that_of_all_lines() {
+        let preview = |spread| {
+            Ok(Preview {
+                side: Side {
+                    curve: Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap(),
+                    base: [0.1, 0.0],
+                    contrast: [0.7, 0.0],
+                    blur: 0.9,
+                    shape: BlurShape::NORMAL,
+                    blur_slope: 0.0,
+                    spread,
+                },
+                noise: 0.01,
+                reach: [5.0; 2],
+                hidden: Vec::new(),
+                pixels: Vec::new(),
+                predictions: Vec::new(),
+            })
+        };
+        let spreads = [Some(0.03), Some(-0.02), None, Some(0.01), Some(0.3)];
+        let mut previews: Vec<_> = spreads.into_iter().map(preview).collect();
+        share_spread(&mut previews);
+        let found = previews.iter().flatten().map(|own| own.side.spread);
+        assert!(found.eq([Some(0.01), Some(0.01), None, Some(0.01), Some(0.3)]));
     }
 }

@@ -49,7 +49,8 @@ const MEDIAN_SQUARE: f64 = 0.455;
 /// Surplus of one sign, as a part, from which the cells of a line are not all of one length: there a
 /// shift that changes along the line is its tilt as well.
 const MOST_SURPLUS: f64 = 0.4;
-/// By so much of itself, as a standard deviation, a shift grows from the middle of a line to its end.
+/// By so much of itself, as a standard deviation, a shift differs from line to line, and grows from
+/// the middle of a line to its end.
 const PERSPECTIVE: f64 = 0.3;
 
 /// Standard deviations from which what a line says of itself is believed.
@@ -344,7 +345,8 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
     let departures: Vec<_> = (0..lines.len())
         .map(|line| said(line, shift, SIGNS))
         .collect();
-    let departures = drawn_to_none(&departures);
+    let beforehand = (PERSPECTIVE * shift).powi(2);
+    let departures = drawn_to_none(&departures, beforehand);
     let in_middle: Vec<f64> = departures.iter().map(|own| shift + own).collect();
     let changes = lines.iter().zip(&in_middle).enumerate();
     let changes = changes.map(|(number, (line, shift))| {
@@ -363,12 +365,12 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
 /// A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a tilt.
 /// So what each of them says is drawn to nothing by its variance over that which the lines have
 /// among themselves beyond it (the median of their squares in units of both together is
-/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385). What differs evidently from
-/// nothing is believed, whatever the others say.
-fn drawn_to_none(said: &[Option<(f64, f64)>]) -> Vec<f64> {
+/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385), at `most`. What differs
+/// evidently from nothing is believed, whatever the others say.
+fn drawn_to_none(said: &[Option<(f64, f64)>], most: f64) -> Vec<f64> {
     let seen = || said.iter().flatten();
     let largest = seen().fold(0.0, |most: f64, (value, _)| most.max(value.powi(2)));
-    let (mut low, mut high) = (0.0, largest / MEDIAN_SQUARE);
+    let (mut low, mut high) = (0.0, most.min(largest / MEDIAN_SQUARE));
     for _ in 0..HALVINGS {
         let between = 0.5 * (low + high);
         let ratios = seen().map(|(value, variance)| value.powi(2) / (variance + between));
@@ -501,6 +503,21 @@ mod tests {
         let in_middle = own.iter().map(|own| own.in_middle).collect();
         assert!(spread(in_middle) < 0.25 * spread(each.collect()));
         assert!(own.iter().all(|own| own.along.abs() < 0.1 * NOISE));
+    }
+
+    #[test]
+    fn lines_differ_in_proportion_to_their_shift() {
+        let mut noise = Noise(9);
+        // Two standard deviations of what a line knows of itself.
+        let off = 2.0 * NOISE / ((16 * PER_CELL) as f64).sqrt();
+        for (shift, most) in [(0.0, 0.0), (0.2, 2.0 * off)] {
+            let mut lines = zigzag(shift - off, 9, 16, &mut noise);
+            lines.extend(zigzag(shift + off, 9, 16, &mut noise));
+            let own = shifts_of_lines(&zigzags(&lines), shift, false);
+            let departures = own.iter().map(|own| (own.in_middle - shift).abs());
+            let usual = median(departures.collect()).unwrap();
+            assert!(usual <= most && usual >= 0.25 * most, "{usual}");
+        }
     }
 
     #[test]
