@@ -524,15 +524,17 @@ def edges_from_members(members: JsonFields) -> PlaneEdges:
     )
 
 
+_DEFAULTS = {field.name: field.default for field in fields(PlaneEdges)}
+
+
 def unchecked_edges(**members: Any) -> PlaneEdges:
     """Make edges of members that are known to be right: nothing is checked or copied.
 
     For what the core measured, and for edges that were checked before. The arrays become read-only.
     """
     edges = object.__new__(PlaneEdges)
-    for field in fields(PlaneEdges):
-        value = members.pop(field.name, field.default)
-        object.__setattr__(edges, field.name, value)
+    for name, default in _DEFAULTS.items():
+        object.__setattr__(edges, name, members.pop(name, default))
     if members:
         raise TypeError(f"PlaneEdges has no {', '.join(members)}")
     edges.lines.flags.writeable = False
@@ -544,7 +546,7 @@ def unchecked_edges(**members: Any) -> PlaneEdges:
 
 def changed_edges(edges: PlaneEdges, **changes: Any) -> PlaneEdges:
     """Return edges with some members changed, unchecked as by `unchecked_edges`."""
-    members = {field.name: getattr(edges, field.name) for field in fields(PlaneEdges)}
+    members = {name: getattr(edges, name) for name in _DEFAULTS}
     return unchecked_edges(**{**members, **changes})
 
 

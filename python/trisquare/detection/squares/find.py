@@ -168,6 +168,8 @@ def _further_tags(
                 own = np.roll(quad, tag.turns, axis=0)
                 (ends,) = straight_sides(own[None])
                 further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
+    if not further:
+        return []
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
     return [square for square in further if _side(square.outer) >= smallest]

@@ -176,23 +176,25 @@ def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
     Few of many are near enough to be looked at.
     """
     # Column by column: to compare pairs and to join them takes several times as long.
-    (left, top), (right, bottom) = (
-        others.min(axis=1).T - BOX_SLACK,
-        others.max(axis=1).T + BOX_SLACK,
-    )
-    middles = others.mean(axis=1)
+    (left, top, right, bottom), (x, y) = _boxes(others), others.mean(axis=1).T
+    among = np.zeros(len(quads), dtype=np.bool_)
+    for i, (box, middle) in enumerate(zip(_boxes(quads).T, quads.mean(axis=1), strict=True)):
+        near = (left <= middle[0]) & (middle[0] <= right) & (top <= middle[1])
+        near &= middle[1] <= bottom
+        near |= (box[0] <= x) & (x <= box[2]) & (box[1] <= y) & (y <= box[3])
+        among[i] = any(one_in_other(quads[i], others[j]) for j in np.flatnonzero(near))
+    return among
 
-    def among(quad: FloatArray) -> bool:
-        x, y = quad.mean(axis=0)
-        near = (left <= x) & (x <= right) & (top <= y) & (y <= bottom) | in_box(quad, middles)
-        return any(one_in_other(quad, other) for other in others[near])
 
-    return np.array([among(quad) for quad in quads], dtype=np.bool_)
+def _boxes(outlines: NDArray[np.floating[Any]]) -> FloatArray:
+    """Boxes of outlines, shape (N, M, 2), and beside: left, top, right and bottom, shape (4, N)."""
+    low, high = outlines.min(axis=1) - BOX_SLACK, outlines.max(axis=1) + BOX_SLACK
+    return np.concatenate([low, high], axis=1).T.copy()
 
 
 def in_box(outline: NDArray[np.floating[Any]], points: FloatArray) -> NDArray[np.bool_]:
     """Which of some points, shape (N, 2), lie in the box of an outline, shape (M, 2), or beside."""
-    (left, top), (right, bottom) = outline.min(axis=0) - BOX_SLACK, outline.max(axis=0) + BOX_SLACK
+    left, top, right, bottom = _boxes(outline[None])[:, 0]
     x, y = points.T
     return np.asarray((left <= x) & (x <= right) & (top <= y) & (y <= bottom))
 

@@ -50,4 +50,10 @@ def detect_markers(
 
 def shortest_side(corners: FloatArray) -> float:
     """Length of the shortest side of a quadrilateral (4, 2)."""
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
+    return float(shortest_sides(corners[None])[0])
+
+
+def shortest_sides(quads: FloatArray) -> FloatArray:
+    """Lengths of the shortest sides of quadrilaterals (N, 4, 2)."""
+    along = quads - np.roll(quads, 1, axis=1)
+    return np.asarray(np.linalg.norm(along, axis=2).min(axis=1))

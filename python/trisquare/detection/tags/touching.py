@@ -17,7 +17,7 @@ import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.tags.decode import agreement
-from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_side
+from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_sides
 
 LEAST_CORRELATION = 0.8
 """Between the cells of a quad and a code: chance reaches it once in 200 000 quads, for any of 587
@@ -104,15 +104,18 @@ def on_saddles(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
     """Move corners, shape (Q, 4, 2), onto the saddles that are next to them."""
     moved = quads.copy()
     limits = np.array(grey.shape[::-1]) - 1.0
-    for own, quad in zip(moved, quads, strict=True):
-        shortest = shortest_side(quad)
-        window = int(np.clip(round(SADDLE_WINDOW * shortest), *SADDLE_WINDOWS))
-        if ((quad < 0.0) | (quad > limits)).any():
-            continue
-        corners = np.ascontiguousarray(quad[:, None], dtype=np.float32)
-        found = cv2.cornerSubPix(grey, corners, (window, window), (-1, -1), SADDLE_STOP)[:, 0]
-        near = np.linalg.norm(found - quad, axis=1) < MAX_CORNER_STEP * shortest
-        own[near] = found[near]
+    shortest = shortest_sides(quads)
+    windows = np.clip(np.round(SADDLE_WINDOW * shortest), *SADDLE_WINDOWS).astype(int)
+    is_inside = ((quads >= 0.0) & (quads <= limits)).all(axis=(1, 2))
+    # OpenCV takes as long for a call as for a corner.
+    for window in np.unique(windows[is_inside]).tolist():
+        own = np.flatnonzero(is_inside & (windows == window))
+        corners = quads[own].reshape(-1, 1, 2).astype(np.float32)
+        found = cv2.cornerSubPix(grey, corners, (window, window), (-1, -1), SADDLE_STOP)
+        found = found.reshape(-1, 4, 2)
+        distances = np.linalg.norm(found - quads[own], axis=2)
+        near = distances < MAX_CORNER_STEP * shortest[own, None]
+        moved[own] = np.where(near[..., None], found, quads[own])
     return moved
 
 
