@@ -14,6 +14,7 @@ use super::joint_fit::Fit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose};
 use super::squareness::Pinhole;
 use super::subsets::triples;
+use super::verdict::CLOSE_RIVAL;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Misfit, Noise, account_for_drift};
@@ -56,6 +57,9 @@ const CONSIDERED: f64 = 8.0;
 
 /// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
 const SQUARE_EVIDENCE: f64 = 5.0;
+
+/// What the joint fit that a triple grows to is worth at most: all of it standing apart.
+const MOST_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
 
 /// What agrees is sought among these planes.
 #[derive(Clone, Copy)]
@@ -216,27 +220,21 @@ impl<L: Lens> Inliers<'_, L> {
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
         let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
-        let mut keep = |fit: Fit<L>| {
-            let known = |members: &[usize]| {
-                let within = |known: &&Fit<L>| members.iter().all(|i| known.members.contains(i));
-                fits.iter().any(|fit| self.agrees(fit) && within(&fit))
-            };
-            if !known(&fit.members) {
-                let grown = self.with_others(fit, hypothesis);
-                if !known(&grown.members) {
-                    fits.push(grown);
-                }
-            }
-        };
         match self.fit(&squares, start) {
-            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => keep(fit),
+            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => {
+                self.keep(fit, hypothesis, fits);
+            }
             Some(fit) => {
                 if let Some(trimmed) = self.trimmed(&fit) {
-                    keep(trimmed);
+                    self.keep(trimmed, hypothesis, fits);
+                }
+                let mut agreeing = fits.iter().filter(|fit| self.agrees(fit));
+                if agreeing.any(|fit| self.worth(fit) > MOST_WORTH_OF_SEED + CLOSE_RIVAL) {
+                    return;
                 }
                 for seed in triples(&squares, MAX_SEEDS) {
                     if let Some(seed) = self.fit(&seed, start).filter(|seed| self.agrees(seed)) {
-                        keep(seed);
+                        self.keep(seed, hypothesis, fits);
                     }
                 }
                 if fits.is_empty() {
@@ -244,6 +242,21 @@ impl<L: Lens> Inliers<'_, L> {
                 }
             }
             None => {}
+        }
+    }
+
+    /// Keeps a joint fit with what else agrees, unless it is within another one.
+    fn keep(&self, fit: Fit<L>, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
+        let is_known = |members: &[usize]| {
+            let within = |known: &&Fit<L>| members.iter().all(|i| known.members.contains(i));
+            fits.iter().any(|fit| self.agrees(fit) && within(&fit))
+        };
+        if is_known(&fit.members) {
+            return;
+        }
+        let grown = self.with_others(fit, hypothesis);
+        if !is_known(&grown.members) {
+            fits.push(grown);
         }
     }
 

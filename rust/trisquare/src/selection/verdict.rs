@@ -10,7 +10,7 @@ use crate::observations::{ObservedPlane, PlaneEdges};
 pub(crate) const LEAST_BOARDS: usize = 3;
 
 /// Logarithm of the odds below which another hypothesis is nearly as good.
-const CLOSE_RIVAL: f64 = 4.0;
+pub(super) const CLOSE_RIVAL: f64 = 4.0;
 
 /// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
 const LEAST_EVIDENCE: f64 = 8.0;
