@@ -14,9 +14,11 @@ const MAX_ITERATIONS: usize = 100;
 /// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
 const MAX_ROUNDS: usize = 12;
 
-/// Fall of the cost, in units of the noise variance, below which a step is the last of the search:
-/// it is still taken, and what it leaves is second order.
+/// Fall of the cost, in units of the noise variance, below which a step is the last of the search
+/// among so many planes, and in proportion among more: it is still taken, and what it leaves is
+/// second order.
 const LAST_DECREASE: f64 = 0.5;
+const PLANES: usize = 48;
 
 /// Newton steps on all samples, from the optimum of some.
 const MAX_FINAL_STEPS: usize = 20;
@@ -148,7 +150,7 @@ pub(crate) fn search<L: Lens>(
 ) -> Option<Search<L>> {
     let limits = Limits {
         iterations: MAX_ITERATIONS,
-        decrease: LAST_DECREASE,
+        decrease: LAST_DECREASE * planes.len().max(PLANES) as f64 / PLANES as f64,
     };
     let mut found = Search {
         scale: scale_near(planes, &start, None)?,
