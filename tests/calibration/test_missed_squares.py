@@ -16,11 +16,11 @@ def photograph(seed, count, clutter=6):
     return simulate.render(scene, rng, tone="srgb", noise=2.0, clutter=clutter)
 
 
-def printed_of(run, folder, picture):
+def printed_of(run, folder, picture, *options):
     """Lines on what was not used, of a picture that calibrates."""
     photo = folder / "photo.png"
     cv2.imwrite(str(photo), picture)
-    code, printed, _ = run("calibrate", photo)
+    code, printed, _ = run("calibrate", photo, *options)
     assert code == 0
     return [line.strip() for line in printed.splitlines() if "not used: " in line]
 
@@ -49,12 +49,24 @@ def test_a_square_under_a_finger_is_named(run, tmp_path, seed):
     ), line
 
 
+def left_one_cut(picture, targets="auto"):
+    """A picture without what lies left of the middle of its leftmost target, but for 40 px."""
+    planes = ts.calibrate(picture, targets=targets).planes
+    left = min((plane.corners for plane in planes), key=lambda corners: corners[:, 0].min())
+    return picture[:, int(left[:, 0].mean()) - 40 :]
+
+
 def test_a_square_that_the_border_cuts_is_named(run, tmp_path):
-    picture = photograph(903, 4)
-    left = min(
-        (plane.corners for plane in ts.calibrate(picture).planes), key=lambda it: it[:, 0].min()
-    )
-    (line,) = printed_of(run, tmp_path, picture[:, int(left[:, 0].mean()) - 40 :])
+    (line,) = printed_of(run, tmp_path, left_one_cut(photograph(903, 4)))
+    assert line.endswith("of picture 0: it is cut by the picture's border")
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_sheet_that_the_border_cuts_is_named(run, tmp_path, count):
+    rng = np.random.default_rng(903)
+    scene = simulate.random_scene(rng, count=count, aspect=297 / 210, dark=False)
+    cut = left_one_cut(simulate.render(scene, rng, tone="srgb", noise=2.0), "a4")
+    (line,) = printed_of(run, tmp_path, cut, "--targets", "a4")
     assert line.endswith("of picture 0: it is cut by the picture's border")
 
 

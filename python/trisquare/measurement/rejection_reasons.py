@@ -1,4 +1,4 @@
-"""Why four-sided shapes of a picture were not taken for squares.
+"""Why four-sided shapes of a picture were not taken for squares or rectangles.
 
 The search drops most of them silently. After a failure, for a debug image or for a printed table
 its stages are run again, and each shape that a stage drops is reported; `calibrate` of Python never
@@ -66,12 +66,15 @@ def rejection_reasons(search: Search) -> list[Rejected]:
     out, and so are the sheets and signs that targets lie on.
     """
     searched, scale = search.working_picture()
-    if not search.kinds.squares or min(searched.shape) < MIN_PICTURE:
+    kinds = search.kinds
+    if not (kinds.squares or kinds.rectangles) or min(searched.shape) < MIN_PICTURE:
         return []
     targets = np.array([_region(target) / scale for target in search.targets]).reshape(-1, 4, 2)
+    # Rectangles are searched in other stages, and most of what these drop is what sheets bear.
+    dropped = _dropped_by_stages(searched) if kinds.squares else ()
     shapes = [
         (corners, reason)
-        for corners, reason in (*_dropped_by_stages(searched), *_cut_by_border(searched))
+        for corners, reason in (*dropped, *_cut_by_border(searched))
         if quad_areas(corners) >= MIN_SIDE**2 and not is_among(corners, targets)
     ]
     outlines = np.array([corners for corners, _ in shapes]).reshape(-1, 4, 2)
