@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import trisquare._core as _core
+from trisquare._support.number_text import plus_minus, with_its_std
 
 CONTRADICTED = 5.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
@@ -96,17 +97,24 @@ def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | 
     `names` is as in `contradicting_pictures`.
     """
     shifts = [
-        f"{names[index]}: {tone.shift[0]:+.3f} +- {tone.shift[1]:.3f} px"
+        f"{names[index]}: {_its_size(*tone.shift)}"
         for index, tone in tones.items()
         if tone.shift is not None
     ]
     if not shifts:
         return None
     return (
-        "the edge profiles fit no tone curve (is the picture sharpened or compressed?); instead "
-        "one common shift of all edges toward their dark side was estimated: "
-        f"{'; '.join(shifts)}"
+        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all its "
+        "edges may be displaced toward their dark side by one distance, which the standard "
+        f"deviations allow for ({'; '.join(shifts)})"
     )
+
+
+def _its_size(shift: float, std: float) -> str:
+    """Write a shift in pixels; one that is not told from zero is no estimate."""
+    if abs(shift) < std:
+        return f"unknown, with a standard deviation of {with_its_std(0.0, std)[1]} px"
+    return f"{plus_minus(shift, std)} px"
 
 
 def pooled(tones: Sequence[PictureTone]) -> tuple[str | float | None, float | None]:
