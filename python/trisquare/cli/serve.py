@@ -6,6 +6,7 @@ import logging
 import os
 import re
 import secrets
+import stat
 import sys
 import webbrowser
 from pathlib import Path
@@ -141,9 +142,14 @@ def _log_to_standard_error() -> None:
 
 
 def _check_readable(file: Path) -> None:
-    """Raise an error that names the file, which OpenSSL's does not, if it cannot be opened."""
+    """Raise an error that names the file, which OpenSSL's does not, if it cannot be read.
+
+    OpenSSL opens it by its name, more than once, and would wait for a pipe without end.
+    """
     with reading():
         try:
+            if not stat.S_ISREG(file.stat().st_mode):
+                raise OSError("is no regular file")
             file.open("rb").close()
         except OSError as error:
-            raise OSError(f"{file}: {error.strerror}") from error
+            raise OSError(f"{file}: {error.strerror or error}") from error
