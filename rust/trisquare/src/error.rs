@@ -159,16 +159,18 @@ pub enum Error {
         needed: usize,
     },
 
-    /// A line is described by too few samples.
-    #[error("line {line} of figure {figure} has {found} sample(s), but needs at least {needed}")]
+    /// A line is described by too few samples; those in one place count as one.
+    #[error(
+        "line {line} of figure {figure} has {found} different sample(s), but needs at least {needed}"
+    )]
     TooFewSamples {
         /// Index of the figure.
         figure: usize,
         /// Index of the line in the figure.
         line: usize,
-        /// Samples given.
+        /// Different samples given.
         found: usize,
-        /// Samples needed.
+        /// Different samples needed.
         needed: usize,
     },
 

@@ -133,6 +133,24 @@ fn two_directions_are_too_few_for_a_freed_skew() {
     assert!(refused >= 5, "{refused}");
 }
 
+/// Only photographs that come along are counted.
+#[test]
+fn numbers_of_pictures_are_names() {
+    let scene = Scene::random(3, SceneOptions::default());
+    let camera_of = |images: [usize; 3]| {
+        let mut edges = scene.edges(3, 0.05, SPACING);
+        for (figure, image) in edges.iter_mut().zip(images) {
+            let drift = |points: &Vec<Vector2<f64>>| vec![Vector2::new(0.01, 0.02); points.len()];
+            figure.tone_drift = Some(figure.points.iter().map(drift).collect());
+            figure.image = image;
+        }
+        let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+        assert_eq!([0, 1, 2].map(|i| found.planes[i].image), images);
+        (found.camera, found.covariance)
+    };
+    assert_eq!(camera_of([0, 1, 1]), camera_of([7, usize::MAX, usize::MAX]));
+}
+
 #[test]
 fn errors_lie_within_the_stated_standard_deviations() {
     let (mut squares, mut count) = (0.0, 0.0);

@@ -7,6 +7,9 @@ use crate::error::Error;
 /// Sweeps after which an eigendecomposition is given up; it needs a few.
 const MAX_SWEEPS: usize = 100;
 
+/// Different points that a line needs.
+pub const MIN_LINE_SAMPLES: usize = 2;
+
 /// A line `a x + b y + c = 0` with `a^2 + b^2 = 1`, so that the left side is a signed distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

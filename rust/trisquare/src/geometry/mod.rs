@@ -17,6 +17,6 @@ pub(crate) use conic::{
 pub use homography::homography_from_lines;
 pub(crate) use homography::{MIN_LINES, normalised_homography};
 pub use line::Line;
-pub(crate) use line::line_of_rays;
+pub(crate) use line::{MIN_LINE_SAMPLES, line_of_rays};
 pub(crate) use normalisation::Normalisation;
 pub use pose::Pose;

@@ -9,11 +9,11 @@
 use nalgebra::{DVector, Matrix2, Vector2};
 
 use crate::error::Error;
-use crate::geometry::Line;
+use crate::geometry::{Line, MIN_LINE_SAMPLES};
 use crate::image_size::ImageSize;
 use crate::lens::increases_up_to;
 use crate::numeric::{ArrowStep, ArrowSystem, Limits, Minimum, Problem, minimise};
-use crate::observations::check_places;
+use crate::observations::check_samples;
 
 /// Coefficients a straightening may have.
 pub const MAX_COEFFICIENTS: usize = 3;
@@ -215,20 +215,7 @@ fn check(
         return Err(Error::NotFinite { what: "the centre" });
     }
     for (line, curve) in curves.iter().enumerate() {
-        check_places(0, line, curve)?;
-        // Samples in one place are one.
-        let found = match curve.iter().any(|point| *point != curve[0]) {
-            true => curve.len(),
-            false => curve.len().min(1),
-        };
-        if found < 2 {
-            return Err(Error::TooFewSamples {
-                figure: 0,
-                line,
-                found,
-                needed: 2,
-            });
-        }
+        check_samples(0, line, curve, MIN_LINE_SAMPLES)?;
     }
     let samples = curves.iter().map(Vec::len).sum();
     let unknowns = coefficients + 2 * curves.len();

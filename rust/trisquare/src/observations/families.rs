@@ -6,7 +6,7 @@
 use nalgebra::Vector2;
 
 use crate::error::Error;
-use crate::geometry::Line;
+use crate::geometry::{Line, MIN_LINE_SAMPLES};
 
 /// Lines of each family that fix a plane.
 const LEAST_LINES: usize = 2;
@@ -88,7 +88,7 @@ pub(super) fn outermost_lines(
             figure,
             line,
             found: 1,
-            needed: 2,
+            needed: MIN_LINE_SAMPLES,
         })
     };
     let chords = points.iter().enumerate().map(chord);

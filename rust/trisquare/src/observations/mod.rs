@@ -27,7 +27,7 @@ pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::rectangle_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
-pub(crate) use plane_edges::{check_places, samples_outside};
+pub(crate) use plane_edges::{check_samples, samples_outside};
 pub(crate) use relation::Related;
 pub use relation::Relation;
 pub use relations::relate_planes;

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::families::outermost_lines;
 use super::relation::Relation;
 use crate::error::Error;
-use crate::geometry::{Line, MIN_LINES};
+use crate::geometry::{Line, MIN_LINE_SAMPLES, MIN_LINES};
 use crate::image_size::ImageSize;
 
 /// How far beyond a corner, in units of the side, samples may lie before the order is doubted:
@@ -15,6 +15,10 @@ const CORNER_SLACK: f64 = 0.25;
 /// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
 /// the picture, and what measuring errs by.
 const BORDER_SLACK: f64 = 2.0;
+
+/// How far (px) a sample may be said to be displaced by a standard deviation of the tone curve: blurs
+/// are some pixels at most, and no tone curve displaces an edge by more than its blur.
+const LARGEST_DRIFT: f64 = 10.0;
 
 /// No picture is this large (px); far beyond it, squares of coordinates overflow.
 const LARGEST_COORDINATE: f64 = 1e9;
@@ -79,12 +83,14 @@ pub struct PlaneEdges {
     pub polarity: Option<Polarity>,
     /// Figures with equal numbers stand on one physical plane; a plane of its own where absent.
     pub plane: Option<u64>,
-    /// Index of the picture that shows it.
+    /// The picture that shows it: its index where photographs are given, else any number that the
+    /// figures of one picture have in common.
     pub image: usize,
     /// What is unknown of it.
     pub freedom: Freedom,
     /// How far one standard deviation of an error that all samples of a picture share, as that of
-    /// its estimated tone curve, displaces each sample, in pixels; no such error where absent.
+    /// its estimated tone curve, displaces each sample, in pixels, 10 at most; no such error where
+    /// absent.
     pub tone_drift: Option<Vec<Vec<Vector2<f64>>>>,
     /// Width of the plain border within a square's outline, in the lines' units: further inside is
     /// something else, as the bits of a tag. Absent if nothing is known of it.
@@ -289,8 +295,13 @@ impl PlaneEdges {
                 self.points.len()
             )));
         }
+        let needed = match self.freedom {
+            Freedom::Line => MIN_SCENE_LINE_SAMPLES,
+            _ if !self.radii.is_empty() => MIN_CIRCLE_SAMPLES,
+            _ => MIN_LINE_SAMPLES,
+        };
         for (line, points) in self.points.iter().enumerate() {
-            check_samples(figure, line, points)?;
+            check_samples(figure, line, points, needed)?;
         }
         if self.freedom == Freedom::Offsets {
             outermost_lines(figure, &self.lines, &self.points)?;
@@ -338,15 +349,6 @@ impl PlaneEdges {
                  that it shares"
             )));
         }
-        let found = self.points.first().map_or(0, Vec::len);
-        if found < MIN_SCENE_LINE_SAMPLES {
-            return Err(Error::TooFewSamples {
-                figure,
-                line: 0,
-                found,
-                needed: MIN_SCENE_LINE_SAMPLES,
-            });
-        }
         Ok(())
     }
 
@@ -364,16 +366,6 @@ impl PlaneEdges {
                  one known",
             );
         }
-        for (circle, points) in self.points.iter().enumerate() {
-            if points.len() < MIN_CIRCLE_SAMPLES {
-                return Err(Error::TooFewSamples {
-                    figure,
-                    line: circle,
-                    found: points.len(),
-                    needed: MIN_CIRCLE_SAMPLES,
-                });
-            }
-        }
         Ok(())
     }
 
@@ -387,10 +379,11 @@ impl PlaneEdges {
                 "figure {figure} needs one drift for every sample"
             )));
         }
-        let finite = |d: &Vector2<f64>| d.x.is_finite() && d.y.is_finite();
-        match first_other(tone_drift, finite) {
+        let is_drift = |drift: &Vector2<f64>| drift.iter().all(|v| v.abs() <= LARGEST_DRIFT);
+        match first_other(tone_drift, is_drift) {
             Some((line, sample)) => Err(Error::InvalidArgument(format!(
-                "the drift of sample {sample} of line {line} of figure {figure} must be finite"
+                "the drift of sample {sample} of line {line} of figure {figure} must be finite, and \
+                 not beyond {LARGEST_DRIFT} pixels: no tone curve displaces an edge further"
             ))),
             None => Ok(()),
         }
@@ -406,16 +399,35 @@ fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(us
     lines.iter().enumerate().find_map(wrong)
 }
 
-fn check_samples(figure: usize, line: usize, points: &[Vector2<f64>]) -> Result<(), Error> {
-    if points.len() < 2 {
+/// # Errors
+/// [`Error::SampleNotFinite`], and [`Error::TooFewSamples`] for fewer than `needed` places.
+pub(crate) fn check_samples(
+    figure: usize,
+    line: usize,
+    points: &[Vector2<f64>],
+    needed: usize,
+) -> Result<(), Error> {
+    check_places(figure, line, points)?;
+    // Samples in one place are one.
+    let mut places: Vec<&Vector2<f64>> = Vec::with_capacity(needed);
+    for point in points {
+        if places.len() == needed {
+            break;
+        }
+        if !places.contains(&point) {
+            places.push(point);
+        }
+    }
+    let found = places.len();
+    if found < needed {
         return Err(Error::TooFewSamples {
             figure,
             line,
-            found: points.len(),
-            needed: 2,
+            found,
+            needed,
         });
     }
-    check_places(figure, line, points)
+    Ok(())
 }
 
 /// # Errors
@@ -489,7 +501,7 @@ impl SideOrder {
             });
         }
         for (side, points) in sides.iter().enumerate() {
-            check_samples(0, side, points)?;
+            check_samples(0, side, points, MIN_LINE_SAMPLES)?;
         }
         let line = |side: usize, neighbour: usize| {
             let near = half_toward(&sides[side], &sides[neighbour]);
@@ -497,7 +509,7 @@ impl SideOrder {
                 figure: 0,
                 line: side,
                 found: 1,
-                needed: 2,
+                needed: MIN_LINE_SAMPLES,
             })
         };
         let crossed = |side| Error::CrossedSides { figure: 0, side };
@@ -640,6 +652,28 @@ mod tests {
     }
 
     #[test]
+    fn samples_in_one_place_are_one() {
+        let place = Vector2::new(100.0, 100.0);
+        let mut edges = PlaneEdges::square(sides()).unwrap();
+        edges.points[3] = vec![place; 9];
+        let told = "line 3 of figure 0 has 1 different sample(s), but needs at least 2";
+        for refused in [
+            edges.check(0).unwrap_err(),
+            PlaneEdges::square(edges.points).unwrap_err(),
+        ] {
+            assert_eq!(refused.to_string(), told);
+        }
+        let line = PlaneEdges::line(vec![place, place, 2.0 * place]);
+        let circle = PlaneEdges::circles(vec![vec![place; 5]], None);
+        for (refused, counts) in [(line, (2, 3)), (circle, (1, 5))] {
+            assert!(matches!(
+                refused,
+                Err(Error::TooFewSamples { found, needed, .. }) if (found, needed) == counts
+            ));
+        }
+    }
+
+    #[test]
     fn sides_may_bulge_at_a_blunt_corner() {
         // As a wide lens shows a square: one side 24 px off its chord, beside a short one.
         let c = [
@@ -722,14 +756,16 @@ mod tests {
             "{refused}"
         );
         let mut drift = vec![vec![Vector2::zeros(); 9]; 4];
-        drift[3][8].y = f64::NAN;
         edges.std = None;
-        edges.tone_drift = Some(drift);
-        let refused = edges.check(6).unwrap_err().to_string();
-        assert!(
-            refused.contains("sample 8 of line 3 of figure 6"),
-            "{refused}"
-        );
+        for wild in [f64::NAN, -f64::INFINITY, 1e308, -10.1] {
+            drift[3][8].y = wild;
+            edges.tone_drift = Some(drift.clone());
+            let refused = edges.check(6).unwrap_err().to_string();
+            assert!(
+                refused.contains("sample 8 of line 3 of figure 6"),
+                "{refused}"
+            );
+        }
         edges.tone_drift = None;
         edges.std = None;
         edges.border = Some(0.1);

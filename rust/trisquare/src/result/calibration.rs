@@ -52,7 +52,7 @@ pub struct SideResiduals {
 pub struct Plane {
     /// Index of its first figure among the edges given.
     pub figure: usize,
-    /// Index of the picture that shows it.
+    /// The picture that shows it, numbered as in the edges given.
     pub image: usize,
     /// `cam_from_plane`, in units of the first figure's coordinates.
     pub pose: Pose,
@@ -78,7 +78,7 @@ pub struct Plane {
 pub struct SceneLine {
     /// Its index among the edges given.
     pub figure: usize,
-    /// Index of the picture that shows it.
+    /// The picture that shows it, numbered as in the edges given.
     pub image: usize,
     /// Root mean square distance of its samples from the image of the line that fits them best, in
     /// pixels; `None` where the lens does not see all of them.

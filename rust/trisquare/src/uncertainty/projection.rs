@@ -39,7 +39,8 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     /// With `aspect_fixed`, `fy` follows `fx`.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for a name that is none, or a covariance of another size;
+    /// [`Error::InvalidArgument`] for a name that is none or is given twice, or a covariance of
+    /// another size;
     /// [`Error::NotFinite`].
     pub fn new(
         camera: &'a L,
@@ -54,6 +55,13 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         let columns = parameters.iter().map(column);
         let columns: Vec<usize> = columns.collect::<Result<_, _>>()?;
         let size = columns.len();
+        let is_repeated = |place: &usize| columns[..*place].contains(&columns[*place]);
+        if let Some(place) = (0..size).find(is_repeated) {
+            return Err(Error::InvalidArgument(format!(
+                "the parameter {:?} is given twice",
+                parameters[place]
+            )));
+        }
         if covariance.shape() != (size, size) {
             return Err(Error::InvalidArgument(format!(
                 "the covariance of {size} parameters has {} rows and {} columns",
@@ -212,6 +220,7 @@ mod tests {
             (vec!["f"], 1, 1.0),
             (vec!["fx"], 2, 1.0),
             (vec!["fx"], 1, f64::NAN),
+            (vec!["fx", "cx", "fx"], 3, 0.0),
         ] {
             let covariance = DMatrix::from_element(rows, rows, value);
             assert!(ProjectionUncertainty::new(&lens, &names, false, covariance).is_err());
