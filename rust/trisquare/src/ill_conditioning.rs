@@ -73,6 +73,16 @@ pub enum Cause {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Remedy {
+    /// Free the focal lengths: the planes answer without their held values.
+    FreeFocal {
+        /// The values held.
+        held: (f64, f64),
+    },
+    /// Free the principal point: the planes answer without its held value.
+    FreePrincipalPoint {
+        /// The value held.
+        held: (f64, f64),
+    },
     /// Hold the skew.
     HoldSkew,
     /// Hold the ratio of the focal lengths.
@@ -201,6 +211,14 @@ impl fmt::Display for Cause {
 impl fmt::Display for Remedy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::FreeFocal { held: (fx, fy) } => write!(
+                f,
+                "free the focal lengths: the planes contradict the held fx = {fx}, fy = {fy}"
+            ),
+            Self::FreePrincipalPoint { held: (cx, cy) } => write!(
+                f,
+                "free the principal point: the planes contradict the held cx = {cx}, cy = {cy}"
+            ),
             Self::HoldSkew => write!(f, "hold the skew"),
             Self::FixAspect => write!(f, "fix the aspect"),
             Self::FixPrincipalPoint => write!(f, "fix the principal point at a known value"),

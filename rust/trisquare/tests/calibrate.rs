@@ -4,8 +4,8 @@ use nalgebra::Vector2;
 use trisquare::lens::SKEW;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, ImageSize, Lens, Method, Options,
-    PlaneEdges, Remedy, Stage, Warning, calibrate,
+    Brown, BrownModel, Calibration, Error, ErrorKind, Fixed, Freedom, ImageSize, Lens, Method,
+    Options, PlaneEdges, Remedy, Stage, Warning, calibrate,
 };
 
 const NO_NOISE: f64 = 0.0;
@@ -131,6 +131,45 @@ fn two_directions_are_too_few_for_a_freed_skew() {
         }
     }
     assert!(refused >= 5, "{refused}");
+}
+
+#[test]
+fn a_held_value_that_the_planes_contradict_is_named() {
+    let scene = Scene::random(3, SceneOptions::default());
+    let edges = scene.edges(3, 0.05, SPACING);
+    let refused = |wrong: usize, value: f64, fixed: Fixed| {
+        let mut held: [f64; 9] = scene.camera.parameters()[..9].try_into().unwrap();
+        held[wrong] = value;
+        let options = Options {
+            fixed,
+            initial: Some(Brown::new(held)),
+            ..Options::default()
+        };
+        match calibrate(&edges, scene.size, &options) {
+            Err(Error::IllConditioned(why)) => why.to_string(),
+            other => panic!("{other:?}"),
+        }
+    };
+    let focal = Fixed {
+        focal: true,
+        ..Fixed::default()
+    };
+    let told = refused(0, 1e6, focal);
+    assert!(
+        told.contains("; free the focal lengths: the planes contradict the held fx = 1000000, fy"),
+        "{told}"
+    );
+    let principal_point = Fixed {
+        principal_point: true,
+        ..Fixed::default()
+    };
+    let told = refused(2, -1e6, principal_point);
+    assert!(
+        told.contains(
+            "; free the principal point: the planes contradict the held cx = -1000000, cy"
+        ),
+        "{told}"
+    );
 }
 
 /// Only photographs that come along are counted.

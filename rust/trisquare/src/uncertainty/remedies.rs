@@ -49,6 +49,12 @@ pub(crate) fn add_remedies<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     succeeds: impl Fn(Fixed) -> bool,
 ) {
+    // With less known less is determined, unless what was held is wrong: then nothing else helps.
+    let freed = remedies_by_freeing(conditioning, &succeeds);
+    if !freed.is_empty() {
+        ill_conditioning.remedies = freed;
+        return;
+    }
     let mut remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
     // Another photograph is better than a principal point that nobody knows.
     let guesses = remedies.iter().position(Remedy::is_of_principal_point);
@@ -56,6 +62,44 @@ pub(crate) fn add_remedies<L: Lens>(
     let before = guesses.unwrap_or(remedies.len());
     remedies.splice(before..before, shown);
     ill_conditioning.remedies = remedies;
+}
+
+/// What to hold no longer so that a calibration succeeds.
+fn remedies_by_freeing<L: Lens>(
+    conditioning: &Conditioning<'_, L>,
+    succeeds: impl Fn(Fixed) -> bool,
+) -> Vec<Remedy> {
+    let fixed = conditioning.options.fixed;
+    let lens = &conditioning.view.lens;
+    let pair = |held: Vector2<f64>| (held.x, held.y);
+    let focal = Fixed {
+        focal: false,
+        ..fixed
+    };
+    let principal_point = Fixed {
+        principal_point: false,
+        ..fixed
+    };
+    let freed = [
+        (
+            focal,
+            Remedy::FreeFocal {
+                held: pair(lens.focal()),
+            },
+        ),
+        (
+            principal_point,
+            Remedy::FreePrincipalPoint {
+                held: pair(lens.principal_point()),
+            },
+        ),
+    ];
+    let helps = |(held, _): &(Fixed, Remedy)| *held != fixed && succeeds(*held);
+    freed
+        .into_iter()
+        .filter(helps)
+        .map(|(_, remedy)| remedy)
+        .collect()
 }
 
 /// What to hold so that a calibration succeeds.
