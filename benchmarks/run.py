@@ -32,6 +32,7 @@ BENCHMARKS = (
     "accuracy.broken_assumptions",
     "accuracy.lens_beyond_model",
     "accuracy.decentred_lens",
+    "accuracy.held_skew",
     "accuracy.rich_lenses",
     "accuracy.pixel_bound",
     "accuracy.lattice_bound",
