@@ -285,7 +285,7 @@ impl Canvas {
         )
     }
 
-    /// Something in the way: a patch of another shade, however light.
+    /// Something in the way: a patch of another shade, of nothing, or of everything.
     pub(crate) fn damage(&mut self, bytes: &mut Bytes<'_>) {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         for _ in 0..bytes.below(4) {
@@ -295,10 +295,9 @@ impl Canvas {
             let shade = match bytes.below(6) {
                 0 => bytes.any() as f32,
                 1 => 1e30,
+                2 => f32::NAN,
                 _ => bytes.unit() as f32,
             };
-            // A picture with anything else is refused.
-            let shade = if shade.is_finite() { shade } else { f32::MAX };
             for row in self.values.chunks_exact_mut(width).take(bottom).skip(top) {
                 row[left..right].fill(shade);
             }

@@ -412,6 +412,7 @@ fn where_there_is_no_edge_the_reason_is_told() {
         Picture::from_u8(SIZE, SIZE, 1, vec![0; SIZE * SIZE]).unwrap(),
         Picture::from_f32(SIZE, SIZE, 1, vec![0.7; SIZE * SIZE]).unwrap(),
         Picture::from_u8(SIZE, SIZE, 1, grain).unwrap(),
+        Picture::from_f32(SIZE, SIZE, 1, vec![f32::NAN; SIZE * SIZE]).unwrap(),
         Picture::from_u8(1, 1, 3, vec![9; 3]).unwrap(),
     ];
     let spans = [

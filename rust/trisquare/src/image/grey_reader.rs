@@ -109,7 +109,7 @@ impl<'a> GreyReader<'a> {
         match &self.picture.pixels {
             Pixels::U8(values) => Some(self.levels[0][usize::from(values[index])]),
             Pixels::U16(values) => Some(f64::from(values[index]) / f64::from(u16::MAX)),
-            Pixels::F32(values) => Some(f64::from(values[index])),
+            Pixels::F32(values) => Some(f64::from(values[index])).filter(|value| value.is_finite()),
         }
     }
 
@@ -176,7 +176,7 @@ impl<'a> GreyReader<'a> {
     }
 
     /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
-    /// inside the picture; those of which [`get`](Self::get) has nothing are read as NaN.
+    /// inside the picture; values that are not finite are read as NaN.
     pub(crate) fn read_line(
         &self,
         [x, y]: [usize; 2],
@@ -256,13 +256,14 @@ mod tests {
     fn every_type_is_normalised() {
         let bytes = Picture::from_u8(2, 1, 1, vec![0, 51]).unwrap();
         let words = Picture::from_u16(2, 1, 1, vec![0, 13_107]).unwrap();
-        let floats = Picture::from_f32(2, 1, 1, vec![0.0, 0.2]).unwrap();
+        let floats = Picture::from_f32(2, 1, 1, vec![f32::NAN, 0.2]).unwrap();
         for picture in [&bytes, &words, &floats] {
             let reader = picture.reader(Tone::Srgb);
             assert!((reader.get(1, 0).unwrap() - 0.2).abs() < 1e-8);
             assert_eq!(reader.get(2, 0), None);
             assert_eq!(reader.get(0, 1), None);
         }
+        assert_eq!(floats.reader(Tone::Linear).get(0, 0), None);
         assert_eq!(bytes.reader(Tone::Linear).get(0, 0), Some(0.0));
     }
 

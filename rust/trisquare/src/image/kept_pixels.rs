@@ -207,9 +207,9 @@ mod tests {
         let count = width * height;
         let bytes: Vec<u8> = (0..3 * count).map(|i| (i * 7 % 256) as u8).collect();
         let words = bytes.iter().map(|&byte| u16::from(byte) * 257).collect();
-        let grey = &bytes[..count];
-        let floats = grey.iter().map(|&byte| f32::from(byte) / 255.0).collect();
-        let grey = Picture::from_u8(width, height, 1, grey.to_vec()).unwrap();
+        let floats = bytes[..count].iter().map(|&byte| f32::from(byte) / 255.0);
+        let floats = floats.map(|v| if v > 0.9 { f32::NAN } else { v }).collect();
+        let grey = Picture::from_u8(width, height, 1, bytes[..count].to_vec()).unwrap();
         vec![
             grey.of_even_rows(),
             grey,

@@ -25,12 +25,6 @@ pub enum PictureError {
         /// Values given.
         count: usize,
     },
-    /// A value is NaN or infinite.
-    #[error("the value of index {index} must be finite")]
-    NotFinite {
-        /// Index of the first such value.
-        index: usize,
-    },
 }
 
 /// A picture: rows from the top, pixels from the left, channels of a pixel (BGR) side by side.
@@ -78,19 +72,16 @@ impl Picture {
         Self::of([width, height, channels], values.len(), Pixels::U16(values))
     }
 
-    /// A picture of floating-point values, used as they are.
+    /// A picture of floating-point values, used as they are; those not finite count as missing.
     ///
     /// # Errors
-    /// As [`from_u8`](Self::from_u8), and [`PictureError::NotFinite`].
+    /// As [`from_u8`](Self::from_u8).
     pub fn from_f32(
         width: usize,
         height: usize,
         channels: usize,
         values: Vec<f32>,
     ) -> Result<Self, PictureError> {
-        if let Some(index) = values.iter().position(|value| !value.is_finite()) {
-            return Err(PictureError::NotFinite { index });
-        }
         Self::of([width, height, channels], values.len(), Pixels::F32(values))
     }
 
@@ -257,14 +248,5 @@ mod tests {
         assert!(told(usize::MAX, 1, 1).ends_with("is none: 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
-    }
-
-    #[test]
-    fn values_that_are_not_finite_are_refused() {
-        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            let refused = Picture::from_f32(2, 2, 1, vec![0.0, -1.0, value, value]);
-            assert_eq!(refused.unwrap_err(), PictureError::NotFinite { index: 2 });
-        }
-        assert!(Picture::from_f32(2, 1, 1, vec![f32::MAX, f32::MIN]).is_ok());
     }
 }
