@@ -14,7 +14,6 @@ use super::joint_fit::Fit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose};
 use super::squareness::Pinhole;
 use super::subsets::triples;
-use super::verdict::CLOSE_RIVAL;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion, first_view};
 use crate::noise::{Misfit, Noise, account_for_drift};
@@ -54,6 +53,9 @@ const MAX_SHARED: usize = 3;
 
 /// By how much less evidence than the best a hypothesis may have that is followed up.
 const CONSIDERED: f64 = 8.0;
+
+/// Logarithm of the odds below which another hypothesis is nearly as good.
+pub(super) const CLOSE_RIVAL: f64 = 4.0;
 
 /// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
 const SQUARE_EVIDENCE: f64 = 5.0;

@@ -1,16 +1,13 @@
 //! What a choice among candidates returns, and why it may be wrong.
 
 use super::hypothesis::Hypothesis;
-use super::inliers::{Inliers, MAX_FITTED};
+use super::inliers::{CLOSE_RIVAL, Inliers, MAX_FITTED};
 use super::joint_fit::Fit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
-
-/// Logarithm of the odds below which another hypothesis is nearly as good.
-pub(super) const CLOSE_RIVAL: f64 = 4.0;
 
 /// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
 const LEAST_EVIDENCE: f64 = 8.0;
