@@ -14,11 +14,11 @@ const MAX_ITERATIONS: usize = 100;
 /// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
 const MAX_ROUNDS: usize = 12;
 
-/// Fall of the cost, in units of the noise variance, below which a step is the last of the search
-/// among so many planes, and in proportion among more: it is still taken, and what it leaves is
-/// second order.
+/// Fall of the cost, in units of the noise variance, below which a step is the last of the search:
+/// it is still taken, and what it leaves is second order. Among more than a few planes it is larger
+/// in proportion to them.
 const LAST_DECREASE: f64 = 0.5;
-const PLANES: usize = 48;
+const FEW_PLANES: f64 = 48.0;
 
 /// Newton steps on all samples, from the optimum of some.
 const MAX_FINAL_STEPS: usize = 20;
@@ -150,7 +150,7 @@ pub(crate) fn search<L: Lens>(
 ) -> Option<Search<L>> {
     let limits = Limits {
         iterations: MAX_ITERATIONS,
-        decrease: LAST_DECREASE * planes.len().max(PLANES) as f64 / PLANES as f64,
+        decrease: LAST_DECREASE * (planes.len() as f64 / FEW_PLANES).max(1.0),
     };
     let mut found = Search {
         scale: scale_near(planes, &start, None)?,

@@ -80,26 +80,25 @@ fn remedies_by_freeing<L: Lens>(
         principal_point: false,
         ..fixed
     };
-    let freed = [
-        (
-            focal,
-            Remedy::FreeFocal {
-                held: pair(lens.focal()),
-            },
-        ),
-        (
-            principal_point,
-            Remedy::FreePrincipalPoint {
-                held: pair(lens.principal_point()),
-            },
-        ),
-    ];
-    let helps = |(held, _): &(Fixed, Remedy)| *held != fixed && succeeds(*held);
+    let of_focal = Remedy::FreeFocal {
+        held: pair(lens.focal()),
+    };
+    let of_principal_point = Remedy::FreePrincipalPoint {
+        held: pair(lens.principal_point()),
+    };
+    let tried = tried(&fixed, succeeds);
+    let freed = tried(of_focal, focal).into_iter();
     freed
-        .into_iter()
-        .filter(helps)
-        .map(|(_, remedy)| remedy)
+        .chain(tried(of_principal_point, principal_point))
         .collect()
+}
+
+/// Gives a remedy if what it holds is other than now, and a calibration then succeeds.
+fn tried(
+    now: &Fixed,
+    succeeds: impl Fn(Fixed) -> bool,
+) -> impl Fn(Remedy, Fixed) -> Option<Remedy> {
+    move |remedy, held| (held != *now && succeeds(held)).then_some(remedy)
 }
 
 /// What to hold so that a calibration succeeds.
@@ -120,7 +119,7 @@ fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<R
         principal_point: true,
         ..aspect
     };
-    let tried = |remedy, held: Fixed| (held != *fixed && succeeds(held)).then_some(remedy);
+    let tried = tried(fixed, succeeds);
     let alone: Vec<Remedy> = tried(Remedy::HoldSkew, skew)
         .into_iter()
         .chain(tried(Remedy::FixAspect, aspect))
