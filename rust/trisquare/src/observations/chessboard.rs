@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::edge_shift::{CellSample, GridLineSamples, alternation, remove_edge_shift};
-use super::plane_edges::{PlaneEdges, check_places};
+use super::plane_edges::PlaneEdges;
+use super::sample_checks::check_places;
 use crate::error::Error;
 use crate::geometry::Line;
 use crate::image::{Picture, Tone};

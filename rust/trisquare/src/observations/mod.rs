@@ -3,6 +3,7 @@
 mod chessboard;
 mod coinciding;
 mod curve;
+mod edge_checks;
 mod edge_shift;
 mod families;
 mod free_parameters;
@@ -13,10 +14,13 @@ mod plane_edges;
 mod relation;
 mod relations;
 mod relief;
+mod sample_checks;
+mod side_order;
 mod view;
 
 pub use chessboard::Chessboard;
 pub(crate) use curve::{Curve, ModelLine, Radius};
+pub(crate) use edge_checks::samples_outside;
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};
 pub(crate) use observed::{
@@ -27,10 +31,10 @@ pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]
 pub(crate) use plane_edges::rectangle_lines;
 pub use plane_edges::{Freedom, PlaneEdges, Polarity};
-pub(crate) use plane_edges::{check_samples, samples_outside};
 pub(crate) use relation::Related;
 pub use relation::Relation;
 pub use relations::relate_planes;
 pub(crate) use relations::{check_relations, relations_of};
 pub(crate) use relief::{BoardRelief, Heights, TERMS};
+pub(crate) use sample_checks::check_samples;
 pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::band::PixelFigure;
+use super::band_pixels::PixelFigure;
 use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
 /// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.

@@ -2,7 +2,7 @@
 //!
 //! The distances of the pixels to the sides do not change then, and are computed once.
 
-use super::band::PixelFigure;
+use super::band_pixels::PixelFigure;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::all_distances;
 use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};

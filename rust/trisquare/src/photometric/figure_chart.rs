@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, Vector2};
 
-use super::band::{BandPixel, PixelFigure};
+use super::band_pixels::{BandPixel, PixelFigure};
 use super::coverage::PLATEAU;
 use super::scene::Scene;
 use crate::geometry::Line;

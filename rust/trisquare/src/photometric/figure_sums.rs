@@ -8,7 +8,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
-use super::band::BandPixel;
+use super::band_pixels::BandPixel;
 use super::exposure::EXPOSURE_PARAMETERS;
 use super::figure_chart::{FigureChart, TERMS};
 use super::scene::{Scene, Shade};

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::band::{BandPixel, PixelFigure, Pixels};
+use super::band::Pixels;
+use super::band_pixels::{BandPixel, PixelFigure};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
@@ -298,7 +299,8 @@ impl PixelFit<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::band::{Bands, Width};
+    use super::super::band::Bands;
+    use super::super::band_pixels::Width;
     use super::super::figure_chart::all_distances;
     use super::super::kept::pixels_to_keep;
     use super::super::photographs::Photographs;

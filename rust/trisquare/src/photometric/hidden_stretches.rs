@@ -4,7 +4,7 @@
 //! count as an outlier; the mean over a stretch shows it. And rings around an outline that are not
 //! plain, told in the same way.
 
-use super::band::PixelFigure;
+use super::band_pixels::PixelFigure;
 use super::coverage::PLATEAU;
 use super::figure_chart::all_distances;
 use super::scene::Scene;

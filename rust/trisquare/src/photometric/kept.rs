@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::band::{Width, bounds};
+use super::band_pixels::Width;
+use super::outline::bounds;
 use crate::geometry::Line;
 use crate::image::{KeptPixels, Picture};
 use crate::observations::PlaneEdges;
@@ -62,7 +63,8 @@ fn half_toward<'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::band::{Bands, PixelFigure};
+    use super::super::band::Bands;
+    use super::super::band_pixels::PixelFigure;
     use super::super::photographs::Photographs;
     use super::*;
     use crate::image::{PictureTone, Tone};

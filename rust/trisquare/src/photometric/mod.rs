@@ -1,7 +1,9 @@
 //! The last stage when there is a picture: the joint model fitted to the pixels themselves.
 
 mod band;
+mod band_pixels;
 mod coverage;
+mod distance_map;
 mod exposure;
 mod exposure_fit;
 mod figure_chart;
@@ -9,6 +11,7 @@ mod figure_sums;
 mod fit;
 mod hidden_stretches;
 mod kept;
+mod outline;
 mod photographs;
 mod refine;
 mod scene;

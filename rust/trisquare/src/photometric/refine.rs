@@ -8,7 +8,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::band::{Bands, PixelFigure, Width};
+use super::band::Bands;
+use super::band_pixels::{PixelFigure, Width};
 use super::exposure::Exposure;
 use super::exposure_fit::fit_exposure;
 use super::fit::{PixelFit, PixelState, PixelSystem};

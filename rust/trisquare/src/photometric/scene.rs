@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::band::{BandPixel, PixelFigure};
+use super::band_pixels::{BandPixel, PixelFigure};
 use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};

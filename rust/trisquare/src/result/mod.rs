@@ -1,15 +1,18 @@
 //! What a calibration returns: data alone.
 
+mod alternative;
 mod calibration;
 mod residual_correlation;
 #[cfg(feature = "serde")]
 mod stored;
 mod warning;
+mod warning_words;
 
+pub use alternative::{Alternative, Setting};
 pub(crate) use calibration::deviations;
 pub use calibration::{
     Aspect, Calibration, CircleRadius, Estimate, FigureResiduals, Plane, PoseUncertainty,
     SceneLine, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
-pub use warning::{Alternative, Disagreement, Setting, Severity, Stage, Warning};
+pub use warning::{Disagreement, Severity, Stage, Warning};

@@ -1,7 +1,12 @@
 //! Where a result comes from, and what a user should know of it.
 
 use std::borrow::Cow;
-use std::fmt;
+
+use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
+use super::warning_words::{
+    cause_of_errors, contradiction, lines_not_used, numbered_sample, or_held, part_of_whole,
+    raised, signed_two_digits, two_digits, with_its_std,
+};
 
 /// A text of the crate, or one that was read back.
 type Text = Cow<'static, str>;
@@ -392,187 +397,13 @@ pub enum Warning {
     },
 }
 
-/// What a calibration may be asked for instead.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Setting<'a> {
-    /// The lens model of this name.
-    Model(&'a str),
-    /// The ratio of the focal lengths held.
-    AspectHeld,
-    /// The principal point held.
-    PrincipalPointHeld,
-    /// The distortion free where it is held, with the lens model of this name.
-    DistortionFree(&'a str),
-}
-
-/// What the focal length would be with another setting: it has been tried.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct Alternative<'a> {
-    /// The setting.
-    pub setting: Setting<'a>,
-    /// `fx` with it, pixels.
-    pub focal: f64,
-}
-
-impl fmt::Display for Alternative<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.setting {
-            Setting::Model(name) => write!(f, "With the lens model {name}")?,
-            Setting::AspectHeld => write!(f, "With the aspect held")?,
-            Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
-            Setting::DistortionFree(name) => {
-                write!(f, "With the distortion free (lens model {name})")?;
-            }
-        }
-        write!(f, " fx is {:.1}", self.focal)
-    }
-}
-
-/// What the focal length is where something is held, and when that is wrong.
-fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -> String {
-    held.map_or_else(String::new, |focal| {
-        format!(" {}, {wrong}", Alternative { setting, focal })
-    })
-}
-
-/// Writes a part of a whole in per cent.
-fn part_of_whole(part: f64) -> String {
-    match part {
-        ..0.005 => "less than 1 %".into(),
-        _ => format!("{:.0} %", 100.0 * part),
-    }
-}
-
-/// A value and its standard deviation, with two significant digits of the latter.
-fn with_its_std(value: f64, std: f64) -> String {
-    let decimals = decimals_of(std);
-    format!("{value:.decimals$} +- {std:.decimals$}")
-}
-
-/// A number with two significant digits.
-fn two_digits(value: f64) -> String {
-    let decimals = decimals_of(value);
-    format!("{value:.decimals$}")
-}
-
-/// A number with its sign and two significant digits.
-fn signed_two_digits(value: f64) -> String {
-    let decimals = decimals_of(value.abs());
-    format!("{value:+.decimals$}")
-}
-
-/// How many decimals show two significant digits.
-fn decimals_of(value: f64) -> usize {
-    match value > 0.0 {
-        true => (1.0 - value.log10().floor()).clamp(0.0, 12.0) as usize,
-        false => 6,
-    }
-}
-
-/// By how much a standard deviation was raised; nothing where that rounds to once.
-fn raised(parameter: &str, factor: f64) -> String {
-    let times = format!("{factor:.1}");
-    if times == "1.0" {
-        return String::new();
-    }
-    format!("; the standard deviation of {parameter} was raised {times} times for it")
-}
-
 /// Standard deviations that were raised more than so many times ask for a look.
 const NOTABLE_FACTOR: f64 = 2.0;
-
-/// What speaks against lines.
-fn lines_not_used(sigmas: Option<f64>) -> String {
-    match sigmas {
-        Some(sigmas) => format!(
-            "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
-             most of them curved, or is the lens beyond its model?)"
-        ),
-        None => {
-            "none of them is straight under a lens that the planes allow, or nothing is free that \
-             they tell of"
-        }
-        .to_owned(),
-    }
-}
 
 /// What a stored warning says that does not tell how many planes there were.
 #[cfg(feature = "serde")]
 fn several() -> usize {
     2
-}
-
-/// What planes contradict, and what may be wrong: one plane contradicts what is held alone.
-fn contradiction(factor: f64, displacement: f64, planes: usize, held: &[Text]) -> String {
-    let (what, which) = match planes {
-        1 => ("the plane contradicts the camera", "it"),
-        _ => ("the planes contradict each other", "one of them"),
-    };
-    let suspected = or_held(held);
-    let more = format!("{factor:.1} times more than");
-    // What was stored before does not say how far.
-    let off = match displacement {
-        0.0 => format!("{more} the sides'"),
-        _ => format!(
-            "sides lie {} px off, {more} their",
-            two_digits(displacement)
-        ),
-    };
-    format!(
-        "{what}: {off} own straightness lets expect; {which} may be no true, flat \
-         square{suspected}"
-    )
-}
-
-/// What else may be wrong where something is held.
-fn or_held(held: &[Text]) -> String {
-    match held {
-        [] => String::new(),
-        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
-    }
-}
-
-/// The farthest of some stray samples.
-fn numbered_sample(samples: usize, [plane, figure, side, sample]: [usize; 4]) -> String {
-    let (which, lies) = match samples {
-        1 => ("", " lies"),
-        _ => ("the farthest, ", ", lies"),
-    };
-    let outline = if figure == 0 {
-        ""
-    } else {
-        " of the other outline"
-    };
-    format!("{which}sample {sample} of side {side}{outline} of plane {plane}{lies}")
-}
-
-/// What makes sides err together.
-fn cause_of_errors(height: Option<f64>) -> String {
-    match height {
-        Some(height) => format!("its sheet rises by {:.1} % of its size", 100.0 * height),
-        None => "paper or print not flat, or a lens beyond the model".to_owned(),
-    }
-}
-
-/// What holds a lens beyond its model.
-fn richer_focal(cure: Option<&(String, f64)>, held: bool) -> String {
-    match cure {
-        Some((model, focal)) => {
-            let (setting, focal) = (cured_by(model, held), *focal);
-            format!(" {}", Alternative { setting, focal })
-        }
-        None => " No model here fits it either: is it a fisheye?".into(),
-    }
-}
-
-/// The setting under which a model holds a lens.
-fn cured_by(model: &str, held: bool) -> Setting<'_> {
-    match held {
-        true => Setting::DistortionFree(model),
-        false => Setting::Model(model),
-    }
 }
 
 impl Warning {

@@ -1,0 +1,164 @@
+//! Whether a figure's edges have the shapes and values that a calibration needs.
+
+use nalgebra::Vector2;
+
+use super::families::outermost_lines;
+use super::plane_edges::{Freedom, PlaneEdges};
+use super::sample_checks::check_samples;
+use crate::error::Error;
+use crate::geometry::{MIN_LINE_SAMPLES, MIN_LINES};
+use crate::image_size::ImageSize;
+
+/// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
+/// the picture, and what measuring errs by.
+const BORDER_SLACK: f64 = 2.0;
+
+/// How far (px) a sample may be said to be displaced by a standard deviation of the tone curve: blurs
+/// are some pixels at most, and no tone curve displaces an edge by more than its blur.
+const LARGEST_DRIFT: f64 = 10.0;
+
+/// Samples that the image of a circle needs: it has five numbers.
+const MIN_CIRCLE_SAMPLES: usize = 5;
+
+/// Samples of a line of the scene: two tell no bend.
+const MIN_SCENE_LINE_SAMPLES: usize = 3;
+
+impl PlaneEdges {
+    /// Checks shapes and values; `figure` numbers this one in messages.
+    ///
+    /// # Errors
+    /// The first thing found wrong.
+    pub fn check(&self, figure: usize) -> Result<(), Error> {
+        if self.freedom == Freedom::Line {
+            self.check_scene_line(figure)?;
+        } else if !self.radii.is_empty() {
+            self.check_circles(figure)?;
+        } else if self.lines.len() < MIN_LINES && self.freedom != Freedom::Offsets {
+            return Err(Error::TooFewLines {
+                figure,
+                found: self.lines.len(),
+                needed: MIN_LINES,
+            });
+        }
+        let curves = self.lines.len() + self.radii.len();
+        if self.points.len() != curves {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} has {curves} lines or circles but samples for {}",
+                self.points.len()
+            )));
+        }
+        let needed = match self.freedom {
+            Freedom::Line => MIN_SCENE_LINE_SAMPLES,
+            _ if !self.radii.is_empty() => MIN_CIRCLE_SAMPLES,
+            _ => MIN_LINE_SAMPLES,
+        };
+        for (line, points) in self.points.iter().enumerate() {
+            check_samples(figure, line, points, needed)?;
+        }
+        if self.freedom == Freedom::Offsets {
+            outermost_lines(figure, &self.lines, &self.points)?;
+        }
+        self.check_drift(figure)?;
+        if !(self.side_error >= 0.0 && self.side_error.is_finite()) {
+            return Err(Error::InvalidArgument(format!(
+                "the side error of figure {figure} must be finite and not negative"
+            )));
+        }
+        if let Some(border) = self.border
+            && !(border > 0.0 && border.is_finite())
+        {
+            return Err(Error::InvalidArgument(format!(
+                "the border of figure {figure} must be positive and finite, not {border}"
+            )));
+        }
+        let Some(std) = &self.std else { return Ok(()) };
+        let fits = std.len() == self.points.len()
+            && std
+                .iter()
+                .zip(&self.points)
+                .all(|(s, p)| s.len() == p.len());
+        if !fits {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} needs one standard deviation for every sample"
+            )));
+        }
+        match first_other(std, |s| *s > 0.0 && s.is_finite()) {
+            Some((line, sample)) => Err(Error::InvalidArgument(format!(
+                "the standard deviation of sample {sample} of line {line} of figure {figure} must be \
+                 positive and finite, not {}",
+                std[line][sample]
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    fn check_scene_line(&self, figure: usize) -> Result<(), Error> {
+        if self.lines.len() != 1 || !self.radii.is_empty() || self.plane.is_some() {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} is a line of the scene: it has one line, no circles, and no plane \
+                 that it shares"
+            )));
+        }
+        Ok(())
+    }
+
+    fn check_circles(&self, figure: usize) -> Result<(), Error> {
+        let invalid = |what| Err(Error::InvalidArgument(format!("figure {figure} {what}")));
+        if !self.lines.is_empty() || self.freedom == Freedom::Aspect {
+            return invalid("has circles: it can have neither lines nor an unknown aspect");
+        }
+        let known: Vec<f64> = self.radii.iter().flatten().copied().collect();
+        let differ = |i: usize| known[..i].iter().all(|radius| *radius != known[i]);
+        let valid = known.iter().all(|r| *r > 0.0 && r.is_finite());
+        if self.radii[0].is_none() || !valid || !(0..known.len()).all(differ) {
+            return invalid(
+                "has circles: their radii must be positive, finite and different, and the first \
+                 one known",
+            );
+        }
+        Ok(())
+    }
+
+    fn check_drift(&self, figure: usize) -> Result<(), Error> {
+        let Some(tone_drift) = &self.tone_drift else {
+            return Ok(());
+        };
+        let counts = |all: &[Vec<Vector2<f64>>]| all.iter().map(Vec::len).collect::<Vec<_>>();
+        if counts(tone_drift) != counts(&self.points) {
+            return Err(Error::InvalidArgument(format!(
+                "figure {figure} needs one drift for every sample"
+            )));
+        }
+        let is_drift = |drift: &Vector2<f64>| drift.iter().all(|v| v.abs() <= LARGEST_DRIFT);
+        match first_other(tone_drift, is_drift) {
+            Some((line, sample)) => Err(Error::InvalidArgument(format!(
+                "the drift of sample {sample} of line {line} of figure {figure} must be finite, and \
+                 not beyond {LARGEST_DRIFT} pixels: no tone curve displaces an edge further"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The line and the sample of the first value that is not as it should be.
+fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
+    let wrong = |(line, values): (usize, &Vec<T>)| {
+        let sample = values.iter().position(|value| !is_right(value))?;
+        Some((line, sample))
+    };
+    lines.iter().enumerate().find_map(wrong)
+}
+
+/// Samples that no picture of this size shows: mostly it is that of another picture, or width and
+/// height are exchanged. The first figure that has any, how many, and the first of them.
+pub(crate) fn samples_outside(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+) -> Option<(usize, usize, Vector2<f64>)> {
+    edges.iter().enumerate().find_map(|(figure, edges)| {
+        let is_outside = |point: &&Vector2<f64>| !size.contains(point, BORDER_SLACK);
+        let mut outside = edges.points.iter().flatten().filter(is_outside);
+        let first = outside.next()?;
+        Some((figure, 1 + outside.count(), *first))
+    })
+}

@@ -1,0 +1,114 @@
+//! Which way the sides of a square follow each other, by samples that may bulge.
+
+use nalgebra::Vector2;
+
+use super::sample_checks::check_samples;
+use crate::error::Error;
+use crate::geometry::{Line, MIN_LINE_SAMPLES};
+
+/// How far beyond a corner, in units of the side, samples may lie before the order is doubted:
+/// sides that bulge under distortion meet elsewhere than their lines.
+const CORNER_SLACK: f64 = 0.25;
+
+/// Which way the sides of a square follow each other on the screen (x right, y down).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SideOrder {
+    Clockwise,
+    CounterClockwise,
+}
+
+impl SideOrder {
+    pub fn of(sides: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
+        if sides.len() > 4 {
+            return Err(Error::InvalidArgument(format!(
+                "a square or a rectangle has 4 sides, not {}",
+                sides.len()
+            )));
+        }
+        if sides.len() < 4 {
+            return Err(Error::TooFewLines {
+                figure: 0,
+                found: sides.len(),
+                needed: 4,
+            });
+        }
+        for (side, points) in sides.iter().enumerate() {
+            check_samples(0, side, points, MIN_LINE_SAMPLES)?;
+        }
+        let line = |side: usize, neighbour: usize| {
+            let near = half_toward(&sides[side], &sides[neighbour]);
+            Line::fit(near.iter().map(|p| (*p, 1.0))).ok_or(Error::TooFewSamples {
+                figure: 0,
+                line: side,
+                found: 1,
+                needed: MIN_LINE_SAMPLES,
+            })
+        };
+        let crossed = |side| Error::CrossedSides { figure: 0, side };
+        let mut corners = [Vector2::zeros(); 4];
+        for side in 0..4 {
+            let before = (side + 3) % 4;
+            let (one, other) = (line(before, side)?, line(side, before)?);
+            let corner = one.intersection(&other);
+            corners[side] = corner.ok_or(crossed(side))?;
+        }
+        let mut turns = [0.0; 4];
+        for side in 0..4 {
+            let (start, end) = (corners[side], corners[(side + 1) % 4]);
+            let along = end - start;
+            let follows = sides[side].iter().all(|p| {
+                let fraction = (p - start).dot(&along) / along.norm_squared();
+                (-CORNER_SLACK..=1.0 + CORNER_SLACK).contains(&fraction)
+            });
+            if !follows {
+                return Err(crossed(side));
+            }
+            turns[side] = along.perp(&(corners[(side + 2) % 4] - end));
+        }
+        if turns.iter().all(|t| *t > 0.0) {
+            Ok(Self::Clockwise)
+        } else if turns.iter().all(|t| *t < 0.0) {
+            Ok(Self::CounterClockwise)
+        } else {
+            let side = turns.iter().position(|t| *t <= 0.0).unwrap_or(0);
+            Err(crossed(side))
+        }
+    }
+}
+
+/// The sample without which the sides follow each other, if that is the one farthest from the middle
+/// of its side.
+pub(super) fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
+    (0..sides.len()).find_map(|line| {
+        let sample = farthest(&sides[line])?;
+        let mut others = sides.to_vec();
+        others[line].remove(sample);
+        SideOrder::of(&others).ok()?;
+        Some(Error::StraySample {
+            figure: 0,
+            line,
+            sample,
+        })
+    })
+}
+
+/// The index of the sample that is farthest from the median of all; `None` if there is none.
+fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
+    let median = |axis: usize| {
+        let mut values: Vec<f64> = side.iter().map(|point| point[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let middle = Vector2::new(median(0)?, median(1)?);
+    let distance = |i: &usize| (side[*i] - middle).norm();
+    (0..side.len()).max_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// The half of a side's samples that lies nearer to its neighbour: a side may bulge.
+fn half_toward(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+    let centre = neighbour.iter().sum::<Vector2<f64>>() / neighbour.len() as f64;
+    let mut samples = side.to_vec();
+    samples.sort_by(|a, b| (a - centre).norm().total_cmp(&(b - centre).norm()));
+    samples.truncate(samples.len().div_ceil(2).max(2));
+    samples
+}

@@ -1,0 +1,225 @@
+//! The image of a square outline, traced, and the pixels around it.
+
+use nalgebra::Vector2;
+
+use super::band_pixels::{BandPixel, PixelFigure, Width};
+use super::distance_map::{DistanceMap, Mark, TRACE_SPACING, TracePoint};
+use crate::geometry::Line;
+use crate::image::KeptReader;
+use crate::lens::Lens;
+use crate::observations::{ObservedPlane, PlaneState, Side};
+
+/// Between two outlines of one plane, at most this part of their distance is used from each.
+const SHARED_REACH: f64 = 0.45;
+
+/// Of the plain border within an outline this part is used: its other half is blurred by what comes
+/// next.
+const BORDER_SHARE: f64 = 0.5;
+
+/// Points of an outline's trace that make a stretch: 16 px, half of the shortest thing that hides
+/// a twelfth of a side of 400 px.
+const STRETCH_POINTS: usize = 4;
+
+/// Points of a side's trace at most, so that 16 bits number those of an outline.
+const MAX_TRACE: f64 = 16_000.0;
+
+/// A figure's sides and the points of their images.
+pub(super) struct Outline {
+    sides: [Line; 4],
+    corners: [Vector2<f64>; 4],
+    trace: Vec<TracePoint>,
+}
+
+impl Outline {
+    pub fn of<L: Lens>(
+        plane: &ObservedPlane,
+        state: &PlaneState,
+        figure: usize,
+        (lens, border): (&L, Option<f64>),
+    ) -> Option<Self> {
+        let sides = plane.figures[figure].sides.iter();
+        let sides: Option<Vec<Line>> = sides.map(Side::line).collect();
+        let mut sides: [Line; 4] = sides?.try_into().ok()?;
+        let mut corners = [Vector2::zeros(); 4];
+        for i in 0..4 {
+            corners[i] = sides[(i + 3) % 4].intersection(&sides[i])?;
+        }
+        let middle = corners.iter().sum::<Vector2<f64>>() / 4.0;
+        for side in &mut sides {
+            if side.distance(&middle) < 0.0 {
+                *side = side.reversed();
+            }
+        }
+        let mut trace = Vec::new();
+        for i in 0..4 {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            let inside = sides[i].normal();
+            let see_beside = |t: f64, depth: f64| {
+                let point = a.lerp(&b, t) + inside * depth;
+                let point = state.figures[figure].point(point);
+                lens.project(&state.pose.transform(&point))
+            };
+            let see = |t: f64| see_beside(t, 0.0);
+            let length = (see(1.0)? - see(0.0)?).norm();
+            let count = (length / TRACE_SPACING).ceil().clamp(1.0, MAX_TRACE);
+            // Both ends included: a corner belongs to both of its sides.
+            for step in 0..=count as usize {
+                let t = step as f64 / count;
+                let place = see(t)?;
+                let along = (see(1.0)? - see(0.0)?).normalize();
+                let inward = match border.and_then(|border| see_beside(t, BORDER_SHARE * border)) {
+                    Some(end) => along.perp(&(end - place)).abs(),
+                    None => f64::INFINITY,
+                };
+                trace.push(TracePoint {
+                    place,
+                    side: i,
+                    inward,
+                });
+            }
+        }
+        Some(Self {
+            sides,
+            corners,
+            trace,
+        })
+    }
+
+    /// The corners of the upright rectangle around the outline.
+    fn bounds(&self) -> (Vector2<f64>, Vector2<f64>) {
+        bounds(self.trace.iter().map(|point| &point.place))
+    }
+
+    fn size(&self) -> f64 {
+        let (low, high) = self.bounds();
+        (high - low).norm()
+    }
+
+    /// How far from this outline pixels are its own.
+    pub fn reach_beside(&self, outlines: &[Outline], own: usize, width: Width) -> f64 {
+        let mut nearest = f64::INFINITY;
+        for (other, outline) in outlines.iter().enumerate() {
+            if other == own {
+                continue;
+            }
+            for a in self.trace.iter().step_by(4) {
+                for b in outline.trace.iter().step_by(2) {
+                    nearest = nearest.min((a.place - b.place).norm_squared());
+                }
+            }
+        }
+        width.reach(self.size()).min(SHARED_REACH * nearest.sqrt())
+    }
+
+    pub fn figure(
+        &self,
+        reader: &KeptReader<'_>,
+        (plane, figure): (usize, usize),
+        (reach, width): (f64, Width),
+        dark_inside: bool,
+    ) -> PixelFigure {
+        let (low, high) = self.bounds();
+        let (pixels, stretch_sides) = self.pixels(reader, reach, width);
+        PixelFigure {
+            image: 0,
+            plane,
+            figure,
+            sides: self.sides,
+            corners: self.corners,
+            dark_inside,
+            centre: (low + high) / 2.0,
+            size: (high - low).norm(),
+            width,
+            reach,
+            pixels,
+            stretch_sides,
+            dropped: Vec::new(),
+        }
+    }
+
+    /// The pixels within a reach, and the side of each stretch.
+    pub fn pixels(
+        &self,
+        reader: &KeptReader<'_>,
+        reach: f64,
+        width: Width,
+    ) -> (Vec<BandPixel>, Vec<u8>) {
+        let (low, high) = self.bounds();
+        let map = DistanceMap::around(&self.trace, low, high, reader.kept(), width);
+        let (stretches, stretch_sides) = self.stretches();
+        let inward = self.inward_normals();
+        let own = |x: usize, y: usize, mark: &Mark| {
+            let place = Vector2::new(x as f64, y as f64);
+            let nearest = usize::from(mark.nearest);
+            let point = &self.trace[nearest];
+            // Whatever is nearest to a corner lies outside: the square is convex.
+            let inside = inward[nearest].map_or(-1.0, |n| n.dot(&(place - point.place)));
+            let depth = f64::from(mark.square).sqrt().copysign(inside);
+            if depth > point.inward {
+                return None;
+            }
+            let (value, is_clipped) = reader.get(x, y)?;
+            Some(BandPixel {
+                column: x as u32,
+                row: y as u32,
+                value,
+                is_clipped,
+                near: mark.near,
+                depth: depth as f32,
+                stretch: stretches[nearest],
+            })
+        };
+        let mut pixels = Vec::with_capacity(map.expected_count(self.trace.len(), reach));
+        map.for_each_within(reach, |x, y, mark| pixels.extend(own(x, y, mark)));
+        (pixels, stretch_sides)
+    }
+
+    /// The stretch that each point of the trace belongs to, and the side of each stretch.
+    fn stretches(&self) -> (Vec<u16>, Vec<u8>) {
+        let mut sides: Vec<u8> = Vec::new();
+        let mut points = Vec::with_capacity(self.trace.len());
+        for side in self.trace.chunk_by(|a, b| a.side == b.side) {
+            // Of equal length, lest a short one be left over at a corner.
+            let count = (side.len() / STRETCH_POINTS).max(1);
+            let first = sides.len();
+            points.extend((0..side.len()).map(|i| (first + i * count / side.len()) as u16));
+            sides.extend(std::iter::repeat_n(side[0].side as u8, count));
+        }
+        (points, sides)
+    }
+
+    /// Across the outline at every point of its trace, of any length; `None` at a corner.
+    fn inward_normals(&self) -> Vec<Option<Vector2<f64>>> {
+        let winding = self.winding();
+        let across = |along: Vector2<f64>| Vector2::new(-along.y, along.x) * winding;
+        let points = 0..self.trace.len();
+        points.map(|i| self.direction(i).map(across)).collect()
+    }
+
+    /// Direction of the outline at a point of its trace; `None` at a corner.
+    fn direction(&self, index: usize) -> Option<Vector2<f64>> {
+        let side = self.trace[index].side;
+        let other = |i: usize| self.trace.get(i).filter(|p| p.side == side);
+        let (previous, next) = (other(index.checked_sub(1)?)?, other(index + 1)?);
+        Some(next.place - previous.place)
+    }
+
+    /// +1 if the trace runs clockwise on the screen, so that the inside lies to its right.
+    fn winding(&self) -> f64 {
+        let origin = self.trace[0].place;
+        let area: f64 = self
+            .trace
+            .windows(2)
+            .map(|pair| (pair[0].place - origin).perp(&(pair[1].place - origin)))
+            .sum();
+        area.signum()
+    }
+}
+
+/// The corners of the upright rectangle around points.
+pub(super) fn bounds<'a>(
+    points: impl Iterator<Item = &'a Vector2<f64>>,
+) -> (Vector2<f64>, Vector2<f64>) {
+    let far = Vector2::repeat(f64::INFINITY);
+    points.fold((far, -far), |(low, high), p| (low.inf(p), high.sup(p)))
+}

@@ -1,0 +1,67 @@
+//! What a calibration may be asked for instead, and what it then finds.
+
+use std::fmt;
+
+/// What a calibration may be asked for instead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting<'a> {
+    /// The lens model of this name.
+    Model(&'a str),
+    /// The ratio of the focal lengths held.
+    AspectHeld,
+    /// The principal point held.
+    PrincipalPointHeld,
+    /// The distortion free where it is held, with the lens model of this name.
+    DistortionFree(&'a str),
+}
+
+/// What the focal length would be with another setting: it has been tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Alternative<'a> {
+    /// The setting.
+    pub setting: Setting<'a>,
+    /// `fx` with it, pixels.
+    pub focal: f64,
+}
+
+impl fmt::Display for Alternative<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.setting {
+            Setting::Model(name) => write!(f, "With the lens model {name}")?,
+            Setting::AspectHeld => write!(f, "With the aspect held")?,
+            Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
+            Setting::DistortionFree(name) => {
+                write!(f, "With the distortion free (lens model {name})")?;
+            }
+        }
+        write!(f, " fx is {:.1}", self.focal)
+    }
+}
+
+/// What the focal length is where something is held, and when that is wrong.
+pub(super) fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -> String {
+    held.map_or_else(String::new, |focal| {
+        format!(" {}, {wrong}", Alternative { setting, focal })
+    })
+}
+
+/// What holds a lens beyond its model.
+pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: bool) -> String {
+    match cure {
+        Some((model, focal)) => {
+            let (setting, focal) = (cured_by(model, held), *focal);
+            format!(" {}", Alternative { setting, focal })
+        }
+        None => " No model here fits it either: is it a fisheye?".into(),
+    }
+}
+
+/// The setting under which a model holds a lens.
+pub(super) fn cured_by(model: &str, held: bool) -> Setting<'_> {
+    match held {
+        true => Setting::DistortionFree(model),
+        false => Setting::Model(model),
+    }
+}

@@ -1,0 +1,118 @@
+//! Parts of what warnings say.
+
+use std::borrow::Cow;
+
+/// Writes a part of a whole in per cent.
+pub(super) fn part_of_whole(part: f64) -> String {
+    match part {
+        ..0.005 => "less than 1 %".into(),
+        _ => format!("{:.0} %", 100.0 * part),
+    }
+}
+
+/// A value and its standard deviation, with two significant digits of the latter.
+pub(super) fn with_its_std(value: f64, std: f64) -> String {
+    let decimals = decimals_of(std);
+    format!("{value:.decimals$} +- {std:.decimals$}")
+}
+
+/// A number with two significant digits.
+pub(super) fn two_digits(value: f64) -> String {
+    let decimals = decimals_of(value);
+    format!("{value:.decimals$}")
+}
+
+/// A number with its sign and two significant digits.
+pub(super) fn signed_two_digits(value: f64) -> String {
+    let decimals = decimals_of(value.abs());
+    format!("{value:+.decimals$}")
+}
+
+/// How many decimals show two significant digits.
+fn decimals_of(value: f64) -> usize {
+    match value > 0.0 {
+        true => (1.0 - value.log10().floor()).clamp(0.0, 12.0) as usize,
+        false => 6,
+    }
+}
+
+/// By how much a standard deviation was raised; nothing where that rounds to once.
+pub(super) fn raised(parameter: &str, factor: f64) -> String {
+    let times = format!("{factor:.1}");
+    if times == "1.0" {
+        return String::new();
+    }
+    format!("; the standard deviation of {parameter} was raised {times} times for it")
+}
+
+/// What speaks against lines.
+pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
+    match sigmas {
+        Some(sigmas) => format!(
+            "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
+             most of them curved, or is the lens beyond its model?)"
+        ),
+        None => {
+            "none of them is straight under a lens that the planes allow, or nothing is free that \
+             they tell of"
+        }
+        .to_owned(),
+    }
+}
+
+/// What planes contradict, and what may be wrong: one plane contradicts what is held alone.
+pub(super) fn contradiction(
+    factor: f64,
+    displacement: f64,
+    planes: usize,
+    held: &[Cow<'static, str>],
+) -> String {
+    let (what, which) = match planes {
+        1 => ("the plane contradicts the camera", "it"),
+        _ => ("the planes contradict each other", "one of them"),
+    };
+    let suspected = or_held(held);
+    let more = format!("{factor:.1} times more than");
+    // What was stored before does not say how far.
+    let off = match displacement {
+        0.0 => format!("{more} the sides'"),
+        _ => format!(
+            "sides lie {} px off, {more} their",
+            two_digits(displacement)
+        ),
+    };
+    format!(
+        "{what}: {off} own straightness lets expect; {which} may be no true, flat \
+         square{suspected}"
+    )
+}
+
+/// What else may be wrong where something is held.
+pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
+    match held {
+        [] => String::new(),
+        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
+    }
+}
+
+/// The farthest of some stray samples.
+pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [usize; 4]) -> String {
+    let (which, lies) = match samples {
+        1 => ("", " lies"),
+        _ => ("the farthest, ", ", lies"),
+    };
+    let outline = if figure == 0 {
+        ""
+    } else {
+        " of the other outline"
+    };
+    format!("{which}sample {sample} of side {side}{outline} of plane {plane}{lies}")
+}
+
+/// What makes sides err together.
+pub(super) fn cause_of_errors(height: Option<f64>) -> String {
+    match height {
+        Some(height) => format!("its sheet rises by {:.1} % of its size", 100.0 * height),
+        None => "paper or print not flat, or a lens beyond the model".to_owned(),
+    }
+}
