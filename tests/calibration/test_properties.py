@@ -193,7 +193,8 @@ def test_ruined_squares_are_refused_or_give_finite_numbers(seed, disturbance, me
         pass
     except ValueError as error:
         # All samples of a figure may be scattered out of the picture.
-        assert "wholly outside the picture" in str(error)
+        if "wholly outside the picture" not in str(error):
+            raise
 
 
 @some

@@ -12,7 +12,7 @@ from trisquare._support.convex_quads import quad_areas
 from trisquare._support.number_text import listed, plus_minus
 from trisquare.analysis.departures import Departures, Estimate, departures
 from trisquare.errors import NotEnoughPlanesError
-from trisquare.printing.layout import RULER, PrintedBoard
+from trisquare.printing.layout import RULER, PrintedBoard, PrintedFrame
 from trisquare.printing.target import TargetKind, printed_target
 from trisquare.results.calibration import Calibration
 
@@ -54,7 +54,8 @@ MOST_HIDDEN = 2
 or behind something. What has fewer cells is another board."""
 
 FIGURES = ("frame", "square")
-"""Kinds of planes that printed frames are found as: the second where the hole is not measured."""
+"""Kinds of planes that printed frames are found as: the second where the outline alone is
+measured, or the hole alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,14 +159,14 @@ def check_sheet(
             "name the kind of sheet that it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
-    units = 1.0
+    units, limit = 1.0, MOST_BOW
     if isinstance(figure, PrintedBoard):
-        units = figure.cells
+        units, limit = figure.cells, MOST_BOW_OF_BOARD
         _check_cells([_cells_of(calibration, face) for face in faces], figure.cells)
     found = departures(calibration, faces, units, is_corner=kind != "flat")
     findings = [
         *(_folded(found, faces) if kind != "flat" else ()),
-        *_flat(found, faces, figure.side, isinstance(figure, PrintedBoard)),
+        *_flat(found, faces, _measured_sides(calibration, faces, figure), limit),
         _stretched(found, faces),
         _size(figure.side, ruler),
     ]
@@ -178,6 +179,17 @@ def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...
     fitting = [at for at, plane in enumerate(calibration.planes) if plane.kind in kinds]
     areas = {at: float(quad_areas(calibration.planes[at].corners)) for at in fitting}
     return tuple(sorted(sorted(fitting, key=areas.__getitem__, reverse=True)[:3]))
+
+
+def _measured_sides(
+    calibration: Calibration, faces: Sequence[int], figure: PrintedFrame | PrintedBoard
+) -> list[float]:
+    """Return the side (mm) of each face's unit: of a hole alone the hole's."""
+    if isinstance(figure, PrintedBoard):
+        return [figure.side for _ in faces]
+    figures = zip(calibration.edges, calibration.residuals, strict=True)
+    dark = {residuals.plane for own, residuals in figures if own.polarity != -1}
+    return [figure.side * (1.0 if face in dark else figure.inner) for face in faces]
 
 
 def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
@@ -235,14 +247,13 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
 
 
 def _flat(
-    found: Departures, faces: Sequence[int], side: float, is_board: bool
+    found: Departures, faces: Sequence[int], sides: Sequence[float], limit: float
 ) -> Iterator[Finding]:
-    limit = MOST_BOW_OF_BOARD if is_board else MOST_BOW
-    for face, bow in zip(faces, found.bows, strict=True):
+    for face, side, bow in zip(faces, sides, found.bows, strict=True):
         verdict = _verdict([bow], limit)
         arch = Estimate(side * bow.value, side * bow.std)
         text = (
-            f"face {face} is bent by {plus_minus(*arch)} mm over its side of {side:g} mm, of which "
+            f"face {face} is bent by {plus_minus(*arch)} mm over a side of {side:.4g} mm, of which "
             f"{side * limit:.2g} mm may be"
         )
         advice = {

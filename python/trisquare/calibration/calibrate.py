@@ -14,6 +14,7 @@ from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import LOG, Gathered, gather
+from trisquare.calibration.lone_holes import lone_holes
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
@@ -430,6 +431,8 @@ def _calibration(
             text = contradiction_text(contradicting or gathered.names[images[picture]], text)
         warnings.append(CalibrationWarning(text, code, severity, plane))
     outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
+    sides = _sides(found, figures, side)
+    warnings += _holes_of_unknown_side(sides, side)
     correlation = found.correlation
     coherence = ResidualCorrelation(
         correlation.neighbours,
@@ -464,7 +467,7 @@ def _calibration(
                 aspect_std=plane.aspect and plane.aspect[1],
                 radii=np.array(plane.radii)[:, 0] if plane.radii else None,
                 radii_std=np.array(plane.radii)[:, 1] if plane.radii else None,
-                side=side,
+                side=sides[number],
                 rejection=OUTLIER if number in outliers else None,
             )
             for number, plane in enumerate(found.planes)
@@ -487,6 +490,31 @@ def _calibration(
         lines=_scene_lines(found, figures),
         pictures=pictures,
     )
+
+
+def _sides(
+    found: _core.Solution, figures: Sequence[PlaneEdges], side: float | None
+) -> list[float | None]:
+    """Return the length of every plane's unit: what is stated of frames is not their holes'."""
+    holes = lone_holes(figures)
+    return [None if figures[plane.figure].plane in holes else side for plane in found.planes]
+
+
+def _holes_of_unknown_side(
+    sides: Sequence[float | None], side: float | None
+) -> list[CalibrationWarning]:
+    """Warn of the planes whose unit is not the stated side."""
+    return [
+        CalibrationWarning(
+            f"plane {number} shows the hole of a frame whose outer outline was not measured: side= "
+            "is not the hole's, so its pose is in units of the hole's own side",
+            "side_unknown",
+            "medium",
+            number,
+        )
+        for number, own in enumerate(sides)
+        if side is not None and own is None
+    ]
 
 
 def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:

@@ -99,15 +99,19 @@ def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> st
 
 
 def distance_unit(planes: Iterable[Plane]) -> str:
-    """Return the unit of the distances of planes: metres where all know their side."""
-    return "sides" if any(plane.side is None for plane in planes) else "m"
+    """Return the unit of the distances of planes: metres where any knows its side."""
+    return "sides" if all(plane.side is None for plane in planes) else "m"
 
 
 def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
-    """Return a plane's distance in a unit of `distance_unit`, tilt in degrees, rms and samples."""
-    distance = plane.translation if unit == "sides" else plane.tvec
+    """Return a plane's distance, tilt in degrees, rms and samples.
+
+    The distance is in the unit of `distance_unit`, or names its own.
+    """
+    own = "sides" if plane.side is None else "m"
+    distance = f"{np.linalg.norm(plane.tvec):.3f}"
     return (
-        f"{np.linalg.norm(distance):.3f}",
+        distance if own == unit else f"{distance} {own}",
         f"{tilt_degrees(plane.rotation):.1f}",
         f"{plane.rms:.4f}",
         str(plane.samples),

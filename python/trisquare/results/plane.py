@@ -58,7 +58,8 @@ class Plane(Record):
         Of circles of which some radii were unknown: those of all, and their standard deviations,
         zero of one that was known.
     side : float, optional
-        Length of what `translation` has as its unit, in metres, as it was stated at calibration.
+        Length of what `translation` has as its unit, in metres, as it was stated at calibration;
+        None for the hole of a frame whose outer outline was not measured.
     rejection : str, optional
         Why the camera does not follow it; None if it does.
 
