@@ -116,6 +116,9 @@ def test_a_raw_picture_calibrates_as_the_sensor_recorded_it(tmp_path):
     path.write_bytes(dng(linear.astype(np.uint16) * 200))
     result = ts.calibrate(path, tone="linear")
     assert result.camera.image_size == SIZE
+    assert "turned anticlockwise by 90 degrees" in next(
+        each for each in result.warnings if each.code == "orientation_ignored"
+    )
     assert_within(result, SCENE, 5)
 
 

@@ -14,14 +14,14 @@ from pathlib import PurePath
 import numpy as np
 
 from trisquare.errors import ImageError
+from trisquare.images.boxes import FILE_TYPE
 from trisquare.images.exif import TIFF_STARTS
 from trisquare.images.limits import PictureLimits
+from trisquare.images.orientation import OrientationTag, find_orientation
 from trisquare.images.pixels import Image
 
 HEIF, RAW, VIDEO = "heif", "raw", "video"
 
-FILE_TYPE = b"ftyp"
-"""The first box of ISO 14496-12: after its length, before the brands."""
 HEIF_BRANDS = frozenset(
     (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 )
@@ -36,6 +36,9 @@ DNG_VERSION, SUBFILE_TYPE, SUBDIRECTORIES = 50706, 254, 330
 REDUCED = 1
 """Bit of the subfile's type: a smaller version of another picture in the file (TIFF 6.0)."""
 MOST_ENTRIES = 512
+
+ORIENTATION_OF_FLIP = (1, 2, 4, 3, 5, 8, 6, 7)
+"""By LibRaw's number: 1 mirrors left to right, 2 top to bottom, then 4 exchanges x and y."""
 
 VIDEO_STARTS = (b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1")
 TRANSPORT_PACKET = 188
@@ -83,11 +86,12 @@ def _is_raw_tiff(encoded: bytes) -> bool:
     return DNG_VERSION in values or bool(is_reduced)
 
 
-def read_foreign(kind: str, encoded: bytes, name: str, limits: PictureLimits) -> Image:
-    """Decode a file of a foreign kind.
+def read_foreign(
+    kind: str, encoded: bytes, name: str, limits: PictureLimits
+) -> tuple[Image, OrientationTag | None]:
+    """Decode a file of a foreign kind, rows and columns as they are stored.
 
-    A HEIC picture is returned as programs show it: its container says which way up it is. Of a raw
-    picture the sensor's rows and columns are kept, its values are linear, of 16 bits.
+    The values of a raw picture are linear, of 16 bits.
 
     Raises
     ------
@@ -103,7 +107,9 @@ def read_foreign(kind: str, encoded: bytes, name: str, limits: PictureLimits) ->
     return _read_heif(encoded, name, limits) if kind == HEIF else _read_raw(encoded, name, limits)
 
 
-def _read_heif(encoded: bytes, name: str, limits: PictureLimits) -> Image:
+def _read_heif(
+    encoded: bytes, name: str, limits: PictureLimits
+) -> tuple[Image, OrientationTag | None]:
     try:
         import pillow_heif
     except ImportError as error:
@@ -121,10 +127,14 @@ def _read_heif(encoded: bytes, name: str, limits: PictureLimits) -> Image:
         raise
     except Exception as error:  # its parser fails as damage would have it: IndexError, SyntaxError
         raise ImageError(f"{name}: not a readable HEIC picture") from error
-    return pixels if pixels.ndim == 2 else pixels[:, :, :3]
+    shown = pixels if pixels.ndim == 2 else pixels[:, :, :3]
+    tag = find_orientation(encoded)  # pillow-heif has applied it
+    return (shown, None) if tag is None else (tag.undone(shown), tag)
 
 
-def _read_raw(encoded: bytes, name: str, limits: PictureLimits) -> Image:
+def _read_raw(
+    encoded: bytes, name: str, limits: PictureLimits
+) -> tuple[Image, OrientationTag | None]:
     try:
         import rawpy
     except ImportError as error:
@@ -135,6 +145,7 @@ def _read_raw(encoded: bytes, name: str, limits: PictureLimits) -> Image:
     try:
         with rawpy.imread(io.BytesIO(encoded)) as picture:
             limits.check_pixels(name, (picture.sizes.raw_width, picture.sizes.raw_height))
+            tag = OrientationTag.of(ORIENTATION_OF_FLIP[picture.sizes.flip & 7])
             pixels = picture.postprocess(
                 gamma=(1, 1),
                 no_auto_bright=True,
@@ -145,4 +156,4 @@ def _read_raw(encoded: bytes, name: str, limits: PictureLimits) -> Image:
             )
     except (rawpy.LibRawError, rawpy.NotSupportedError) as error:
         raise ImageError(f"{name}: not a readable raw picture") from error
-    return np.asarray(pixels[:, :, ::-1])
+    return np.asarray(pixels[:, :, ::-1]), tag

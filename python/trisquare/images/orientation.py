@@ -1,4 +1,4 @@
-"""The orientation tag that cameras write into photographs (Exif 2.32, section 4.6.4)."""
+"""The orientation that cameras write into photographs (Exif 2.32, section 4.6.4)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+import numpy as np
+
+from trisquare.images.boxes import FILE_TYPE, stated_turn
 from trisquare.images.exif import EXIF_IN_JPEG, START_OF_JPEG, ExifBlock
+from trisquare.images.pixels import Image
 
 UPRIGHT = 1
 
@@ -25,29 +29,40 @@ TURNS = {
 }
 """What a program that applies the tag does to the stored picture before it shows it."""
 
+STEPS = {
+    **{2: (True, 0), 3: (False, 2), 4: (True, 2)},
+    **{5: (True, 3), 6: (False, 1), 7: (True, 1), 8: (False, 3)},
+}
+"""The same as whether it is mirrored left to right, and the quarters by which it is then turned
+clockwise."""
+
 
 @dataclass(frozen=True, slots=True)
 class OrientationTag:
-    """An orientation tag within an encoded picture.
+    """An orientation tag that would turn its picture.
 
     Attributes
     ----------
     value : int
-        1 to 8; anything else counts as 1.
-    position : int
-        Where in the file its two bytes are.
-    order : {"<", ">"}
-        Their byte order.
+        2 to 8.
     """
 
     value: int
-    position: int
-    order: str
+
+    @classmethod
+    def of(cls, value: object) -> OrientationTag | None:
+        """Return the tag of this value; None if it turns nothing."""
+        return next((cls(known) for known in TURNS if known == value), None)
+
+    @classmethod
+    def of_steps(cls, is_mirrored: bool, quarters: int) -> OrientationTag | None:
+        """Return the tag that mirrors left to right and then turns clockwise; None if nothing."""
+        return next((cls(it) for it in STEPS if STEPS[it] == (is_mirrored, quarters)), None)
 
     @property
-    def turn(self) -> str | None:
-        """What programs that apply the tag do to the picture; None if nothing."""
-        return TURNS.get(self.value)
+    def turn(self) -> str:
+        """What programs that apply the tag do to the picture."""
+        return TURNS[self.value]
 
     def ignored(self, what_refers: str, size: tuple[int, int]) -> str:
         """Say that the tag is ignored, and what therefore refers to the stored picture."""
@@ -56,11 +71,11 @@ class OrientationTag:
             f"stored, {size[0]} x {size[1]} pixels"
         )
 
-    def made_upright(self, encoded: bytes) -> bytes:
-        """Return a copy of the file that says that its picture is upright."""
-        copy = bytearray(encoded)
-        struct.pack_into(f"{self.order}H", copy, self.position, UPRIGHT)
-        return bytes(copy)
+    def undone(self, shown: Image) -> Image:
+        """Return a picture that is turned by the tag as it is stored."""
+        is_mirrored, quarters = STEPS[self.value]
+        turned = np.rot90(shown, quarters)
+        return np.ascontiguousarray(turned[:, ::-1] if is_mirrored else turned)
 
 
 def with_orientation(encoded: bytes, value: int) -> bytes | None:
@@ -89,12 +104,31 @@ def with_orientation(encoded: bytes, value: int) -> bytes | None:
 
 
 def find_orientation(encoded: bytes) -> OrientationTag | None:
-    """Find the orientation tag of a JPEG, PNG or TIFF file; None if there is none."""
-    block = ExifBlock.find(encoded)
-    if block is None:
+    """Find the orientation tag of a JPEG, PNG or TIFF file; None if it would turn nothing.
+
+    Of a HEIC or AVIF file it is that to which its boxes amount.
+    """
+    if encoded[4:8] == FILE_TYPE:
+        return OrientationTag.of_steps(*stated_turn(encoded))
+    place = _place(encoded)
+    if place is None:
         return None
-    for tag, kind, length, position in block.entries():
-        if (tag, kind, length) == (TAG, SHORT, 1):
-            (value,) = struct.unpack_from(f"{block.order}H", encoded, position)
-            return OrientationTag(value, position, block.order)
+    return OrientationTag.of(*struct.unpack_from(place[0], encoded, place[1]))
+
+
+def made_upright(encoded: bytes) -> bytes:
+    """Return a copy of a JPEG, PNG or TIFF file whose orientation tag, if any, says upright."""
+    copy, place = bytearray(encoded), _place(encoded)
+    if place is not None:
+        struct.pack_into(place[0], copy, place[1], UPRIGHT)
+    return bytes(copy)
+
+
+def _place(encoded: bytes) -> tuple[str, int] | None:
+    """Return the format and the position of the tag's number in a file."""
+    block = ExifBlock.find(encoded)
+    if block is not None:
+        for tag, kind, length, position in block.entries():
+            if (tag, kind, length) == (TAG, SHORT, 1):
+                return f"{block.order}H", position
     return None

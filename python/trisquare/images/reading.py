@@ -14,7 +14,7 @@ from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import OrientationTag, find_orientation
+from trisquare.images.orientation import OrientationTag, find_orientation, made_upright
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
 from trisquare.images.sources import content_of, is_pillow
 
@@ -31,7 +31,8 @@ def read_image(path: PathLike) -> Image:
         Any format that OpenCV reads: PNG and TIFF of 8 and 16 bits, TIFF of 32-bit floats, JPEG
         (progressive and CMYK too), palettes and two levels; with ``trisquare[heif]`` HEIC, with
         ``trisquare[raw]`` raw pictures. An orientation tag is ignored: the
-        result belongs to the sensor's picture, rows and columns as they are stored.
+        result belongs to the sensor's picture, rows and columns as they are stored. So are the
+        boxes that turn a HEIC picture.
 
     Returns
     -------
@@ -72,16 +73,14 @@ def decode_photograph(
     limits.check_bytes(name, len(encoded))
     kind = foreign_kind(encoded, name)
     if kind is not None:
-        return read_foreign(kind, encoded, name, limits), None
+        return read_foreign(kind, encoded, name, limits)
     limits.check_pixels(name, stated_size(encoded) or (0, 0))
     reason = incompleteness(encoded, limits.max_scans)
     if reason:
         raise ImageError(f"{name}: {reason}")
     tag = find_orientation(encoded)
-    if tag is not None and tag.turn is None:
-        tag = None
     if tag is not None and encoded[:4] in TIFF_STARTS:
-        encoded = tag.made_upright(encoded)
+        encoded = made_upright(encoded)
     import cv2  # loaded where a file is read
 
     # Grey stays grey and 16 bits stay 16. The orientation tag is ignored: the camera matrix

@@ -1,0 +1,92 @@
+"""Which way up the boxes of a HEIC or AVIF file say that its picture is (ISO 23008-12)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+FILE_TYPE = b"ftyp"
+"""The first box of ISO 14496-12: after its length, before the brands."""
+
+MOST_BOXES, MOST_ITEMS = 1024, 65535
+"""More than any camera writes; a hostile file must not take long."""
+
+FULL_BOX = 4
+"""Bytes of the version and the flags before a full box's content."""
+
+
+def stated_turn(encoded: bytes) -> tuple[bool, int]:
+    """Return what a HEIC or AVIF file does to its picture before it is shown.
+
+    The boxes ``irot`` and ``imir`` of its primary item tell, in their order; an Exif block there
+    tells nothing that programs may apply.
+
+    Returns
+    -------
+    bool
+        Whether it is mirrored left to right.
+    int
+        By how many quarters, 0 to 3, it is then turned clockwise. Nothing is done to the picture of
+        a damaged file.
+    """
+    is_mirrored, quarters = False, 0
+    try:
+        for kind, value in _turns(encoded):
+            if kind == b"irot":  # anticlockwise
+                quarters -= value & 3
+            else:  # axis 1 exchanges left and right; axis 0 does that and half a turn
+                is_mirrored, quarters = not is_mirrored, (0 if value & 1 else 2) - quarters
+    except (struct.error, LookupError):
+        return False, 0
+    return is_mirrored, quarters % 4
+
+
+def _turns(encoded: bytes) -> Iterator[tuple[bytes, int]]:
+    """Yield kind and value of the boxes that turn the primary item."""
+    at, end = _places(encoded, 0, len(encoded))[b"meta"]
+    meta = _places(encoded, at + FULL_BOX, end)
+    at, _ = meta[b"pitm"]
+    (primary,) = struct.unpack_from(">I" if encoded[at] else ">H", encoded, at + FULL_BOX)
+    properties = _places(encoded, *meta[b"iprp"])
+    stated = list(_boxes(encoded, *properties[b"ipco"]))
+    for index in _associations(encoded, properties[b"ipma"][0], primary):
+        kind, at, _ = stated[index - 1]
+        if kind in (b"irot", b"imir"):
+            yield kind, encoded[at]
+
+
+def _places(encoded: bytes, at: int, end: int) -> dict[bytes, tuple[int, int]]:
+    """Return where the content of each kind of box begins and ends."""
+    return {kind: (begin, last) for kind, begin, last in _boxes(encoded, at, end)}
+
+
+def _boxes(encoded: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]]:
+    """Yield the kind of each box between two places, and where its content begins and ends."""
+    for _ in range(MOST_BOXES):
+        if at + 8 > end:
+            return
+        length, kind = struct.unpack_from(">I4s", encoded, at)
+        content = at + 8
+        if length == 1:
+            (length,) = struct.unpack_from(">Q", encoded, content)
+            content += 8
+        last = at + length if length else end
+        if not content <= last <= end:
+            return
+        yield kind, content, last
+        at = last
+
+
+def _associations(encoded: bytes, at: int, item: int) -> Iterator[int]:
+    """Yield which properties an item has, counted from 1, by the content of an ``ipma`` box."""
+    version, is_wide = encoded[at], encoded[at + 3] & 1
+    (count,) = struct.unpack_from(">I", encoded, at + FULL_BOX)
+    at += FULL_BOX + 4
+    for _ in range(min(count, MOST_ITEMS)):
+        (name,) = struct.unpack_from(">I" if version else ">H", encoded, at)
+        at += 4 if version else 2
+        kind, mask = ("H", 0x7FFF) if is_wide else ("B", 0x7F)  # the first bit: is it essential
+        indices = struct.unpack_from(f">{encoded[at]}{kind}", encoded, at + 1)
+        at += 1 + struct.calcsize(f">{len(indices)}{kind}")
+        if name == item:
+            yield from (index & mask for index in indices)
