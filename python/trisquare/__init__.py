@@ -50,6 +50,7 @@ _NAMES_OF_MODULES = {
         "http_status",
     ),
     "formats": ("Approximation",),
+    "images.reading": ("read_image",),
     "measurement.detect": ("detect",),
     "printing.target": ("PrintedTarget", "printed_target"),
     "report": ("write_report",),

@@ -41,6 +41,7 @@ from trisquare.errors import TrisquareError as TrisquareError
 from trisquare.errors import error_members as error_members
 from trisquare.errors import http_status as http_status
 from trisquare.formats import Approximation as Approximation
+from trisquare.images.reading import read_image as read_image
 from trisquare.measurement.detect import detect as detect
 from trisquare.printing.target import PrintedTarget as PrintedTarget
 from trisquare.printing.target import printed_target as printed_target

@@ -169,7 +169,11 @@ UNDISTORT = "--camera camera.json -o"
         (f"undistort clip.mp4 cut.avi {UNDISTORT} new/", 5, "cut.avi: truncated"),
         (f"undistort clip.mp4 {UNDISTORT} out.png", 2, "out.png: videos are written as .mp4"),
         (f"undistort clip.mp4 {UNDISTORT} out", 2, "out: videos are written as .mp4"),
-        (f"undistort photo.png {UNDISTORT} out.mp4", 2, "out.mp4: no picture format"),
+        (
+            f"undistort photo.png {UNDISTORT} out.mp4",
+            2,
+            "out.mp4: no picture is written with the extension '.mp4': take .png, .jpg",
+        ),
         (f"undistort gone.mp4 {UNDISTORT} out.mp4", 5, "gone.mp4: No such file or directory"),
         (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
         (f"undistort clip.mp4 {UNDISTORT} missing/out.mp4", 2, "no folder"),

@@ -17,7 +17,10 @@ def check_picture_name(path: PathLike) -> None:
     suffix = Path(path).suffix
     # The extension alone: a name that is no UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
-        raise ValueError(f"{os.fspath(path)}: no picture format has the extension {suffix!r}")
+        raise ValueError(
+            f"{os.fspath(path)}: no picture is written with the extension {suffix!r}: take .png, "
+            ".jpg, .tif or .webp"
+        )
 
 
 def encode_turned(

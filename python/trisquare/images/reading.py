@@ -45,6 +45,14 @@ def read_image(path: PathLike) -> Image:
         If the file is missing (`MissingImageError`), is no picture, or is truncated (OpenCV alone
         may return a truncated picture with its lower part grey); if its pixels are signed, of
         32-bit integers or of 64-bit floats, or NaN.
+
+    Examples
+    --------
+    What a camera is applied to, since ``cv2.imread(path)`` turns a phone's picture:
+
+    >>> picture = ts.read_image("photo.jpg")
+    >>> picture.shape[1::-1] == result.camera.image_size
+    True
     """
     return read_photograph(path)[0]
 
