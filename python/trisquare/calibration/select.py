@@ -77,6 +77,6 @@ def _pictures_disagree(
     named = ", ".join(names[image] for image in unused)
     return (
         f"no camera explains all pictures: {len(rejected)} planes, with all of {named}, "
-        "are left out. Was another zoom, focus or camera used? Calibrate "
+        "are left out. Was another zoom, focus or camera used, or is one turned? Calibrate "
         "those pictures on their own"
     )
