@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import PIL.features
 import PIL.Image
+import PIL.ImageOps
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,6 +67,16 @@ def test_the_result_refers_to_the_picture_as_stored_and_says_so(tmp_path, encode
     (warning,) = (each for each in result.warnings if each.code == "orientation_ignored")
     assert "turned clockwise by 90 degrees" in warning
     assert "640 x 480" in warning
+
+
+def test_a_pillow_image_has_the_tag_of_its_file():
+    stream = io.BytesIO(pillow_encoded("JPEG", 6))
+    for opened, expected in (
+        (PIL.Image.open(stream), OrientationTag(6)),
+        (PIL.ImageOps.exif_transpose(PIL.Image.open(stream)), None),
+        (PIL.Image.fromarray(COLOUR), None),
+    ):
+        assert load_photograph(opened)[1] == expected
 
 
 def test_undistort_keeps_the_orientation(run, tmp_path):

@@ -14,7 +14,7 @@ from trisquare.images.pixels import Image
 
 UPRIGHT = 1
 
-TAG = 0x0112
+ORIENTATION = 0x0112
 SHORT = 3
 """The tag's type: 16 bits."""
 
@@ -88,7 +88,7 @@ def with_orientation(encoded: bytes, value: int) -> bytes | None:
     value : int
         1 to 8.
     """
-    entry = struct.pack(">HHIHH", TAG, SHORT, 1, value, 0)
+    entry = struct.pack(">HHIHH", ORIENTATION, SHORT, 1, value, 0)
     block = b"MM\0*" + struct.pack(">IH", 8, 1) + entry + bytes(4)
     if encoded[:2] == START_OF_JPEG:
         content = EXIF_IN_JPEG + block
@@ -129,6 +129,6 @@ def _place(encoded: bytes) -> tuple[str, int] | None:
     block = ExifBlock.find(encoded)
     if block is not None:
         for tag, kind, length, position in block.entries():
-            if (tag, kind, length) == (TAG, SHORT, 1):
+            if (tag, kind, length) == (ORIENTATION, SHORT, 1):
                 return f"{block.order}H", position
     return None

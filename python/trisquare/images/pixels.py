@@ -34,6 +34,9 @@ class PillowImage(Protocol):
     def convert(self, mode: str) -> Any:
         """Return the picture in another mode."""
 
+    def getexif(self) -> Any:
+        """Return the values of the Exif block by their tags."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VideoFrame:

@@ -14,7 +14,12 @@ from trisquare.images.foreign import foreign_kind, read_foreign
 from trisquare.images.header import stated_size
 from trisquare.images.integrity import incompleteness
 from trisquare.images.limits import PictureLimits
-from trisquare.images.orientation import OrientationTag, find_orientation, made_upright
+from trisquare.images.orientation import (
+    ORIENTATION,
+    OrientationTag,
+    find_orientation,
+    made_upright,
+)
 from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage, VideoFrame
 from trisquare.images.sources import content_of, is_pillow
 
@@ -151,7 +156,7 @@ def load_photograph(
     if isinstance(source, bytes | bytearray | memoryview):
         return decode_photograph(bytes(source), "the encoded picture", limits)
     if is_pillow(source):
-        source = _of_pillow(source, limits)
+        return _checked_array(_of_pillow(source, limits)), _tag_of_pillow(source)
     return _checked_array(source), None
 
 
@@ -171,6 +176,13 @@ def _of_pillow(image: PillowImage, limits: PictureLimits) -> Image:
         raise
     except Exception as error:  # its file is decoded only now, and fails as damage would have it
         raise ImageError(f"the Pillow image: {error}") from error
+
+
+def _tag_of_pillow(image: PillowImage) -> OrientationTag | None:
+    try:
+        return OrientationTag.of(image.getexif().get(ORIENTATION))
+    except Exception:  # its block is read only now, and fails as damage would have it
+        return None
 
 
 def _checked_array(source: object) -> Image:
