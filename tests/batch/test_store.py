@@ -166,6 +166,23 @@ def test_lines_of_others_are_dropped(tmp_path):
     assert [own["name"] for own in lines(tmp_path)] == ["a"]
 
 
+def test_a_record_of_another_version_stays_until_its_job_is_done_again(tmp_path):
+    other = {**record_of(job("b")), "key": "k", "format": "trisquare-batch-record/2"}
+    path = tmp_path / "results.jsonl"
+    path.write_text(json.dumps(other) + "\n")
+    with Store(tmp_path, LIMITS) as store:
+        assert add(store, job("a"))
+        store.finish()
+        assert [own["name"] for own in store.records()] == ["a"]
+    assert [own["name"] for own in lines(tmp_path)] == ["a", "b"]
+    assert lines(tmp_path)[1] == other
+    with Store(tmp_path, LIMITS) as store:
+        assert add(store, job("b"))
+        store.finish()
+    assert [own["name"] for own in lines(tmp_path)] == ["b", "a"]
+    assert lines(tmp_path)[0]["format"] == "trisquare-batch-record/1"
+
+
 @pytest.mark.parametrize(
     "damage",
     [

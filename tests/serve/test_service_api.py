@@ -327,6 +327,14 @@ def test_the_names_that_a_proxy_passes_on_do_not_matter(client):
     assert not [name for name in answer.headers if name.startswith("access-control-")]
 
 
+def test_a_slash_too_many_is_an_address_that_is_not_there(client):
+    """A redirect would lead to the host that the request states, with the token."""
+    for path in ("/api/status/", "/main.js/"):
+        answer = client.get(f"{path}?token={TOKEN}", headers={"Host": "elsewhere.example.org"})
+        assert not answer.history
+        error_of(answer, 404)
+
+
 @pytest.mark.parametrize(
     "path", ["/../app.py", "/..%2fapp.py", "/%2e%2e/app.py", "/app.py", "/static", "/.hidden.js"]
 )

@@ -72,6 +72,21 @@ def _check_number(value: Any, least: float) -> None:
 def identity_in(line: bytes) -> str | None:
     """Return whose record a line is; None if it is none."""
     try:
-        return Job(record_in(line)["name"], ("",)).identity
+        return _identity(record_in(line)["name"])
     except ValueError:
         return None
+
+
+def stated_identity(line: bytes) -> str | None:
+    """Return whose record a line states to be, whatever else it holds; None if it states nobody's.
+
+    Another version may have written it.
+    """
+    try:
+        return _identity(JsonFields(parse_json(line)).text("name"))
+    except ValueError:
+        return None
+
+
+def _identity(name: str) -> str:
+    return Job(name, ("",)).identity

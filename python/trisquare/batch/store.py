@@ -13,7 +13,7 @@ from typing import Any
 from trisquare._support.writing import PathLike, replacing, write_atomically, writing
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
-from trisquare.batch.records import identity_in
+from trisquare.batch.records import identity_in, stated_identity
 from trisquare.batch.worker import Answer
 
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
@@ -29,7 +29,9 @@ class Store:
     """The results of a batch in a folder; a context manager.
 
     A record is a line of ``results.jsonl``, appended as soon as the camera's own file is on the
-    disk, or that of a job that failed is removed. `finish` puts the lines into the jobs' order.
+    disk, or that of a job that failed is removed. `finish` puts the lines into the jobs' order,
+    and keeps what cannot be read as a record until its job is done again: another version may have
+    written it.
     In memory there is a name and a number for each record.
 
     Parameters
@@ -51,6 +53,7 @@ class Store:
         self.folder = Path(folder)
         self._limits, self._retry = vars_of(limits), retry
         self._places: dict[str, int] = {}
+        self._unread: dict[str, int] = {}
         self._order: list[str] = []
         with writing(folder):
             (self.folder / CAMERAS).mkdir(parents=True, exist_ok=True)
@@ -109,15 +112,17 @@ class Store:
 
     def finish(self) -> None:
         """Put the records into the jobs' order, those of earlier runs' jobs after them."""
-        order = list(dict.fromkeys([*self._order, *self._places]))
+        order = list(dict.fromkeys([*self._order, *self._places, *self._unread]))
+        places = {**self._unread, **self._places}
         path = self.folder / RECORDS
         with replacing(path) as file:
             for identity in order:
-                place = self._places.get(identity)
+                place = places.get(identity)
                 if place is not None:
                     file.write(self._line_at(place))
             self._close()  # which some systems ask of a file that is replaced
         self._places.clear()
+        self._unread.clear()
         self._open()
 
     def records(self) -> Iterator[dict[str, Any]]:
@@ -166,6 +171,8 @@ class Store:
             identity = identity_in(line)
             if identity is not None:
                 self._places[identity] = end
+            elif (stated := stated_identity(line)) is not None:
+                self._unread[stated] = end
             end += len(line)
         self._file.truncate(end)
         self._end = end

@@ -115,8 +115,8 @@ def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    ValueError
-        If one of them cannot be held.
+    TypeError, ValueError
+        If they are no names; if one of them cannot be held.
     """
     return _checked_names("fix", fix, FIXABLE, FREEABLE, "it is held unless free= names it")
 
@@ -126,8 +126,8 @@ def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    ValueError
-        If one of them cannot be freed.
+    TypeError, ValueError
+        If they are no names; if one of them cannot be freed.
     """
     return _checked_names("free", free, FREEABLE, FIXABLE, "it is free unless fix= names it")
 
@@ -135,6 +135,8 @@ def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
 def _checked_names(
     verb: str, given: str | Iterable[str], known: Sequence[str], others: Sequence[str], why: str
 ) -> tuple[str, ...]:
+    if not isinstance(given, Iterable):
+        raise TypeError(f"{verb} takes names, such as {known[0]!r}, not {type(given).__name__}")
     names = [given] if isinstance(given, str) else list(given)
     for name in names:
         if name in others:
@@ -152,9 +154,11 @@ def checked_pairs(name: str, pairs: Iterable[PlanePair]) -> tuple[PlanePair, ...
 
     Raises
     ------
-    ValueError
-        If one of them is none.
+    TypeError, ValueError
+        If they are no pairs; if one of them is none.
     """
+    if not isinstance(pairs, Iterable):
+        raise TypeError(f"{name} takes pairs, as [(0, 1)], not {type(pairs).__name__}")
     checked = []
     for pair in pairs:
         planes = tuple(pair) if isinstance(pair, Sequence) and not isinstance(pair, str) else ()

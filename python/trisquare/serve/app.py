@@ -99,6 +99,8 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
         lifespan=lifespan,
         exception_handlers={HTTPException: _refused, Exception: _failed},
     )
+    # A redirect would name the host that a request states, with the token behind it.
+    app.router.redirect_slashes = False
     app.add_middleware(Guard, token=token, max_bytes=limits.max_bytes)
     app.state.jobs = jobs
     return app

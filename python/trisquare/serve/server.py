@@ -65,6 +65,7 @@ def run_server(
         log_level="warning",
         access_log=False,  # the token is in the addresses; RequestLog leaves it out
         server_header=False,
+        proxy_headers=False,  # nothing is answered by what a proxy states
         ssl_certfile=certificate,
         ssl_keyfile=key,
         timeout_graceful_shutdown=1,
