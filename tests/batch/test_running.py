@@ -76,6 +76,14 @@ def test_every_job_is_logged_once(tmp_path, caplog):
     assert told == [("INFO", "a: done"), ("WARNING", f"gone: MissingImageError: {text}")]
 
 
+def test_a_name_makes_no_line_of_the_log(tmp_path, caplog):
+    with caplog.at_level("INFO", logger="trisquare"):
+        list(ts.calibrate_many([ts.Job("b\nINFO: c", (tmp_path / "b\nc.png",))], workers=1))
+    (told,) = (record.getMessage() for record in caplog.records)
+    assert told.startswith("b\\nINFO: c: MissingImageError: ")
+    assert "\n" not in told
+
+
 def test_a_job_whose_process_died_has_a_second_chance(tmp_path):
     found = outcomes([ts.Job("once", (str(tmp_path / "tried"),))])
     assert code_of(found["once"]) == "done"

@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from trisquare._support.arrays import Frozen
+from trisquare._support.terminal_text import printable
 from trisquare._support.threads import usable_cores
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.limits import JobLimits
@@ -168,11 +169,11 @@ def _calibrated(
         submit = stack.enter_context(Submission(executor, workers, limits))
         # Closed before the executor is, so that what waits is not begun.
         for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
-            error = own.record.get("error")
+            error, name = own.record.get("error"), printable(own.job.name)
             if error is None:
-                LOG.info("%s: done", own.job.name)
+                LOG.info("%s: done", name)
             else:
-                LOG.warning("%s: %s: %s", own.job.name, error["code"], error["text"])
+                LOG.warning("%s: %s: %s", name, error["code"], printable(error["text"]))
             yield own
         if store is not None:
             store.finish()

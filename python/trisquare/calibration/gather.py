@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
+from trisquare._support.terminal_text import printable
 from trisquare._support.threads import in_order
 from trisquare.calibration.measured_photograph import (
     MeasuredPhotograph,
@@ -195,7 +196,8 @@ def gather(
         for done, one in enumerate(found, 1):
             gathered.add(one)
             count = len(one.measured.figures)
-            LOG.info("%s: %d figures measured; %d of %d", one.name, count, done, len(photographs))
+            name = printable(one.name)
+            LOG.info("%s: %d figures measured; %d of %d", name, count, done, len(photographs))
             if not explain_all:
                 gathered.forget_richest_search()
             if progress is not None:
