@@ -13,7 +13,7 @@ mod search;
 
 /// The compiled core of trisquare.
 #[pyo3::pymodule]
-mod _core {
+pub mod _core {
     #[pymodule_export]
     #[allow(non_upper_case_globals)] // Python's name for it
     const __version__: &str = env!("CARGO_PKG_VERSION");
