@@ -7,11 +7,15 @@ import socket
 import ssl
 import subprocess
 import sys
+import threading
+import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
 from importlib import resources
 
+import cv2
+import numpy as np
 import pytest
 
 pytest.importorskip("uvicorn", reason="needs the extra serve")
@@ -20,10 +24,13 @@ COMMAND = (sys.executable, "-m", "trisquare", "serve")
 
 
 @contextmanager
-def served(*options, errors=None):
+def served(*options, errors=None, environment=()):
     """Run the command on a free port, and end it by Ctrl-C; yields what it has printed."""
     command = [*COMMAND, "--port", "0", "--json", *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as server:
+    own = {**os.environ, **dict(environment)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=errors, text=True, env=own
+    ) as server:
         told = ""
         while not told.endswith("}\n"):
             line = server.stdout.readline()
@@ -123,6 +130,33 @@ def test_it_ends_when_nobody_asks():
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_what_is_being_answered_at_the_end_has_its_grace(tmp_path):
+    """Ended by Ctrl-C while it is computed, a search of some seconds is answered."""
+    noise = np.random.default_rng(0).integers(0, 256, (400, 500), np.uint8)
+    picture = cv2.imencode(".jpg", cv2.resize(noise, (3000, 2400)))[1].tobytes()
+    form = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="a.jpg"\r\n\r\n'
+    answers = []
+
+    def ask(address):
+        find = urllib.request.Request(
+            address.replace("/?", "/api/find?"),
+            form + picture + b"\r\n--x--\r\n",
+            {"Content-Type": "multipart/form-data; boundary=x"},
+        )
+        with urllib.request.urlopen(find, timeout=60) as answer:
+            answers.append(json.loads(answer.read()))
+
+    folder = tmp_path / "folders"
+    folder.mkdir()
+    with served("--grace", "60", environment={"TMPDIR": str(folder)}) as address:
+        asking = threading.Thread(target=ask, args=(address,))
+        asking.start()
+        while not list(folder.glob("*/*/a.jpg")):  # it has arrived
+            time.sleep(0.01)
+    asking.join()
+    assert [one["found"] for one in answers] == [[]]
+
+
 def test_a_taken_port_and_a_foreign_address_are_told():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -137,6 +171,7 @@ def test_a_taken_port_and_a_foreign_address_are_told():
         (("--jobs", "0"), "--jobs"),
         (("--idle", "0"), "--idle"),
         (("--idle", "nan"), "--idle"),
+        (("--grace", "-1"), "--grace"),
         (("--token", "short"), "--token"),
         (("--token", "an&ampersand-is-no-letter"), "--token"),
         (("--max-bytes", "many"), "--max-bytes"),

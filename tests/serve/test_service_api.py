@@ -410,6 +410,39 @@ def test_too_many_bytes_are_refused_stated_or_not(client):
     assert error_of(answer, 413)["code"] == "TooLargeError"
 
 
+def answered_after(app, token, headers=(), stated=None):
+    """Post a megabyte in pieces: the status, and how many pieces had been received before."""
+    sent, received = [], []
+    length = [] if stated is None else [(b"content-length", str(stated).encode())]
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": "/api/nothing",
+        "query_string": f"token={token}".encode(),
+        "headers": [*headers, *length],
+    }
+
+    async def receive():
+        received.append(len(received))
+        return {"type": "http.request", "body": bytes(100_000), "more_body": len(received) < 10}
+
+    async def send(message):
+        sent.append((message, len(received)))
+
+    anyio.run(app, scope, receive, send)
+    message, count = sent[0]
+    return message["status"], count
+
+
+@pytest.mark.parametrize(("token", "status"), [("of-somebody-else", 401), (TOKEN, 404)])
+def test_a_refusal_waits_until_the_request_has_arrived(client, token, status):
+    """A proxy that still sends would make a bad gateway of it."""
+    assert answered_after(client.app, token) == (status, 10)
+    # Nobody waits for more than is allowed, nor for what the client holds back until it is asked.
+    assert answered_after(client.app, token, stated=LIMITS.max_bytes + 1)[1] == 0
+    assert answered_after(client.app, token, [(b"expect", b"100-continue")]) == (status, 0)
+
+
 @pytest.mark.parametrize(
     ("content", "kind"),
     [

@@ -20,6 +20,9 @@ from trisquare.serve import check_extra
 SERVICE_FORMAT = "trisquare-service/1"
 
 PORT = 8765
+GRACE = 8
+"""Seconds; `docker stop` kills after ten."""
+
 LARGEST_PORT = 65535
 TOKEN_BYTES = 24
 TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
@@ -66,6 +69,9 @@ def serve_command(
     ),
     key: Path | None = option(None, "FILE", "The certificate's private key (PEM)."),
     idle: float | None = option(None, "SECONDS", "End when nobody has asked for so long."),
+    grace: int = option(
+        GRACE, "SECONDS", "At the end, wait so long for the answers that are being computed (8)."
+    ),
     open_browser: bool = flag("Open the page in a browser.", "--open"),
     verbose: bool = flag(
         "Log each request on standard error: method, path, status, seconds.", "--verbose", "-v"
@@ -83,6 +89,8 @@ def serve_command(
         raise ValueError(f"--jobs must be at least 1, not {jobs}")
     if idle is not None and not 0 < idle < float("inf"):
         raise ValueError(f"--idle must be positive, not {idle}")
+    if grace < 0:
+        raise ValueError(f"--grace must not be negative, not {grace}")
     name, fixed = "--token", token
     if fixed is None:
         name, fixed = TOKEN_VARIABLE, os.environ.get(TOKEN_VARIABLE)
@@ -129,6 +137,7 @@ def serve_command(
         certificate=certificate,
         key=key,
         idle=idle,
+        grace=grace,
         listening=listening,
     )
 

@@ -25,6 +25,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.errors import code_members, error_members, http_status
 from trisquare.formats.registry import FORMATS
 from trisquare.images.sources import VIDEO_SUFFIXES
+from trisquare.serve.early_answers import EarlyAnswers
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
 from trisquare.serve.schema import api_schema
 from trisquare.serve.tasks import CONTENT, FILES, Task
@@ -102,6 +103,7 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
     # A redirect would name the host that a request states, with the token behind it.
     app.router.redirect_slashes = False
     app.add_middleware(Guard, token=token, max_bytes=limits.max_bytes)
+    app.add_middleware(EarlyAnswers, most_bytes=limits.max_bytes)
     app.state.jobs = jobs
     return app
 

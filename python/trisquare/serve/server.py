@@ -49,11 +49,13 @@ def run_server(
     certificate: Path | None,
     key: Path | None,
     idle: float | None,
+    grace: int,
     listening: Callable[[str], None],
 ) -> None:
-    """Serve until Ctrl-C, or until nobody has asked for `idle` seconds.
+    """Serve until Ctrl-C or SIGTERM, or until nobody has asked for `idle` seconds.
 
-    `listening` is told the address of the page before.
+    Requests that are being answered then have `grace` seconds. `listening` is told the address of
+    the page before.
 
     Raises
     ------
@@ -68,7 +70,7 @@ def run_server(
         proxy_headers=False,  # nothing is answered by what a proxy states
         ssl_certfile=certificate,
         ssl_keyfile=key,
-        timeout_graceful_shutdown=1,
+        timeout_graceful_shutdown=grace,
     )
     scheme = "http" if certificate is None else "https"
     with closing(app.state.jobs):

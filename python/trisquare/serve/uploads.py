@@ -79,6 +79,8 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
 def _options(text: str | bytes) -> dict[str, Any]:
     try:
         options = json.loads(text or "{}")
+    except UnicodeDecodeError:
+        raise ValueError("the options are no JSON, and no text") from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"the options are no JSON: {error}") from error
     if not isinstance(options, dict):
