@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,11 @@ from trisquare.batch.requirements import AnyRequirement
 FEWEST = 8
 """Cameras of a kind whose spread is known well enough to call one of them an outlier."""
 
-OUTLYING = 3.5
-"""Robust standard deviations (Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993)."""
+CHANCE = 0.05
+"""Of fleets in which nobody stands out, those that have an outlier all the same."""
+
+MAD_EFFICIENCY = 0.37
+"""Of the median absolute deviation of normal values (Rousseeuw and Croux, 1993)."""
 
 GAUSSIAN_MAD = 1.4826
 """Standard deviation of normal values over their median absolute deviation."""
@@ -75,12 +80,10 @@ class Distribution:
     def deviation(self, value: float, std: float) -> float:
         """Return how far a camera is from the median, in standard deviations of that distance.
 
-        Zero where too few cameras are there to tell.
+        Zero where neither is known.
         """
         scale = float(np.hypot(self.spread, std))
-        if len(self.values) < FEWEST or scale == 0.0:
-            return 0.0
-        return (value - self.median) / scale
+        return (value - self.median) / scale if scale > 0.0 else 0.0
 
 
 @dataclass(slots=True)
@@ -110,15 +113,18 @@ class Fleet:
     def outlying(self, record: Mapping[str, Any]) -> list[str]:
         """Say in which parameters a camera stands out of its kind."""
         found = []
+        of_kind = [key for key in self.distributions if key[0] == kind_of(record)]
         for name, value in record["values"].items():
             own = self.distributions.get((kind_of(record), name))
-            if own is not None:
-                deviation = own.deviation(value, record["std"].get(name, 0.0))
-                if abs(deviation) > OUTLYING:
-                    found.append(
-                        f"{name} {value:.6g} is {deviation:+.1f} standard deviations from the "
-                        f"median {own.median:.6g}"
-                    )
+            if own is None or len(own.values) < FEWEST:
+                continue
+            deviation = own.deviation(value, record["std"].get(name, 0.0))
+            allowed = most_by_chance(len(own.values), len(of_kind))
+            if abs(deviation) > allowed:
+                found.append(
+                    f"{name} {value:.6g} is {deviation:+.1f} standard deviations from the "
+                    f"median {own.median:.6g}: more than {allowed:.1f}"
+                )
         return found
 
     def uncertain(self, record: Mapping[str, Any]) -> list[str]:
@@ -131,6 +137,19 @@ class Fleet:
             if std > UNCERTAIN * own.median_std:
                 found.append(f"std of {name} {std:.3g}, the median is {own.median_std:.3g}")
         return found
+
+
+def most_by_chance(cameras: int, parameters: int) -> float:
+    """Return the largest deviation that `CHANCE` of fleets of so many cameras have by chance.
+
+    That is a quantile of Student's distribution, by the approximation of Gaver and Kafadar (A
+    retrievable recipe for inverse t, The American Statistician, 1984). Its degrees of freedom are
+    those of the median absolute deviation; the 1 beside them is a simulation's.
+    """
+    normal = NormalDist().inv_cdf(1.0 - CHANCE / (2.0 * cameras * parameters))
+    freedom = MAD_EFFICIENCY * cameras + 1.0
+    stretch = (freedom - 1.5) / (freedom - 1.0) ** 2
+    return math.sqrt(freedom * math.expm1(stretch * normal**2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from trisquare._support.html_pages import page_environment
 from trisquare._support.number_text import with_its_std
-from trisquare.batch.fleet import FEWEST, OUTLYING, Distribution, Fleet
+from trisquare.batch.fleet import CHANCE, FEWEST, Distribution, Fleet
 from trisquare.batch.requirements import PARAMETERS, AnyRequirement
 from trisquare.batch.summary import Counts
 
@@ -70,7 +70,7 @@ def summary_page(
         outlying=outlying,
         retake=retake,
         fewest=FEWEST,
-        outlying_from=OUTLYING,
+        chance=f"{100 * CHANCE:.0f} %",
         width=WIDTH,
         height=HEIGHT,
         style=Markup(style),
