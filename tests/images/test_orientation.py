@@ -48,7 +48,22 @@ def avif(orientation):
     return pillow_encoded("AVIF", orientation)
 
 
-@pytest.mark.parametrize("encoded", [heic, avif])
+def webp(orientation):
+    return pillow_encoded("WebP", orientation, lossless=True)
+
+
+def webp_as_jpeg(orientation):
+    """As Pillow and others wrote it before: the block begins as in a JPEG."""
+    plain = webp(orientation)
+    place = plain.index(b"EXIF")
+    block = plain[place + 8 :]
+    if not block.startswith(b"Exif"):
+        block = b"Exif\0\0" + block
+    chunks = plain[8:place] + b"EXIF" + struct.pack("<I", len(block)) + block
+    return b"RIFF" + struct.pack("<I", len(chunks)) + chunks
+
+
+@pytest.mark.parametrize("encoded", [heic, avif, webp, webp_as_jpeg])
 def test_pictures_come_as_they_are_stored(encoded):
     upright, tag = load_photograph(encoded(1))
     assert (upright.shape, tag) == (COLOUR.shape, None)
@@ -58,7 +73,7 @@ def test_pictures_come_as_they_are_stored(encoded):
         np.testing.assert_array_equal(picture, upright)
 
 
-@pytest.mark.parametrize("encoded", [heic, avif])
+@pytest.mark.parametrize("encoded", [heic, avif, webp])
 def test_the_result_refers_to_the_picture_as_stored_and_says_so(tmp_path, encoded):
     path = tmp_path / "photo"
     path.write_bytes(encoded(6))

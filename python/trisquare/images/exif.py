@@ -58,7 +58,7 @@ class ExifBlock:
 
     @classmethod
     def find(cls, encoded: bytes) -> ExifBlock | None:
-        """Find the block of a JPEG, PNG or TIFF file; None if there is none."""
+        """Find the block of a JPEG, PNG, WebP or TIFF file; None if there is none."""
         start = _exif_start(encoded)
         order = None if start is None else TIFF_STARTS.get(encoded[start : start + 4])
         return None if start is None or order is None else cls(encoded, start, order)
@@ -157,6 +157,8 @@ def _exif_start(encoded: bytes) -> int | None:
         return _exif_in_jpeg(encoded)
     if encoded[:4] == b"\x89PNG":
         return _exif_in_png(encoded)
+    if encoded[:4] == b"RIFF" and encoded[8:12] == b"WEBP":
+        return _exif_in_webp(encoded)
     return None
 
 
@@ -178,4 +180,16 @@ def _exif_in_png(encoded: bytes) -> int | None:
         if encoded[position + 4 : position + 8] == b"eXIf":
             return position + 8
         position += 12 + int.from_bytes(encoded[position : position + 4], "big")
+    return None
+
+
+def _exif_in_webp(encoded: bytes) -> int | None:
+    position = 12
+    while position + 8 <= len(encoded):
+        if encoded[position : position + 4] == b"EXIF":
+            start = position + 8
+            is_as_in_jpeg = encoded.startswith(EXIF_IN_JPEG, start)  # some programs write it so
+            return start + len(EXIF_IN_JPEG) * is_as_in_jpeg
+        length = int.from_bytes(encoded[position + 4 : position + 8], "little")
+        position += 8 + length + length % 2
     return None
