@@ -117,7 +117,7 @@ def find_orientation(encoded: bytes) -> OrientationTag | None:
 
 
 def made_upright(encoded: bytes) -> bytes:
-    """Return a copy of a JPEG, PNG, WebP or TIFF file whose orientation tag, if any, says upright."""
+    """Return a copy of such a file whose orientation tag, if any, says upright."""
     copy, place = bytearray(encoded), _place(encoded)
     if place is not None:
         struct.pack_into(place[0], copy, place[1], UPRIGHT)
