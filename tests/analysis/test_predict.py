@@ -292,3 +292,21 @@ def test_command_errors_are_one_line(run, arguments, code, message):
     assert (found, out) == (code, "")
     assert error.count("\n") == 1
     assert message in error
+
+
+def test_more_pixels_of_the_same_paper_tell_no_more():
+    """The picture that is enlarged shows the same, and its paper is as little flat."""
+    parts = []
+    for scale in (1.5, 3.0, 6.0):
+        width, height = 1280 * scale, 960 * scale
+        K = [[1000 * scale, 0, (width - 1) / 2], [0, 1000 * scale, (height - 1) / 2], [0, 0, 1]]
+        camera = ts.Camera(K, np.zeros(5), (int(width), int(height)))
+        places = [((300, 280), 0), ((980, 290), 120), ((640, 690), 240)]
+        planned = [
+            ts.PlannedSquare.at(camera, np.multiply(at, scale), 340 * scale, tilt=35, direction=d)
+            for at, d in places
+        ]
+        found = ts.predict(camera, planned)
+        parts.append(found.std["fx"] / camera.fx)
+    np.testing.assert_allclose(parts, parts[0], rtol=0.02)
+    assert ts.predict(camera, planned, sigma=2.0).sigma == 2.0

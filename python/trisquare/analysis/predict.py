@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -28,7 +29,20 @@ __all__ = ["PlannedSquare", "Prediction", "predict"]
 PRINTED_SIGMA = 2.0
 """Pixels, per pixel of edge. Of 38 photographs of boards printed on paper (OpenCV's chessboard, a
 wooden corner, a ChArUco cube) the residuals' rms, times the square root of the edge's length per
-independent sample, is 1.5 to 3.8, median 2.1."""
+independent sample, is 1.5 to 3.8, median 2.1; with 640 x 480 pixels 3.3, with 1920 x 1080 1.8."""
+
+WIDEST_MEASURED = 1920
+"""Of these photographs, pixels."""
+
+
+def printed_sigma(image_size: tuple[int, int]) -> float:
+    """Return what a pixel of edge is known to of targets printed on paper.
+
+    In larger pictures than were measured their paper bends by as many times more pixels, over as
+    many times longer parts of an edge: a pixel is known less by that to the power of 1.5, so that
+    the standard deviations stay the same part of the focal length.
+    """
+    return PRINTED_SIGMA * math.pow(max(1.0, max(image_size) / WIDEST_MEASURED), 1.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +112,7 @@ def _has(own: str, model: str) -> bool:
 def predict(
     camera: Calibration | Camera,
     planes: Iterable[StandingPlane],
-    sigma: float = PRINTED_SIGMA,
+    sigma: float | None = None,
     *,
     spacing: float = 1.0,
     model: str | None = None,
@@ -118,11 +132,13 @@ def predict(
     planes : iterable of PlannedSquare, Plane or simulate.Target
         Where the squares will stand: squares, tags and frames, no boards. Squares of several
         photographs simply add up.
-    sigma : float
+    sigma : float, optional
         Standard deviation of one edge sample across its edge, pixels. By default what targets
         printed on paper have, 2: they are not quite flat, so that neighbouring samples err
-        together. Straight edges of flat things are known to 0.01 to 0.03 in sharp pictures;
-        `simulate.pixel_sigma` gives it for known noise, contrast and blur.
+        together. In pictures wider than 1920 pixels that is more (11 of 6000): paper bends by more
+        of the smaller pixels, which are therefore no help. Straight edges of flat things are known
+        to 0.01 to 0.03 in sharp pictures; `simulate.pixel_sigma` gives it for known noise, contrast
+        and blur.
     spacing : float
         Pixels of edge per sample.
     model : str, optional
@@ -164,7 +180,7 @@ def predict(
             f"{model!r} is no model of this camera's family ({', '.join(kin)}): give a camera "
             "of its own family, camera= (--camera)"
         )
-    noise = real_number(sigma, "sigma")
+    noise = printed_sigma(camera.image_size) if sigma is None else real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")
     found = predicted(
         camera,

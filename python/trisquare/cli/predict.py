@@ -14,7 +14,7 @@ from trisquare._support.number_text import decimals_shown
 from trisquare._support.paths import naming, read_text
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
-from trisquare.analysis.predict import PRINTED_SIGMA, Prediction, predict
+from trisquare.analysis.predict import Prediction, predict
 from trisquare.camera.camera import Camera, camera_parameters, centred_pinhole, named_numbers
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import FIXABLE
@@ -49,17 +49,18 @@ def predict_command(
         None,
         "X,Y,SIDE,TILT,DIRECTION[,SPIN]",
         "A square: its centre and side in pixels, or in % of the picture's width, height and "
-        "height; its tilt, the direction of the axis it is tilted about, and its spin in degrees. "
-        "Repeatable; by default three good ones.",
+        "height (25%,30%,35%,35,0); its tilt, the direction of the axis it is tilted about, and "
+        "its spin in degrees. Repeatable; by default three good ones.",
     ),
     frame: float | None = option(
         None, "PART", "Make all squares frames, with a hole of this part of their side."
     ),
-    sigma: float = option(
-        PRINTED_SIGMA,
+    sigma: float | None = option(
+        None,
         "PX",
-        "Standard deviation of an edge sample, pixels: 2 for targets printed on paper, which are "
-        "not quite flat; 0.02 for straight edges in a sharp picture, as rendered ones are.",
+        "Standard deviation of an edge sample, pixels. By default that of targets printed on "
+        "paper, which are not quite flat: 2, and more in pictures wider than 1920; 0.02 for "
+        "straight edges in a sharp picture, as rendered ones are.",
     ),
     spacing: float = option(1.0, "PX", "Edge length per sample, pixels."),
     model: str | None = option(
@@ -200,6 +201,6 @@ def _report(prediction: Prediction, planned: list[PlannedSquare]) -> list[Render
     summary = (
         f"{width} x {height}, {len(planned)} squares tilted by {tilts} degrees, "
         f"edges sampled every {prediction.spacing:g} px, each sample known to "
-        f"{prediction.sigma:g} px (--sigma)"
+        f"{prediction.sigma:.3g} px (--sigma)"
     )
     return [table, summary]
