@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import partial
-from typing import Any, Literal, TypeAlias, get_args
+from numbers import Real
+from typing import Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
@@ -56,9 +57,9 @@ class PlaneEdges(Frozen):
     points : sequence of L array_like, shape (N_i, 2), N_i >= 2
         Samples ``(x, y)`` on the image of each line, or circle (N_i >= 5), in pixels of the
         photograph.
-    std : sequence of L array_like, shape (N_i,), optional
-        One standard deviation of each sample across its line, in pixels. Only their ratios
-        matter for the estimate; without them all samples weigh the same.
+    std : float or sequence of L array_like, shape (N_i,), optional
+        One standard deviation of each sample across its line, in pixels, or a number for all. Only
+        their ratios matter for the estimate; without them all samples weigh the same.
     polarity : {+1, -1}, optional
         +1 if the figure's inside is dark, -1 if it is light, None if unknown.
     plane : int, optional
@@ -167,7 +168,7 @@ class PlaneEdges(Frozen):
     def square(
         cls,
         sides: Sequence[Any],
-        std: Sequence[Any] | None = None,
+        std: Sequence[Any] | float | None = None,
         *,
         polarity: int | None = None,
         plane: int | None = None,
@@ -218,7 +219,7 @@ class PlaneEdges(Frozen):
         cls,
         sides: Sequence[Any],
         aspect: float | None,
-        std: Sequence[Any] | None = None,
+        std: Sequence[Any] | float | None = None,
         *,
         polarity: int | None = None,
         plane: int | None = None,
@@ -263,7 +264,7 @@ class PlaneEdges(Frozen):
         return cls(
             rectangle_lines(points, aspect),
             points,
-            None if std is None else tuple(std),
+            cast("Any", std),
             polarity=polarity,
             plane=plane,
             image=image,
@@ -276,7 +277,7 @@ class PlaneEdges(Frozen):
         cls,
         along_x: Sequence[Any],
         along_y: Sequence[Any],
-        std: Sequence[Any] | None = None,
+        std: Sequence[Any] | float | None = None,
         *,
         polarity: int | None = None,
         plane: int | None = None,
@@ -295,7 +296,7 @@ class PlaneEdges(Frozen):
         ----------
         along_x, along_y : sequence of 2 or more array_like, shape (N_i, 2)
             Samples of the lines of each family.
-        std : sequence of array_like, shape (N_i,), optional
+        std : float or sequence of array_like, shape (N_i,), optional
             As for `PlaneEdges`, of the lines of `along_x`, then of those of `along_y`.
         polarity, plane, image, kind
             As for `PlaneEdges`.
@@ -320,7 +321,7 @@ class PlaneEdges(Frozen):
         return cls(
             family_lines(points[: len(along_x)], points[len(along_x) :]),
             points,
-            None if std is None else tuple(std),
+            cast("Any", std),
             polarity=polarity,
             plane=plane,
             image=image,
@@ -333,7 +334,7 @@ class PlaneEdges(Frozen):
         cls,
         points: Sequence[Any],
         radii: Sequence[float | None] | None = None,
-        std: Sequence[Any] | None = None,
+        std: Sequence[Any] | float | None = None,
         *,
         polarity: int | None = None,
         plane: int | None = None,
@@ -385,7 +386,7 @@ class PlaneEdges(Frozen):
         return cls(
             np.empty((0, 3)),
             tuple(circles),
-            None if std is None else tuple(std),
+            cast("Any", std),
             polarity=polarity,
             plane=plane,
             image=image,
@@ -427,7 +428,7 @@ class PlaneEdges(Frozen):
         return cls(
             np.array([[0.0, 1.0, 0.0]]),
             (points,),
-            None if std is None else (std,),
+            cast("Any", std if std is None or isinstance(std, Real) else (std,)),
             image=image,
             kind="line",
             freedom="line",
@@ -471,7 +472,10 @@ class PlaneEdges(Frozen):
 
     @classmethod
     def from_json(cls, text: str) -> PlaneEdges:
-        """Read what `to_json` wrote.
+        """Read what `to_json` wrote, or text of that format from elsewhere.
+
+        Only `format`, `lines` and `points` are needed: what else is absent or null is as of
+        `PlaneEdges` without it.
 
         Raises
         ------
@@ -507,20 +511,21 @@ def edges_members(edges: PlaneEdges) -> dict[str, Any]:
 
 
 def edges_from_members(members: JsonFields) -> PlaneEdges:
-    """Read the members of the JSON format."""
-    freedom: Any = members.text("freedom")
+    """Read the members of the JSON format; what is not there is as of `PlaneEdges` without it."""
+    read = {
+        "std": lambda key: members.arrays(key, (None,)),
+        "polarity": members.integer,
+        "plane": members.integer,
+        "image": members.integer,
+        "kind": members.text,
+        "freedom": members.text,
+        "drift": lambda key: members.arrays(key, (None, 2)),
+        "border": members.number,
+        "radii": members.numbers_or_null,
+    }
+    given: dict[str, Any] = {key: value(key) for key, value in read.items() if members.has(key)}
     return PlaneEdges(
-        members.array("lines", (None, 3)),
-        members.arrays("points", (None, 2)),
-        None if members.value("std") is None else members.arrays("std", (None,)),
-        polarity=None if members.value("polarity") is None else members.integer("polarity"),
-        plane=None if members.value("plane") is None else members.integer("plane"),
-        image=members.integer("image"),
-        kind=members.text("kind"),
-        freedom=freedom,
-        drift=members.arrays("drift", (None, 2)) if members.has("drift") else None,
-        border=members.number("border") if members.has("border") else None,
-        radii=members.numbers_or_null("radii") if members.has("radii") else None,
+        members.array("lines", (None, 3)), members.arrays("points", (None, 2)), **given
     )
 
 
@@ -622,6 +627,8 @@ def _samples_of_circles(points: Any, count: int) -> tuple[FloatArray, ...]:
 
 
 def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    if isinstance(std, Real):
+        std = [np.full(len(own), real_number(std, "std")) for own in points]
     deviations = []
     for index, given in enumerate(_sequence(std, "std", len(points))):
         array = real_array(given, f"std[{index}]", (len(points[index]),))

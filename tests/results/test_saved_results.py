@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from scenes import edges_of, squares
+from shown import blocks, page
 
 import trisquare as ts
 
@@ -64,6 +65,25 @@ def test_a_long_format_is_cited_in_part():
     with pytest.raises(ValueError, match=r'"format" is \'trisquare-.*is read here') as refusal:
         ts.PlaneEdges.from_json(f'{{"format": "{stated}"}}')
     assert len(str(refusal.value)) < 200
+
+
+def test_edges_need_their_lines_and_samples_alone():
+    """The example of docs/formats.md."""
+    examples = (content for _, content in blocks(page("formats.md"), "json"))
+    (example,) = (content for content in examples if "trisquare-edges/1" in content)
+    edges = ts.PlaneEdges.from_json(example)
+    assert (edges.kind, edges.image, edges.plane, edges.std) == ("square", 0, None, None)
+    made = ts.PlaneEdges.square(edges.points)
+    np.testing.assert_allclose(made.lines, edges.lines, atol=1e-15)
+    for std in (0.1, np.float64(0.1), [np.full(3, 0.1)] * 4):
+        assert ts.PlaneEdges.square(edges.points, std).std[2].tolist() == [0.1] * 3
+    with pytest.raises(ValueError, match="must be positive"):
+        ts.PlaneEdges.square(edges.points, std=0)
+    for missing in ("lines", "points"):
+        members = json.loads(example)
+        del members[missing]
+        with pytest.raises(ValueError, match=f'"{missing}" is missing'):
+            ts.PlaneEdges.from_json(json.dumps(members))
 
 
 def test_corners_beyond_every_picture_are_refused():
