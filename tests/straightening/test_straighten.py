@@ -197,6 +197,8 @@ def test_command_writes_the_camera_for_further_pictures(run, tmp_path):
     expected = ts.straighten(picture).camera.camera(600.0)
     assert (camera.fx, camera.fy) == (600.0, 600.0)
     np.testing.assert_array_equal(camera.distortion, expected.distortion)
+    _, out, _ = run(*words, "--focal", "600")
+    assert f"wrote {file}, a camera of the model {expected.model}" in out
 
 
 def test_command_keeps_the_orientation_tag(run, tmp_path):

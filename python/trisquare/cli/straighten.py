@@ -43,7 +43,8 @@ def straighten_command(
         None,
         "FILE",
         "Write the camera of the photograph to this file, in the format of its name, as convert "
-        "does; for undistort and others. Needs --focal.",
+        "does; for undistort and others. It is a pinhole with k1 to k3 "
+        "or a fisheye, whichever is nearer. Needs --focal.",
     ),
     focal: float | None = option(
         None, "PX", "Focal length of the camera that is written: straight lines do not tell it."
@@ -73,8 +74,11 @@ def straighten_command(
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
         files[overlay] = encode_image(drawn, overlay)
+    models: dict[PathLike, str] = {}
     if save_camera is not None and focal is not None:
-        files[save_camera] = camera_content(found.camera.camera(focal), save_camera)
+        camera = found.camera.camera(focal)
+        files[save_camera] = camera_content(camera, save_camera)
+        models[save_camera] = camera.model
     write_atomically(files)
     members: dict[str, Any] = {"format": STRAIGHTENING_FORMAT}
     members |= {"photo": str(photo), "output": str(output)}
@@ -83,7 +87,13 @@ def straighten_command(
         "camera_file": None if save_camera is None else str(save_camera),
         "warnings": warnings,
     }
-    answer(json, quiet, members, _lines(found, files), (f"warning: {each}" for each in warnings))
+    answer(
+        json,
+        quiet,
+        members,
+        _lines(found, files, models),
+        (f"warning: {each}" for each in warnings),
+    )
 
 
 def _members(found: Straightened) -> dict[str, Any]:
@@ -103,8 +113,10 @@ def _members(found: Straightened) -> dict[str, Any]:
     }
 
 
-def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str]:
-    """Say what the lines tell, and what they do not."""
+def _lines(
+    found: Straightened, files: Mapping[PathLike, bytes], models: Mapping[PathLike, str]
+) -> Iterator[str]:
+    """Say what the lines tell, and what they do not; `models` are of the files that are cameras."""
     camera = found.camera
     yield (
         f"{len(found.used)} straight lines, rms {found.rms:.2g} px; "
@@ -133,4 +145,5 @@ def _lines(found: Straightened, files: Mapping[PathLike, bytes]) -> Iterator[str
     yield f"largest displacement {moved} +- {its_std} px"
     yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
-        yield f"wrote {path}"
+        model = f", a camera of the model {models[path]}" if path in models else ""
+        yield f"wrote {path}{model}"
