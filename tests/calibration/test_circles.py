@@ -210,6 +210,14 @@ def test_edges_go_through_json_and_pickle():
     assert "2 circles" in repr(own)
 
 
+def test_radii_in_another_order_than_the_samples_are_refused():
+    scene, rng = scene_of(0)
+    points = circle_edges(scene, rng, RADII)
+    told = r"figure 0: circle 0 of radius 0\.3 is seen around circle 1 of radius 0\.5"
+    with pytest.raises(ValueError, match=told):
+        ts.calibrate_edges(edges_of(points, RADII[::-1]), SIZE)
+
+
 CIRCLE = np.array([[np.cos(angle), np.sin(angle)] for angle in range(9)]) * 100 + 500
 
 

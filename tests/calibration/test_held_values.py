@@ -67,13 +67,24 @@ def test_a_distortion_that_is_held_wrongly_is_told(seed):
     edges = edges_of(scene, NOISE, seed)
     wrong = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion")
     (warning,) = warnings_of("lens_beyond_model", wrong)
-    assert "the lens is beyond its model, or the held distortion is wrong: " in warning
+    assert "the lens is beyond its model, or what is held (distortion) is wrong: " in warning
     focal = re.search(r'Without fix="distortion" \(model="radial2"\) fx is ([\d.]+)$', warning)[1]
     assert float(focal) == pytest.approx(ts.calibrate_edges(edges, IMAGE_SIZE).camera.fx, rel=1e-3)
     # The doubt is in the standard deviation.
     assert abs(wrong.camera.fx - 1100) < 4 * wrong.std["fx"]
     known = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion", initial=truth)
     assert not warnings_of("lens_beyond_model", known)
+
+
+@pytest.mark.parametrize(("seed", "count"), [(1, 2), (2, 2), (2, 3), (6, 3)])
+def test_an_aspect_that_is_held_wrongly_is_named_beside_the_lens(seed, count):
+    scene, truth = scene_off_centre(seed)
+    camera = simulate.TrueCamera(1100, 1097, *truth.K[:2, 2], truth.distortion, IMAGE_SIZE)
+    scene = replace(scene, camera=camera, targets=scene.targets[:count])
+    result = ts.calibrate_edges(edges_of(scene, 0.02, 0), IMAGE_SIZE, fix="aspect")
+    texts = [*warnings_of("lens_beyond_model", result), *warnings_of("planes_contradict", result)]
+    assert texts
+    assert all("or what is held (aspect) is wrong" in text for text in texts)
 
 
 @pytest.mark.parametrize("wrong", [None, "focal", "distortion"])

@@ -57,6 +57,31 @@ def test_two_squares_say_what_a_stretched_print_makes_of_them():
     assert float(stated[1]) == pytest.approx(np.hypot(*moved), rel=0.1)
 
 
+def standing_like(target, other):
+    """The target, turned as another one, and seen at its own place."""
+    return replace(target, rotation=other.rotation)
+
+
+@pytest.mark.parametrize("degrees", [0, 90, 45])
+def test_a_square_that_stands_as_another_does_checks_nothing(degrees):
+    first, second, third = SCENE.targets
+    turned = replace(first, rotation=first.rotation @ tilted(0, 0, degrees))
+    targets = (first, second, standing_like(third, turned))
+    scene = replace(SCENE, targets=targets)
+    found = ts.calibrate_edges(edges_of(scene, noise=0.05), (WIDTH, HEIGHT))
+    warned = [w for w in found.warnings if w.code == "targets_unchecked"]
+    # Sides in other directions see a stretch that is common to both.
+    assert bool(warned) == (degrees != 45)
+    for warning in warned:
+        assert "3 planes in 2 directions are no more than this camera needs" in warning
+
+
+def test_the_same_figure_once_more_checks_nothing():
+    edges = edges_of(SCENE, noise=0.05)[:2]
+    found = ts.calibrate_edges([*edges, edges[0]], (WIDTH, HEIGHT))
+    assert "targets_unchecked" in codes(found)
+
+
 @pytest.mark.parametrize("held", ["aspect", "principal_point"])
 def test_what_is_held_checks_two_squares(held):
     edges = edges_of(SCENE, noise=0.05)

@@ -17,7 +17,7 @@ use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, NestedOptima, Work, reject_outliers};
 use crate::uncertainty::{
-    LensVerdict, assumed_centre, check_plane_count, contradicted_relations, extrapolated_lens,
+    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, extrapolated_lens,
     poorly_known, unchecked_targets, unlikely_camera,
 };
 
@@ -242,7 +242,7 @@ fn run<L: Lens>(
         comparison.nested = nested;
     }
     let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
-    check_plane_count(planes.len(), &problem.free)?;
+    check_plane_equations(&planes, &problem.free)?;
 
     let advised = |failure| problem.advised(failure);
     let (stage, found) = match options.method {
@@ -293,6 +293,15 @@ fn run<L: Lens>(
         calibration.state_poses(&solution);
     }
     calibration.warnings.splice(0..0, outliers);
+    let mut causes = match &verdict {
+        Some(verdict) => problem.heed(verdict, (&planes, &solution), &mut calibration),
+        None => Vec::new(),
+    };
+    if !lines.is_empty() {
+        let optimum = (&solution, fitted.as_ref());
+        add_lines(&problem, optimum, &lines, &mut calibration);
+        problem.check_reach(&calibration.camera)?;
+    }
     if judging {
         let focal = |edges: &[PlaneEdges], options: &Options<L>| {
             let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
@@ -302,10 +311,8 @@ fn run<L: Lens>(
             focal(edges, &Options { fixed, ..*options })
         });
         // What explains other warnings comes before them.
-        calibration.warnings.splice(0..0, unlikely);
-        if let Some(verdict) = verdict {
-            problem.heed(&verdict, (&planes, &solution), &mut calibration);
-        }
+        causes.extend(unlikely);
+        calibration.warnings.splice(0..0, causes);
         let refined = &solution.refined;
         let conditioning = problem.conditioning(&solution.planes, refined);
         let assumed = assumed_centre(&conditioning, &calibration, refined.covariance_factor);
@@ -316,21 +323,13 @@ fn run<L: Lens>(
         // A consequence comes after its causes.
         let poorly_known = poorly_known(&calibration, options.fixed);
         calibration.warnings.extend(poorly_known);
+        let extrapolated = extrapolated_lens(&calibration);
+        calibration.warnings.extend(extrapolated);
         let contradicted = contradicted(edges, &planes, size, options);
         calibration.warnings.splice(0..0, contradicted);
         calibration
             .warnings
             .splice(0..0, outside_picture(edges, size));
-    }
-    if !lines.is_empty() {
-        let optimum = (&solution, fitted.as_ref());
-        add_lines(&problem, optimum, &lines, &mut calibration);
-        problem.check_reach(&calibration.camera)?;
-    }
-    if judging {
-        // The scene's lines tell of the lens, too.
-        let extrapolated = extrapolated_lens(&calibration);
-        calibration.warnings.extend(extrapolated);
     }
     let most_severe_first = |warning: &Warning| Reverse(warning.severity());
     calibration.warnings.sort_by_key(most_severe_first);

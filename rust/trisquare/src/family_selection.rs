@@ -297,7 +297,7 @@ pub fn heed_opencv_lens<L: Lens>(
             parameter: "fx".into(),
             factor: 1.0,
             cure: Some(cure),
-            held: false,
+            held: options.fixed.names().into_iter().map(Into::into).collect(),
         };
         calibration.warnings.insert(0, warning);
     }

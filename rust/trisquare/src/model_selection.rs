@@ -21,7 +21,7 @@ use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
-use crate::result::Calibration;
+use crate::result::{Calibration, Warning};
 use crate::solver::NestedOptima;
 
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
@@ -189,6 +189,17 @@ impl<L: Lens> Weighed<L> {
         let mut calibration = calibrate_beside(edges, size, &options, photographs, nested)?;
         if let Some(doubt) = doubt(candidates, chosen, &options.free_parameters()) {
             calibration.covariance += doubt;
+        }
+        // The evidence has not asked for a model that would hold the lens.
+        for warning in &mut calibration.warnings {
+            if let Warning::LensBeyondModel {
+                certain,
+                cure: Some(_),
+                ..
+            } = warning
+            {
+                *certain = false;
+            }
         }
         let rejected = candidates.iter().filter(|other| other.model != model);
         let alternatives = rejected.map(|other| ModelAlternative {

@@ -122,7 +122,7 @@ fn every_warning_with_a_text_is() {
             parameter: "cx".into(),
             factor: 2.0,
             cure: Some(("radial3".into(), 901.5)),
-            held: false,
+            held: vec!["aspect".into()],
         },
         Warning::PixelsNotUsed {
             reason: "they are less certain than the edge samples".into(),

@@ -42,20 +42,19 @@ impl Line {
     ///
     /// # Errors
     /// [`Error::NotFinite`] for NaN or infinity, [`Error::InvalidArgument`] for the line at
-    /// infinity (`a = b = 0`).
+    /// infinity (`a = b = 0`, or next to it).
     pub fn new(a: f64, b: f64, c: f64) -> Result<Self, Error> {
         let norm = a.hypot(b);
         if !(norm.is_finite() && c.is_finite()) {
             return Err(Error::NotFinite { what: "a line" });
         }
-        if norm == 0.0 {
+        let coefficients = Vector3::new(a, b, c) / norm;
+        if !coefficients.iter().all(|value| value.is_finite()) {
             return Err(Error::InvalidArgument(
-                "a line needs a normal: a and b are both zero".into(),
+                "a line needs a normal: a and b are both zero, or next to it".into(),
             ));
         }
-        Ok(Self {
-            coefficients: Vector3::new(a, b, c) / norm,
-        })
+        Ok(Self { coefficients })
     }
 
     /// The line through `point` with the given unit normal.

@@ -61,7 +61,8 @@ impl Pose {
     /// nearest to `[r1 r2 r1 x r2]` in the Frobenius norm (Zhang, IEEE PAMI 22 (2000), appendix C).
     ///
     /// # Errors
-    /// [`Error::DegenerateHomography`] if the homography is singular, or shows a plane through the
+    /// [`Error::NotFinite`] for NaN or infinity, [`Error::DegenerateHomography`] if the homography
+    /// or the camera matrix is singular, or if they show a plane through the
     /// camera's centre or at no finite distance.
     pub fn from_homography(
         camera_matrix: &Matrix3<f64>,
@@ -72,6 +73,15 @@ impl Pose {
             figure: 0,
             reason: "it is singular",
         };
+        for (values, what) in [
+            (camera_matrix.as_slice(), "a camera matrix"),
+            (homography.as_slice(), "a homography"),
+            (witness.as_slice(), "a point of the plane"),
+        ] {
+            if !values.iter().all(|value| value.is_finite()) {
+                return Err(Error::NotFinite { what });
+            }
+        }
         let inverse = camera_matrix.try_inverse().ok_or_else(singular)?;
         let columns = inverse * homography;
         let (c1, c2) = (columns.column(0), columns.column(1));

@@ -69,6 +69,7 @@ pub(super) fn homography_of_circles(
     };
     let all = own.iter().chain(&further);
     let mut ellipses = all.map(ellipse).collect::<Result<Vec<_>, Error>>()?;
+    check_nesting(figure.index, &own, &ellipses)?;
     let apart = match further.is_empty() {
         true => None,
         false => separate_homography(&ellipses[0], &ellipses[1]),
@@ -89,6 +90,31 @@ pub(super) fn homography_of_circles(
     }
     homography.column_mut(2).scale_mut(known / measured);
     Ok((homography, own[0].points[0]))
+}
+
+/// # Errors
+/// [`Error::InvalidArgument`] if a circle is seen around one that is said to be larger.
+fn check_nesting(
+    figure: usize,
+    circles: &[Circle],
+    ellipses: &[Matrix3<f64>],
+) -> Result<(), Error> {
+    let known = circles.iter().zip(ellipses).enumerate();
+    let known = known.filter_map(|(number, (circle, ellipse))| match circle.radius {
+        Radius::Known(radius) => Some((number, radius, area(ellipse))),
+        Radius::Free(_) => None,
+    });
+    let mut known: Vec<(usize, f64, f64)> = known.collect();
+    known.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let crossed = |pair: &&[(usize, f64, f64)]| pair[0].2 > pair[1].2;
+    let Some([small, large]) = known.windows(2).find(crossed) else {
+        return Ok(());
+    };
+    Err(Error::InvalidArgument(format!(
+        "figure {figure}: circle {} of radius {} is seen around circle {} of radius {}: are the \
+         radii in the order of the samples?",
+        small.0, small.1, large.0, large.1
+    )))
 }
 
 /// The homography of circles on a plane whose own is given.

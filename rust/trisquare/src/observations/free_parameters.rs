@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::DVector;
 
-use super::options::{Fixed, Options};
+use super::options::{DISTORTION, Fixed, Options};
 use crate::image_size::ImageSize;
 use crate::lens::{Columns, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::numeric::ArrowSystem;
@@ -196,7 +196,7 @@ impl FreeParameters {
             (true, true) => {}
         }
         if !held.is_empty() && self.columns.iter().all(|column| *column < INTRINSICS) {
-            held.push("distortion");
+            held.push(DISTORTION);
         }
         held
     }

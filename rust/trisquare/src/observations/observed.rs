@@ -163,6 +163,17 @@ impl ObservedPlane {
         self.figures[0].freedom == Freedom::Aspect
     }
 
+    /// How many equations it gives of the camera matrix: where only the right angle of its sides is
+    /// known, and not their lengths, one.
+    pub fn equations(&self) -> usize {
+        let right_angle_alone =
+            |figure: &Figure| matches!(figure.freedom, Freedom::Aspect | Freedom::Offsets);
+        match self.figures.iter().all(right_angle_alone) {
+            true => 1,
+            false => 2,
+        }
+    }
+
     /// Whether all sides are outliers.
     pub fn is_outlier(&self) -> bool {
         self.sides().all(|side| side.is_outlier)

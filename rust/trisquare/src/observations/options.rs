@@ -6,6 +6,9 @@ use crate::error::Error;
 use crate::geometry::KnownIntrinsics;
 use crate::lens::{DefaultLens, Lens};
 
+/// What is called held where no coefficient is estimated.
+pub(crate) const DISTORTION: &str = "distortion";
+
 /// No camera is this short; below, products of the focal lengths underflow.
 const SMALLEST_FOCAL: f64 = 1e-3;
 
@@ -31,6 +34,20 @@ pub struct Fixed {
     pub distortion: bool,
     /// The skew.
     pub skew: bool,
+}
+
+impl Fixed {
+    /// What of the camera is held, as warnings name it.
+    pub(crate) fn names(self) -> Vec<&'static str> {
+        let held = [
+            (self.principal_point, "principal point"),
+            (self.focal, "focal length"),
+            (self.aspect && !self.focal, "aspect"),
+            (self.distortion, DISTORTION),
+        ];
+        let held = held.into_iter().filter(|(is_held, _)| *is_held);
+        held.map(|(_, name)| name).collect()
+    }
 }
 
 impl Default for Fixed {

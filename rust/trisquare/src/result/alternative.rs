@@ -1,6 +1,9 @@
 //! What a calibration may be asked for instead, and what it then finds.
 
+use std::borrow::Cow;
 use std::fmt;
+
+use crate::observations::DISTORTION;
 
 /// What a calibration may be asked for instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +51,7 @@ pub(super) fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -
 }
 
 /// What holds a lens beyond its model.
-pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: bool) -> String {
+pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, str>]) -> String {
     match cure {
         Some((model, focal)) => {
             let (setting, focal) = (cured_by(model, held), *focal);
@@ -59,8 +62,8 @@ pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: bool) -> String {
 }
 
 /// The setting under which a model holds a lens.
-pub(super) fn cured_by(model: &str, held: bool) -> Setting<'_> {
-    match held {
+pub(super) fn cured_by<'a>(model: &'a str, held: &[Cow<'static, str>]) -> Setting<'a> {
+    match held.iter().any(|it| it == DISTORTION) {
         true => Setting::DistortionFree(model),
         false => Setting::Model(model),
     }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
     cause_of_errors, contradiction, lines_not_used, numbered_sample, or_held, part_of_whole,
-    raised, signed_two_digits, two_digits, with_its_std,
+    planes_in_directions, raised, signed_two_digits, two_digits, with_its_std,
 };
 
 /// A text of the crate, or one that was read back.
@@ -175,9 +175,9 @@ pub enum Warning {
         "the lens {} beyond its model{}: residuals depend on the place in the picture, alike on \
          all planes{}.{}",
         if *.certain { "is" } else { "may be" },
-        if *.held { ", or the held distortion is wrong" } else { "" },
+        or_held(.held),
         raised(.parameter, *.factor),
-        richer_focal(.cure.as_ref(), *.held)
+        richer_focal(.cure.as_ref(), .held)
     )]
     LensBeyondModel {
         /// Whether nothing else explains that as well.
@@ -188,9 +188,10 @@ pub enum Warning {
         factor: f64,
         /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
         cure: Option<(String, f64)>,
-        /// Whether the distortion is held, and may be what is wrong; `cure` then has it free.
+        /// What of the camera is held, as of [`Warning::PlanesContradict`], and may be what is wrong;
+        /// `cure` has the distortion free.
         #[cfg_attr(feature = "serde", serde(default))]
-        held: bool,
+        held: Vec<Text>,
     },
     /// A lens of another family does what the asked one cannot.
     #[error(
@@ -275,12 +276,15 @@ pub enum Warning {
         "nothing checks the targets: {} no more than this camera needs. If they are {:.1} % longer \
          one way than the other, as printers make them, fx is off by {} px, and its standard \
          deviation, {} px, does not show it: show one more, tilted another way",
-        if *.planes == 1 { "one plane is".into() } else { format!("{} planes are", .planes) },
+        planes_in_directions(*.planes, *.directions),
         100.0 * .stretch, two_digits(*.change), two_digits(*.std)
     )]
     TargetsUnchecked {
         /// How many planes there are.
         planes: usize,
+        /// In how many directions they and their sides stand; 0 where that was not stored.
+        #[cfg_attr(feature = "serde", serde(default))]
+        directions: usize,
         /// By what part each square may be longer than wide.
         stretch: f64,
         /// What that makes of `fx`, one way or the other on each plane, pixels (rms).
@@ -444,7 +448,7 @@ impl Warning {
                 cure: Some((model, focal)),
                 held,
                 ..
-            } => (cured_by(model, *held), Some(*focal)),
+            } => (cured_by(model, held), Some(*focal)),
             Self::LensOfAnotherFamily { model, focal, .. } => (Setting::Model(model), Some(*focal)),
             Self::PixelsNotSquare { held, .. } => (Setting::AspectHeld, *held),
             Self::PrincipalPointOffCentre { held, .. } => (Setting::PrincipalPointHeld, *held),
@@ -516,6 +520,7 @@ impl Warning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observations::DISTORTION;
 
     #[test]
     fn one_plane_contradicts_what_is_held() {
@@ -624,7 +629,7 @@ mod tests {
                     parameter: parameter.into(),
                     factor,
                     cure: cure.clone(),
-                    held: false,
+                    held: Vec::new(),
                 },
                 "With the lens model radial3 fx is 901.2",
             ),
@@ -634,7 +639,7 @@ mod tests {
                     parameter: parameter.into(),
                     factor,
                     cure,
-                    held: true,
+                    held: vec![DISTORTION.into()],
                 },
                 "With the distortion free (lens model radial3) fx is 901.2",
             ),

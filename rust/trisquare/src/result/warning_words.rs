@@ -109,6 +109,17 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
     format!("{which}sample {sample} of side {side}{outline} of plane {plane}{lies}")
 }
 
+/// How many planes there are, and in how many directions if those are fewer.
+pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
+    match (planes, directions) {
+        (1, _) => "one plane is".into(),
+        (_, 0) => format!("{planes} planes are"),
+        (_, 1) => format!("{planes} planes that all stand alike are"),
+        _ if directions < planes => format!("{planes} planes in {directions} directions are"),
+        _ => format!("{planes} planes are"),
+    }
+}
+
 /// What makes sides err together.
 pub(super) fn cause_of_errors(height: Option<f64>) -> String {
     match height {

@@ -42,13 +42,14 @@ impl<L: Lens> JointProblem<'_, L> {
         }
     }
 
-    /// Adds what a verdict leaves in doubt to the covariance of an answer, and warns of it first.
+    /// Adds what a verdict leaves in doubt to the covariance of an answer; returns what to warn of
+    /// before all else.
     pub fn heed(
         &self,
         verdict: &LensVerdict,
         (planes, solution): (&[ObservedPlane], &Solution<L>),
         calibration: &mut Calibration<L>,
-    ) {
+    ) -> Vec<Warning> {
         let doubt = self.lens_doubt(planes, solution, verdict);
         let mut first = Vec::new();
         let is_cured = doubt.as_ref().is_some_and(|doubt| doubt.cure.is_some());
@@ -63,10 +64,10 @@ impl<L: Lens> JointProblem<'_, L> {
         }
         if let Some(doubt) = doubt {
             let certain = is_cured || matches!(verdict, LensVerdict::Beyond(_));
-            let held = self.options.fixed.distortion;
+            let held = self.options.fixed.names();
             first.extend(calibration.allow_for_lens(&doubt.change, doubt.cure, certain, held));
         }
-        calibration.warnings.splice(0..0, first);
+        first
     }
 
     /// What is known of the lens where it is beyond its model; `None` where it is not, or where

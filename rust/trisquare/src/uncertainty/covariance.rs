@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::error::Error;
 use crate::lens::MATRIX;
 use crate::numeric::ArrowSystem;
-use crate::observations::FreeParameters;
+use crate::observations::{FreeParameters, ObservedPlane};
 
 /// The covariance of the free parameters from the normal equations at the optimum; `None` if they
 /// are singular. `factor` turns the inverse of the weighted information into a covariance.
@@ -31,18 +31,43 @@ fn invert(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         .then_some(covariance)
 }
 
-/// Checks that there are planes enough for the free entries of the camera matrix.
+/// Checks that there are planes enough for the free entries of the camera matrix, by the equations
+/// that they give; how planes stand to each other gives further ones.
 ///
-/// Each plane direction gives two equations.
+/// # Errors
+/// [`Error::NotEnoughPlanes`].
+pub(crate) fn check_plane_equations(
+    planes: &[ObservedPlane],
+    free: &FreeParameters,
+) -> Result<(), Error> {
+    check_plane_count(planes.len(), free)?;
+    let names = free_of_matrix(free);
+    let equations: usize = planes.iter().map(ObservedPlane::equations).sum();
+    let related = planes.iter().any(|plane| !plane.relations.is_empty());
+    if equations >= names.len() || related {
+        return Ok(());
+    }
+    Err(Error::NotEnoughPlanes {
+        found: planes.len(),
+        needed: planes.len() + names.len() - equations,
+        free: format!(
+            "{}; a plane on which only a right angle is known tells one of them",
+            names.join(", ")
+        ),
+    })
+}
+
+fn free_of_matrix(free: &FreeParameters) -> Vec<&'static str> {
+    let names = free.names().into_iter();
+    names.filter(|name| MATRIX.contains(name)).collect()
+}
+
+/// The same of planes that give two equations each.
 ///
 /// # Errors
 /// [`Error::NotEnoughPlanes`].
 pub(crate) fn check_plane_count(found: usize, free: &FreeParameters) -> Result<(), Error> {
-    let names: Vec<&str> = free
-        .names()
-        .into_iter()
-        .filter(|name| MATRIX.contains(name))
-        .collect();
+    let names = free_of_matrix(free);
     let needed = names.len().div_ceil(2).max(1);
     if found < needed {
         return Err(Error::NotEnoughPlanes {

@@ -251,7 +251,7 @@ impl<L: Lens> Calibration<L> {
         change: &DVector<f64>,
         cure: Option<(String, f64)>,
         certain: bool,
-        held: bool,
+        held: Vec<&'static str>,
     ) -> Option<Warning> {
         let (parameter, factor) = self.raise(&(change * change.transpose()))?;
         Some(Warning::LensBeyondModel {
@@ -259,7 +259,7 @@ impl<L: Lens> Calibration<L> {
             parameter: parameter.into(),
             factor,
             cure,
-            held,
+            held: held.into_iter().map(Into::into).collect(),
         })
     }
 

@@ -21,7 +21,7 @@ pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
 pub(crate) use conditioning::{Conditioning, judged_parameters};
 pub(crate) use contradicted_relations::contradicted_relations;
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
-pub(crate) use covariance::{check_plane_count, covariance};
+pub(crate) use covariance::{check_plane_count, check_plane_equations, covariance};
 pub(crate) use expectations::{extrapolated_lens, poorly_known, unlikely_camera};
 pub(crate) use known_values::disagreement;
 pub(crate) use lens_beyond::{LensVerdict, beyond_lens};

@@ -1,5 +1,8 @@
 //! Planes that are as many as a camera needs leave nothing to check their figures against.
 
+use std::cmp::Reverse;
+
+use crate::geometry::Pose;
 use crate::lens::{Lens, MATRIX};
 use crate::observations::{ObservedPlane, PlaneEdges};
 use crate::result::{Calibration, Warning};
@@ -9,6 +12,10 @@ const STRETCH: f64 = 0.003;
 
 /// Samples of a line that tell well enough what a stretch changes.
 const SAMPLES: usize = 50;
+
+/// Degrees between planes, and between their sides, up to which one tells what the other does: no
+/// more of the camera, and a stretch of both alike goes unnoticed.
+const ALIKE: f64 = 10.0;
 
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
@@ -22,20 +29,33 @@ pub(crate) fn unchecked_targets<L: Lens>(
 ) -> Option<Warning> {
     let is_used = |plane: &usize| found.planes[*plane].samples > 0;
     let used: Vec<usize> = (0..planes.len()).filter(is_used).collect();
-    // An extent that is free takes up all of a stretch, and with it an equation.
-    let equations = |plane: &usize| 2 - usize::from(planes[*plane].has_any_aspect());
+    let equations = |plane: &usize| planes[*plane].equations();
     let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
     let unknowns = found.parameters.iter().filter(is_of_matrix).count();
-    let is_checked = used.iter().map(equations).sum::<usize>() > unknowns
-        || edges.iter().any(|own| !own.relations.is_empty());
+    let mut telling = used.clone();
+    telling.sort_by_key(|plane| Reverse(equations(plane)));
+    let mut apart: Vec<usize> = Vec::new();
+    for plane in telling {
+        let pose = &found.planes[plane].pose;
+        if !apart
+            .iter()
+            .any(|other| stand_alike(pose, &found.planes[*other].pose))
+        {
+            apart.push(plane);
+        }
+        if apart.iter().map(equations).sum::<usize>() > unknowns {
+            return None;
+        }
+    }
     let std = found.std_of("fx")?;
-    if is_checked {
+    if edges.iter().any(|own| !own.relations.is_empty()) {
         return None;
     }
     let thinned: Vec<PlaneEdges> = edges.iter().map(|own| own.thinned(SAMPLES)).collect();
     let before = focal(&thinned)?;
     let mut square = 0.0;
-    for plane in used.iter().filter(|i| !planes[**i].has_any_aspect()) {
+    // An extent that is free takes up all of a stretch.
+    for plane in used.iter().filter(|i| equations(i) > 1) {
         let mut stretched = thinned.clone();
         for figure in &planes[*plane].figures {
             stretched[figure.index] = thinned[figure.index].stretched(1.0 + STRETCH);
@@ -44,8 +64,16 @@ pub(crate) fn unchecked_targets<L: Lens>(
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
+        directions: apart.len(),
         stretch: STRETCH,
         change: square.sqrt(),
         std,
     })
+}
+
+/// Whether two planes face the same way with their sides in the same directions.
+fn stand_alike(first: &Pose, second: &Pose) -> bool {
+    let turn = first.rotation.tr_mul(&second.rotation);
+    let sides = turn.m21.atan2(turn.m11).to_degrees().rem_euclid(90.0);
+    turn.m33 > ALIKE.to_radians().cos() && sides.min(90.0 - sides) < ALIKE
 }
