@@ -155,6 +155,7 @@ mod tests {
         assert!((line.distance(&Vector2::new(3.0, 4.0)) - 4.0).abs() < 1e-15);
         assert!(Line::new(0.0, 0.0, 1.0).is_err());
         assert!(Line::new(f64::NAN, 1.0, 1.0).is_err());
+        assert!(Line::new(1e-320, 0.0, 1.0).is_err());
     }
 
     #[test]

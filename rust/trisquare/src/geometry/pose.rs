@@ -199,13 +199,19 @@ mod tests {
             (r1, r1 * 2.0, t),
             (r1, r2 * 0.0, t),
             (r1 * 1e-200, r2 * 1e-200, t),
-            (r1 * f64::NAN, r2, t),
         ];
         for (a, b, t) in singular {
             let found = columns(a, b, t);
             let refused = matches!(found, Err(Error::DegenerateHomography { .. }));
             assert!(refused, "{a} {b} {t}: {found:?}");
         }
+        let found = columns(r1 * f64::NAN, r2, t);
+        let what = "a homography";
+        assert_eq!(found, Err(Error::NotFinite { what }));
+        let (homography, unknown) = (pose.homography(), Vector2::new(f64::NAN, 0.0));
+        let found = Pose::from_homography(&camera_matrix, &homography, &unknown);
+        let what = "a point of the plane";
+        assert_eq!(found, Err(Error::NotFinite { what }));
     }
 
     #[test]
