@@ -287,7 +287,7 @@ pub enum Warning {
         directions: usize,
         /// By what part each square may be longer than wide.
         stretch: f64,
-        /// What that makes of `fx`, one way or the other on each plane, pixels (rms).
+        /// What that makes of `fx`, one way or the other in each direction, pixels (rms).
         change: f64,
         /// The stated standard deviation of `fx`, pixels.
         std: f64,

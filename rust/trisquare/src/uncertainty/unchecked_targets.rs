@@ -20,7 +20,7 @@ const ALIKE: f64 = 10.0;
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
-/// the stretch. `focal` gives `fx` from other edges.
+/// the stretch, which planes that stand alike are taken to share. `focal` gives `fx` from other edges.
 pub(crate) fn unchecked_targets<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -34,16 +34,20 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let unknowns = found.parameters.iter().filter(is_of_matrix).count();
     let mut telling = used.clone();
     telling.sort_by_key(|plane| Reverse(equations(plane)));
-    let mut apart: Vec<usize> = Vec::new();
+    let mut alike: Vec<Vec<usize>> = Vec::new();
     for plane in telling {
         let pose = &found.planes[plane].pose;
-        if !apart
-            .iter()
-            .any(|other| stand_alike(pose, &found.planes[*other].pose))
-        {
-            apart.push(plane);
+        let stands = |group: &&mut Vec<usize>| stand_alike(pose, &found.planes[group[0]].pose);
+        match alike.iter_mut().find(stands) {
+            Some(group) => group.push(plane),
+            None => alike.push(vec![plane]),
         }
-        if apart.iter().map(equations).sum::<usize>() > unknowns {
+        if alike
+            .iter()
+            .map(|group| equations(&group[0]))
+            .sum::<usize>()
+            > unknowns
+        {
             return None;
         }
     }
@@ -54,17 +58,19 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let thinned: Vec<PlaneEdges> = edges.iter().map(|own| own.thinned(SAMPLES)).collect();
     let before = focal(&thinned)?;
     let mut square = 0.0;
-    // An extent that is free takes up all of a stretch.
-    for plane in used.iter().filter(|i| equations(i) > 1) {
+    for group in &alike {
         let mut stretched = thinned.clone();
-        for figure in &planes[*plane].figures {
-            stretched[figure.index] = thinned[figure.index].stretched(1.0 + STRETCH);
+        // An extent that is free takes up all of a stretch.
+        for plane in group.iter().filter(|plane| equations(plane) > 1) {
+            for figure in &planes[*plane].figures {
+                stretched[figure.index] = thinned[figure.index].stretched(1.0 + STRETCH);
+            }
         }
         square += (focal(&stretched)? - before).powi(2);
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
-        directions: apart.len(),
+        directions: alike.len(),
         stretch: STRETCH,
         change: square.sqrt(),
         std,
