@@ -68,6 +68,9 @@ const RIM_TOLERANCE: f64 = 1e-6;
 /// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
 pub const SKEW: &str = "skew";
 
+/// The name of all coefficients of a lens, where they are held.
+pub(crate) const DISTORTION: &str = "distortion";
+
 /// Names of the parameters that make the camera matrix.
 pub(crate) const MATRIX: [&str; INTRINSICS + 1] = ["fx", "fy", "cx", "cy", SKEW];
 

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use nalgebra::DVector;
 
-use super::options::{DISTORTION, Fixed, Options};
+use super::options::{Fixed, Options};
 use crate::image_size::ImageSize;
-use crate::lens::{Columns, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{Columns, DISTORTION, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::numeric::ArrowSystem;
 
 /// The free parameters of a lens: which Jacobian columns they own.

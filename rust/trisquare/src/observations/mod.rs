@@ -26,7 +26,6 @@ pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};
 pub(crate) use observed::{
     Figure, ObservedPlane, Sample, Side, directions, has_grid, lines_of_scene, sort_by_plane,
 };
-pub(crate) use options::DISTORTION;
 pub use options::{Fixed, Method, Options};
 pub(crate) use placement::Placement;
 #[cfg(feature = "synthetic")]

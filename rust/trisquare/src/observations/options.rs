@@ -4,10 +4,7 @@ use nalgebra::Matrix3;
 
 use crate::error::Error;
 use crate::geometry::KnownIntrinsics;
-use crate::lens::{DefaultLens, Lens};
-
-/// What is called held where no coefficient is estimated.
-pub(crate) const DISTORTION: &str = "distortion";
+use crate::lens::{DISTORTION, DefaultLens, Lens};
 
 /// No camera is this short; below, products of the focal lengths underflow.
 const SMALLEST_FOCAL: f64 = 1e-3;

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::observations::DISTORTION;
+use crate::lens::DISTORTION;
 
 /// What a calibration may be asked for instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

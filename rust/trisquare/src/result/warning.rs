@@ -520,7 +520,7 @@ impl Warning {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observations::DISTORTION;
+    use crate::lens::DISTORTION;
 
     #[test]
     fn one_plane_contradicts_what_is_held() {
