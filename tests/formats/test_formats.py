@@ -816,6 +816,14 @@ def test_hugin_itself_sees_the_same(tmp_path, size):
     assert off.max() > 0.5 * approximation.worst
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_coefficient_that_all_but_vanishes_is_written_to_hugin(tmp_path):
+    path = tmp_path / "lens.pto"
+    camera = Camera(camera_for_hugin(18, "radial1").K, [1e-320, 0, 0, 0, 0], (640, 480), "radial1")
+    camera.save(path)
+    np.testing.assert_allclose(Camera.load(path).K, camera.K)
+
+
 def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
     path = tmp_path / "lens.pto"
     a, b, c, view = 0.011, -0.031, 0.007, 50.0

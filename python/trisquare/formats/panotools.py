@@ -21,6 +21,9 @@ from trisquare.formats.other_lenses import ForeignLens, camera_of
 # What polynomials' roots may have of an imaginary part by rounding.
 REAL = 1e-9
 
+# Powers of less bend nothing near the radius of 1; what numpy divides by them overflows.
+SMALLEST_POWER = 1e-100
+
 POWERS = ("c", "b", "a")
 """Coefficients of the first, second and third power of the radius that a pinhole shows."""
 
@@ -129,6 +132,6 @@ class PanoFamily(Family):
 
 def _real_roots(coefficients: list[float]) -> FloatArray:
     """Return the real roots of a polynomial, the constant first."""
-    trimmed = np.trim_zeros(np.array(coefficients), "b")
-    roots = np.polynomial.polynomial.polyroots(trimmed)
+    last = np.flatnonzero(np.abs(coefficients) > SMALLEST_POWER)[-1]
+    roots = np.polynomial.polynomial.polyroots(coefficients[: last + 1])
     return np.asarray(roots.real[np.abs(roots.imag) <= REAL * np.maximum(1.0, np.abs(roots))])
