@@ -3,11 +3,12 @@
 import cv2
 import numpy as np
 import pytest
-from videos import moving, write_frames
+from videos import moving, turned_clockwise, write_frames
 
 from trisquare.errors import ImageError
 from trisquare.images.frame_choice import choose_frames, with_frames
 from trisquare.images.limits import PictureLimits
+from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import VideoFrame
 from trisquare.images.video import Video
 
@@ -73,6 +74,17 @@ def test_videos_among_pictures_are_replaced(panned):
     assert all(isinstance(frame, VideoFrame) for frame in frames)
     assert numbers(frames) == [3, 10, 17, 24]
     assert with_frames([panned], None) == [panned]
+
+
+def test_it_is_said_that_the_frames_of_a_portrait_video_are_not_turned(tmp_path):
+    path = tmp_path / "clip.mp4"
+    write_frames(path, moving(3))
+    level = path.read_bytes()
+    for content, codes in ((turned_clockwise(level), {"orientation_ignored"}), (level, set())):
+        path.write_bytes(content)
+        for photograph in Photographs(choose_frames(path, 2)):
+            assert photograph.pixels.shape == (120, 160, 3)
+            assert set(photograph.remarks) == codes
 
 
 def test_bad_arguments_are_refused(panned, tmp_path):

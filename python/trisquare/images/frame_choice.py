@@ -124,7 +124,7 @@ def choose_frames(
         limits.check_frames(video.name, video.stated_frames)
         for number, pixels in enumerate(video.frames()):
             limits.check_frames(video.name, number + 1)
-            new = _judged(VideoFrame(video.name, number, pixels))
+            new = _judged(VideoFrame(video.name, number, pixels, video.turn))
             for earlier, other in kept.items():
                 apart = float(np.abs(new.thumbnail - other.thumbnail).mean())
                 new.distances[earlier] = other.distances[number] = apart

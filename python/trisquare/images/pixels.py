@@ -50,11 +50,14 @@ class VideoFrame:
         Of the frame, counted from 0.
     pixels : ndarray of uint8, shape (H, W, 3)
         BGR, rows and columns as they are stored.
+    turn : int
+        By how many degrees, clockwise, players turn it: 0, 90, 180 or 270.
     """
 
     video: str
     number: int
     pixels: Image
+    turn: int = 0
 
 
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)

@@ -149,7 +149,7 @@ def load_photograph(
     if isinstance(source, str | os.PathLike):
         return read_photograph(source, limits)
     if isinstance(source, VideoFrame):
-        return source.pixels, None
+        return source.pixels, OrientationTag.of_steps(False, source.turn // 90)
     if hasattr(source, "read"):
         source = content_of(source)
     limits = PictureLimits.stated() if limits is None else limits
