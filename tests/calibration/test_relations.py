@@ -13,6 +13,9 @@ ALL = ((0, 1), (1, 2), (0, 2))
 NAMES = ("fx", "fy", "cx", "cy")
 NOISE = 0.1
 
+STRETCHED = [(-0.6, -0.5), (0.6, -0.5), (0.6, 0.5), (-0.6, 0.5)]
+"""Corners of a square that is none."""
+
 
 def corner(seed):
     """Squares on three walls that meet at right angles, and their edges."""
@@ -64,6 +67,23 @@ def test_parallel_planes_turn_alike_and_the_pose_s_own_covariance_allows_for_it(
         stds.append(np.sqrt(np.diag(covariance))[3:])
     ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / np.mean(stds, axis=0)
     assert np.all((ratio > 0.7) & (ratio < 1.35)), ratio
+
+
+@pytest.mark.parametrize("count, false", [(5, 0), (5, 2), (18, 3)])
+def test_they_stay_those_of_the_same_planes_where_a_false_one_is_left_out(count, false):
+    scene = squares(count, count=count)
+    one, other, targets = count - 2, count - 1, list(scene.targets)
+    targets[other] = replace(targets[other], rotation=targets[one].rotation)
+    targets[false] = replace(targets[false], printed=STRETCHED)
+    scene = replace(scene, targets=tuple(targets))
+    edges = edges_of(scene, np.random.default_rng(count))
+    result = ts.calibrate_edges(edges, scene.camera.image_size, parallel=[(one, other)])
+    assert [w.plane for w in result.warnings if w.code == "plane_rejected"] == [false]
+    normals = [result.planes[i].rotation[:, 2] for i in (one, other)]
+    assert np.linalg.norm(np.cross(*normals)) < 1e-9
+    for name in NAMES:
+        error = getattr(result.camera, name) - getattr(scene.camera, name)
+        assert abs(error) < 4 * result.std[name]
 
 
 def test_planes_that_stand_otherwise_are_no_sign_of_a_fisheye():

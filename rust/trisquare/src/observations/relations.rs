@@ -122,6 +122,32 @@ impl<L: Lens> View<L> {
         false
     }
 
+    /// The same without a plane and its relations.
+    pub fn without_plane(mut self, index: usize) -> Self {
+        self.planes.remove(index);
+        self.relations
+            .retain(|related| !related.planes.contains(&index));
+        for plane in self.related_planes() {
+            *plane -= usize::from(*plane > index);
+        }
+        self
+    }
+
+    /// The same with one more plane, which stands in no relation.
+    pub fn with_plane(mut self, index: usize, plane: PlaneState) -> Self {
+        self.planes.insert(index, plane);
+        for plane in self.related_planes() {
+            *plane += usize::from(*plane >= index);
+        }
+        self
+    }
+
+    fn related_planes(&mut self) -> impl Iterator<Item = &mut usize> {
+        self.relations
+            .iter_mut()
+            .flat_map(|related| &mut related.planes)
+    }
+
     fn equations(&self) -> impl Iterator<Item = Equation> + '_ {
         let related = self.relations.iter();
         let poses = |planes: [usize; 2]| planes.map(|plane| &self.planes[plane].pose);

@@ -5,7 +5,7 @@ use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Moments, Noise, SideMoments};
-use crate::observations::{Figure, ObservedPlane, Side};
+use crate::observations::{Figure, ObservedPlane, Side, relations_of};
 use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
@@ -146,7 +146,7 @@ fn without_false_plane<L: Lens>(
         let refined = match &all {
             Ok(solution) if many => {
                 let mut before = solution.refined.clone();
-                before.view.planes.remove(left_out);
+                before.view = before.view.without_plane(left_out);
                 problem.again(&rest, &before)?
             }
             _ => problem.tried(&rest)?,
@@ -186,8 +186,11 @@ fn with_its_straight_sides<L: Lens>(
     for (index, side) in planes[plane].sides_mut().enumerate() {
         side.is_outlier = index == bent;
     }
+    let mut refined = found.refined.clone();
+    refined.view.relations = relations_of(&planes);
+    refined.view.hold_relations();
     let again = problem
-        .again(&planes, &found.refined)
+        .again(&planes, &refined)
         .and_then(|refined| problem.converge(&planes, refined).ok());
     again
         .filter(|again| {
