@@ -52,7 +52,8 @@ def compare_command(
     tell it from a turn of the camera.
 
     p says how often two calibrations of one camera differ at least so much, if each has photographs
-    of its own. Paper that is not flat makes p too small: see "How exact is it".
+    of its own. Paper that is not flat makes p too small: see "How far to trust it" in
+    docs/how-exact.md.
     """
     for path in (first, second):
         if path.is_dir():
