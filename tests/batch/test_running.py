@@ -1,6 +1,7 @@
 """Jobs on processes that die, hang and eat memory, and on executors of others."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -106,6 +107,17 @@ def test_processes_that_died_while_idle_are_replaced():
     finally:
         workers.close()
     assert len(idle) == 2
+
+
+def test_a_job_that_cannot_be_pickled_takes_no_process():
+    workers = Workers(JobLimits.stated(), quick)
+    try:
+        for _ in range(2):
+            with pytest.raises((AttributeError, pickle.PicklingError)):
+                workers.do(ts.Job("one", ("one.png",), {"tone": lambda: 0}), "")
+        assert not workers._all
+    finally:
+        workers.close()
 
 
 def test_the_second_attempt_is_in_a_new_process(tmp_path):

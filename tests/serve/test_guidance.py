@@ -8,6 +8,8 @@ from scenes import squares
 import trisquare as ts
 from trisquare import simulate
 from trisquare.camera.camera import Camera, centred_pinhole
+from trisquare.errors import ConvergenceError
+from trisquare.serve import guidance
 from trisquare.serve.guidance import OutlinedSquare, guide
 
 SIZE = (1280, 960)
@@ -64,6 +66,25 @@ def test_what_is_advised_does_help():
     direction = {"lower": 0.0, "left": 90.0, "upper": 180.0, "right": 270.0}[edge]
     better = guide(standing(camera, ((270, 290), 380, 15, direction), *good), SIZE, camera)
     assert better.std["fx"] * better.std["cx"] < 0.95 * found.std["fx"] * found.std["cx"]
+
+
+def test_a_square_that_cannot_be_placed_gives_its_name_to_no_other(monkeypatch):
+    camera = centred_pinhole(1100.0, SIZE)
+    places = ((990, 300), 380, 38, 120), ((640, 690), 380, 38, 240), ((270, 290), 380, 3, 0)
+    standing_there = standing(camera, *places)
+    advice = guide(standing_there, SIZE, camera).advice
+    assert "the left square" in advice
+    place, tried = guidance.calibrate_edges, []
+
+    def place_all_but_the_first(*arguments, **options):
+        tried.append(arguments)
+        if len(tried) == 1:
+            raise ConvergenceError("it stands nowhere")
+        return place(*arguments, **options)
+
+    monkeypatch.setattr(guidance, "calibrate_edges", place_all_but_the_first)
+    nowhere = standing(camera, ((1150, 800), 100, 30, 60))
+    assert guide([*nowhere, *standing_there], SIZE, camera).advice == advice
 
 
 @pytest.mark.parametrize(

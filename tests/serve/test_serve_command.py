@@ -40,7 +40,10 @@ def served(*options, errors=None, environment=()):
             yield json.loads(told)["address"]
         finally:
             server.send_signal(2)
-            assert server.wait(30) == 0
+            try:
+                assert server.wait(30) == 0
+            finally:
+                server.kill()  # else the tests would wait for it
 
 
 def refused(*options):

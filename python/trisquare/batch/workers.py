@@ -61,7 +61,7 @@ class Workers:
     """
 
     def __init__(self, limits: JobLimits, work: Any = calibrated) -> None:
-        self._limits, self._work = limits, work
+        self._limits, self._setup = limits, pickle.dumps((work, limits))
         self._idle: list[_Process] = []
         self._all: set[_Process] = set()
         self._doing: dict[int, _Process | None] = {}
@@ -90,13 +90,13 @@ class Workers:
                 process.kill()
 
     def _attempts(self, job: AnyJob, folder: str) -> Answer:
-        how = ""
+        question, how = pickle.dumps((job, folder)), ""
         for attempt in range(ATTEMPTS):
             process = self._take(is_new=attempt > 0)
             with self._lock:
                 self._doing[id(job)] = process
             try:
-                record, calibration = process.ask((job, folder))
+                record, calibration = process.ask(question)
             except ProcessDiedError:
                 how = process.end(ENDING)
                 seconds = process.seconds
@@ -146,7 +146,7 @@ class Workers:
                 process.end()
             if self._is_closed:
                 raise RuntimeError("the batch has ended")
-            process = _Process(self._work, self._limits)
+            process = _Process(self._setup, self._limits)
             self._all.add(process)
             return process
 
@@ -154,7 +154,7 @@ class Workers:
 class _Process:
     """One process, spoken to over its standard input and output."""
 
-    def __init__(self, work: Any, limits: JobLimits) -> None:
+    def __init__(self, setup: bytes, limits: JobLimits) -> None:
         environment = {
             **os.environ,
             **ONE_THREAD,
@@ -171,10 +171,10 @@ class _Process:
             env=environment,
         )
         self.seconds = 0.0
-        self._setup: object | None = (work, limits)
+        self._setup: bytes | None = setup
 
-    def ask(self, question: object) -> Any:
-        """Send a job and return the answer, or raise ProcessDiedError."""
+    def ask(self, question: bytes) -> Any:
+        """Send a pickled job and return the answer, or raise ProcessDiedError."""
         try:
             if self._setup is not None:
                 self._send(self._setup)
@@ -219,9 +219,9 @@ class _Process:
         except ValueError:
             return f"signal {-code}"
 
-    def _send(self, value: object) -> None:
+    def _send(self, pickled: bytes) -> None:
         assert self._process.stdin is not None
-        pickle.dump(value, self._process.stdin)
+        self._process.stdin.write(pickled)
         self._process.stdin.flush()
 
     def _receive(self) -> Any:

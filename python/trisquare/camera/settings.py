@@ -12,7 +12,7 @@ from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 from trisquare.camera.camera_of import HasCamera, camera_of
 from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
-# The model that stands for the choice among all of them by evidence.
+# The model that stands for the choice among "none" to "brown" and the fisheyes by evidence.
 AUTO = "auto"
 # What other programs call a model of these.
 MODELS_ELSEWHERE = MappingProxyType({"pinhole": "none", "plumb_bob": "brown"})

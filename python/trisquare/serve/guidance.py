@@ -129,7 +129,8 @@ def guide(
     TypeError, ValueError
         For bad arguments.
     """
-    guess, planes = _standing(squares, image_size, camera)
+    guess, standing = _standing(squares, image_size, camera)
+    planes = [plane for _, plane in standing]
     missing = ENOUGH_SQUARES - len(planes)
     if missing > 0:
         what = "no square is found" if not planes else f"{len(planes)} of 3 squares found"
@@ -142,7 +143,7 @@ def guide(
         found = None
     except ValueError:  # the guessed camera sees one not wholly
         return Guidance(None, guess.fx, "Show all squares wholly, with some margin.", False)
-    ratio, change = _best_change(guess, planes, [square.corners for square in squares])
+    ratio, change = _best_change(guess, planes, [square.corners for square, _ in standing])
     if found is None:
         change = change or "Tilt the squares, each in another direction"
         return Guidance(None, guess.fx, f"{change}.", False)
@@ -157,8 +158,8 @@ def guide(
 
 def _standing(
     squares: Sequence[OutlinedSquare], image_size: tuple[int, int], camera: Camera | None
-) -> tuple[Camera, list[PlannedSquare]]:
-    """Return a camera and where the squares stand before it; those that cannot are left out."""
+) -> tuple[Camera, list[tuple[OutlinedSquare, PlannedSquare]]]:
+    """Return a camera and how the squares stand before it; those that cannot are left out."""
     if camera is not None and camera.image_size != image_size:
         camera = camera.rescaled(image_size)
     figures = [_edges(square) for square in squares]
@@ -166,11 +167,10 @@ def _standing(
         are_curved = all(square.sides is not None for square in squares)
         guess = _guessed(figures, are_curved, image_size)
         if guess is not None:
-            return guess.camera, [
-                _planned(*pair) for pair in zip(squares, guess.planes, strict=True)
-            ]
+            pairs = zip(squares, guess.planes, strict=True)
+            return guess.camera, [(square, _planned(square, plane)) for square, plane in pairs]
         camera = centred_pinhole(GUESSED_FOCAL * image_size[0], image_size)
-    planes = []
+    standing = []
     held = ("focal", "principal_point", "distortion")
     for square, figure in zip(squares, figures, strict=True):
         with suppress(TrisquareError):
@@ -182,8 +182,8 @@ def _standing(
                 fix=held,
                 initial=camera,
             )
-            planes.append(_planned(square, located.planes[0]))
-    return camera, planes
+            standing.append((square, _planned(square, located.planes[0])))
+    return camera, standing
 
 
 def _guessed(
@@ -253,7 +253,7 @@ def _changes(
     nearer = [PlannedSquare(p.rotation, p.translation / LARGER, p.inner) for p in planes]
     yield "Come nearer, or show larger squares", nearer
     names = _names([quad.mean(axis=0) for quad in corners], camera.image_size)
-    for number, (name, plane) in enumerate(zip(names, planes, strict=False)):
+    for number, (name, plane) in enumerate(zip(names, planes, strict=True)):
         for direction, edge in AWAY.items():
             rotation = tilted(MORE_TILT, direction, 0.0) @ plane.rotation
             if rotation[2, 2] < math.cos(math.radians(MOST_TILT)):

@@ -202,7 +202,7 @@ pub fn calibrate<'py>(
     })
 }
 
-/// The model that stands for the choice among all of them.
+/// The model that stands for the choice among "none" to "brown" and the fisheyes.
 const AUTO: &str = "auto";
 
 /// Options with the usual model of a lens.

@@ -244,17 +244,25 @@ pub enum Error {
 
     /// An iteration did not converge.
     #[error(
-        "{stage} did not converge in {iterations} iterations (rms {rms:.3} px): are all targets flat \
-         and of the shape that is stated?"
+        "{stage} did not converge{}: are all targets flat and of the shape that is stated?",
+        spent(*.iterations, *.rms)
     )]
     NotConverged {
         /// The stage that gave up.
         stage: &'static str,
-        /// Iterations spent.
+        /// Iterations spent; 0 if it gave up before the first.
         iterations: usize,
-        /// Where it stood.
+        /// Root mean square distance of the samples after them, px.
         rms: f64,
     },
+}
+
+/// What an iteration spent, and where it stood.
+fn spent(iterations: usize, rms: f64) -> String {
+    match iterations {
+        0 => String::new(),
+        _ => format!(" in {iterations} iterations (rms {rms:.3} px)"),
+    }
 }
 
 /// The families of [`Error`].

@@ -65,6 +65,9 @@ pub const MAX_LENS_COLUMNS: usize = 19;
 /// Pixels to which it is told where a lens ends.
 const RIM_TOLERANCE: f64 = 1e-6;
 
+/// Halvings of the way there: floats have no more digits.
+const MAX_HALVINGS: usize = 64;
+
 /// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
 pub const SKEW: &str = "skew";
 
@@ -272,7 +275,10 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
             return None;
         }
         let (mut seen, mut unseen) = (0.0, 1.0);
-        while (unseen - seen) * offset.norm() > RIM_TOLERANCE {
+        for _ in 0..MAX_HALVINGS {
+            if (unseen - seen) * offset.norm() <= RIM_TOLERANCE {
+                break;
+            }
             let middle = 0.5 * (seen + unseen);
             match sees(middle) {
                 true => seen = middle,
@@ -449,6 +455,14 @@ mod tests {
                 assert!((found - expected).norm() < 1e-6 * expected.norm());
             }
         }
+    }
+
+    #[test]
+    fn the_rim_is_found_from_however_far() {
+        let lens = Brown::new([1000.0, 1000.0, 640.0, 480.0, -0.4, 0.0, 0.0, 0.0, 0.0]);
+        let near = lens.rim_towards(&Vector2::new(1640.0, 480.0)).unwrap();
+        let far = lens.rim_towards(&Vector2::new(1e15, 480.0)).unwrap();
+        assert!((near.x - far.x).abs() < 1.0);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use nalgebra::DVector;
 
 use super::options::{Fixed, Options};
 use crate::image_size::ImageSize;
-use crate::lens::{Columns, DISTORTION, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
+use crate::lens::{Columns, DISTORTION, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS, SKEW};
 use crate::numeric::ArrowSystem;
 
 /// The free parameters of a lens: which Jacobian columns they own.
@@ -195,7 +195,9 @@ impl FreeParameters {
             (true, false) => held.push("aspect"),
             (true, true) => {}
         }
-        if !held.is_empty() && self.columns.iter().all(|column| *column < INTRINSICS) {
+        let of_matrix =
+            |column: &usize| *column < INTRINSICS || self.names.get(*column) == Some(&SKEW);
+        if !held.is_empty() && self.columns.iter().all(of_matrix) {
             held.push(DISTORTION);
         }
         held
@@ -275,6 +277,23 @@ impl<L: Lens> Options<L> {
 mod tests {
     use super::*;
     use crate::lens::Brown;
+    use crate::observations::{Fixed, Options};
+
+    #[test]
+    fn a_held_distortion_is_named_where_the_skew_is_free() {
+        let fixed = Fixed {
+            principal_point: true,
+            distortion: true,
+            skew: false,
+            ..Fixed::default()
+        };
+        let options = Options {
+            fixed,
+            ..Options::<Brown>::new()
+        };
+        let held = options.free_parameters().held();
+        assert_eq!(held, ["principal point", DISTORTION]);
+    }
 
     /// The cost of a lens that turns back inside the picture, and its derivatives.
     fn reach(free: &FreeParameters, lens: &Brown) -> (f64, DVector<f64>) {

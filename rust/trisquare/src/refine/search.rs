@@ -2,7 +2,9 @@
 //! a search among some of them, and a finish on all.
 
 use super::edge_problem::EdgeProblem;
-use super::residuals::{Residuals, residuals, residuals_near, robust_scale, scale_near};
+use super::residuals::{
+    Residuals, residuals, residuals_near, robust_scale, root_mean_square, scale_near,
+};
 use super::side_curve::SideCurves;
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Limits, Loss, Problem, Spread, Termination, minimise};
@@ -58,6 +60,11 @@ pub(crate) struct Refined<L> {
 }
 
 impl<L: Lens> Refined<L> {
+    /// Root mean square distance of the samples, px.
+    pub fn rms(&self) -> f64 {
+        root_mean_square(self.residuals.iter().flatten())
+    }
+
     /// Measures the spread of the residuals around a view.
     pub fn around(
         (view, residuals, system): (View<L>, Residuals, ArrowSystem),

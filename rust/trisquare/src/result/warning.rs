@@ -4,8 +4,9 @@ use std::borrow::Cow;
 
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
-    cause_of_errors, contradiction, lines_not_used, numbered_sample, or_held, part_of_whole,
-    planes_in_directions, raised, signed_two_digits, two_digits, with_its_std,
+    cause_of_errors, contradiction, lines_not_used, numbered_sample, of_figure, or_held,
+    part_of_whole, planes_in_directions, raised, signed_two_digits, two_digits, with_its_std,
+    without_it,
 };
 
 /// A text of the crate, or one that was read back.
@@ -18,7 +19,7 @@ type Text = Cow<'static, str>;
 pub struct Disagreement {
     /// Index of the plane.
     pub plane: usize,
-    /// By how much the focal length `fx` changes without it, as a part of it.
+    /// By how much the focal length `fx` changes without it, as a part of it; 0 where it is held.
     pub focal_change: f64,
     /// The size of the disagreement, as a normal deviate.
     pub sigmas: f64,
@@ -55,16 +56,15 @@ pub enum Severity {
 pub enum Warning {
     /// One plane disagrees with the rest.
     #[error(
-        "plane {} disagrees with the rest by {:.1} standard deviations (without it, fx would \
-         change by {:+.2} %): is it a true, flat square?",
-        .0.plane, .0.sigmas, 100.0 * .0.focal_change
+        "plane {} disagrees with the rest by {:.1} standard deviations{}: is it a true, flat square?",
+        .0.plane, .0.sigmas, without_it(.0.focal_change)
     )]
     Disagreement(Disagreement),
     /// One side does not fit the square that the others show.
     #[error(
         "plane {plane}: side {side}{} is rejected: its samples miss the line that all others ask \
          for by {distance:.2} px (is it bent, torn, or covered?)",
-        if *.figure == 0 { "" } else { " of its other outline" }
+        of_figure(*.figure)
     )]
     SideRejected {
         /// Index of the plane.
@@ -387,7 +387,7 @@ pub enum Warning {
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
          glare, a stain, a torn edge?)",
-        100.0 * .part, if *.figure == 0 { "" } else { " of its other outline" }
+        100.0 * .part, of_figure(*.figure)
     )]
     PartlyHidden {
         /// Index of the plane.

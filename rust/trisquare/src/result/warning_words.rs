@@ -52,11 +52,9 @@ pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
             "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
              most of them curved, or is the lens beyond its model?)"
         ),
-        None => {
-            "none of them is straight under a lens that the planes allow, or nothing is free that \
-             they tell of"
-        }
-        .to_owned(),
+        None => "none of them is straight under a lens that the planes allow, or nothing is free \
+             that they tell of"
+            .to_owned(),
     }
 }
 
@@ -95,18 +93,34 @@ pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
     }
 }
 
+/// Which figure of its plane a side belongs to, unless that is the first.
+pub(super) fn of_figure(figure: usize) -> String {
+    match figure {
+        0 => String::new(),
+        1 => " of its other outline".into(),
+        _ => format!(" of its figure {figure}"),
+    }
+}
+
+/// What would become of `fx`, unless that is held.
+pub(super) fn without_it(focal_change: f64) -> String {
+    match focal_change {
+        0.0 => String::new(),
+        _ => format!(
+            " (without it, fx would change by {:+.2} %)",
+            100.0 * focal_change
+        ),
+    }
+}
+
 /// The farthest of some stray samples.
 pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [usize; 4]) -> String {
     let (which, lies) = match samples {
         1 => ("", " lies"),
         _ => ("the farthest, ", ", lies"),
     };
-    let outline = if figure == 0 {
-        ""
-    } else {
-        " of the other outline"
-    };
-    format!("{which}sample {sample} of side {side}{outline} of plane {plane}{lies}")
+    let figure = of_figure(figure);
+    format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
 }
 
 /// How many planes there are, and in how many directions if those are fewer.

@@ -200,7 +200,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let placed = first_view(&matrix, &homographies, one, &undistortion, size, options).ok()?;
         let (mut planes, mut refined) = (solution.planes.clone(), solution.refined.clone());
         planes.insert(index, follower);
-        refined.view.planes.insert(index, placed.planes[0].clone());
+        refined.view = refined.view.with_plane(index, placed.planes[0].clone());
         let refined = self.again(&planes, &refined)?;
         self.converge(&planes, refined).ok()
     }
@@ -250,7 +250,7 @@ impl<L: Lens> JointProblem<'_, L> {
         refusal.unwrap_or(Failure::Other(Error::NotConverged {
             stage: "the covariance",
             iterations: refined.iterations,
-            rms: refined.noise_scale,
+            rms: refined.rms(),
         }))
     }
 }

@@ -391,7 +391,7 @@ impl<'a, L: Lens> Starts<'a, L> {
             Failure::Other(Error::NotConverged {
                 stage: "the joint refinement",
                 iterations,
-                rms: refined.map_or(0.0, |refined| refined.noise_scale),
+                rms: refined.map_or(0.0, |refined| refined.rms()),
             })
         })
     }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use super::covariance::covariance;
-use super::known_values::disagreement;
+use super::disagreement::disagreement;
 use super::plane_spread::spread_of_planes;
 use crate::lens::Lens;
 use crate::noise::{
