@@ -69,7 +69,7 @@ def test_parallel_planes_turn_alike_and_the_pose_s_own_covariance_allows_for_it(
     assert np.all((ratio > 0.7) & (ratio < 1.35)), ratio
 
 
-@pytest.mark.parametrize("count, false", [(5, 0), (5, 2), (18, 3)])
+@pytest.mark.parametrize(("count", "false"), [(5, 0), (5, 2), (18, 3)])
 def test_they_stay_those_of_the_same_planes_where_a_false_one_is_left_out(count, false):
     scene = squares(count, count=count)
     one, other, targets = count - 2, count - 1, list(scene.targets)

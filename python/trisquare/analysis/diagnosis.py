@@ -22,8 +22,6 @@ from trisquare.results.calibration import Calibration
 STRONG_CORRELATION = 0.8
 WORTHWHILE_GAIN = 0.95
 MOST_REMEDIES = 2
-# Sides are said to err together where that is likelier than not.
-LIKELIER = 0.5
 
 UNCHECKED = "targets_unchecked"
 
@@ -152,7 +150,7 @@ def _diagnose(
     cause = next((w.code for w in calibration.warnings if w.code in CAUSES), None)
     together = calibration.coherence
     off = None
-    if cause is None and together is not None and together.probability > LIKELIER:
+    if cause is None and together is not None and together.sides_err_together:
         off = max(together.displacements, default=0.0)
     if cause is not None:
         limits = [CAUSES[cause]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -126,21 +127,26 @@ def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequen
     OSError
         If it cannot be written.
     """
-    reasons = ("retake", "outlying")
-    high = "passed with high"
-    counts = dict.fromkeys(("passed", high, "beyond limits", "failed", "earlier", *reasons), 0)
+    counts: Counter[str] = Counter()
     with replacing(path) as file:
         text = io.TextIOWrapper(file, "utf-8", "backslashreplace", newline="", write_through=True)
         table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
         table.writeheader()
         for row in rows:
-            counts[row["status"]] += 1
-            counts[high] += (row["status"], row.get("severity")) == ("passed", SEVERITIES[0])
-            for reason in reasons:
-                counts[reason] += bool(row.get(reason))
+            of_high = (row["status"], row.get("severity")) == ("passed", SEVERITIES[0])
+            counts.update([row["status"]] + ["passed with high"] * of_high)
+            counts.update(reason for reason in ("retake", "outlying") if row.get(reason))
             table.writerow({**row, "photographs": ";".join(row["photographs"])})
         text.detach()
-    return Counts(*counts.values())
+    return Counts(
+        passed=counts["passed"],
+        passed_with_high_warning=counts["passed with high"],
+        beyond_limits=counts["beyond limits"],
+        failed=counts["failed"],
+        earlier=counts["earlier"],
+        retake=counts["retake"],
+        outlying=counts["outlying"],
+    )
 
 
 def write_parquet(

@@ -108,8 +108,9 @@ def calibrate(
         the principal point may have to be fixed. ``"auto"`` takes the model of "none" to
         "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
         fit, or a fisheye where these leave sides that err together and it explains them clearly
-        better, by Schwarz's criterion (1978); the rejected ones are in ``alternatives``, and what they would say stays, by their
-        probabilities, in the covariance. It needs ``method="ml"`` and a free distortion.
+        better, by Schwarz's criterion (1978); the rejected ones are in ``alternatives``, and what
+        they would say stays, by their probabilities, in the covariance. It needs ``method="ml"``
+        and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero. The model
         of a distortion that is held is that of `initial`; without one the lens is taken for one
@@ -405,14 +406,14 @@ def _calibration(
     if found.tones:
         tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
     tone, tone_std = pooled(tones)
-    tone_of_image = dict(zip(images, tones, strict=False))
+    tone_of_image = dict(zip(images, tones, strict=True))
     warnings = []
     contradicting = contradicting_pictures(tone_of_image, gathered.names)
     # Of the same the fit to the pixels tells more: what it makes of the camera.
     if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
         text = contradiction_text(contradicting)
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
-    faults = dict(zip(gathered.images, gathered.faults, strict=False))
+    faults = dict(zip(images, gathered.faults, strict=True))
     warnings += [
         CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image, gathered.names)
     ]

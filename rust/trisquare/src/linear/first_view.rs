@@ -21,6 +21,21 @@ const CONCENTRIC_SHIFT: f64 = 0.05;
 /// A concentric figure is turned by at most this (radians) from a quarter turn.
 const CONCENTRIC_ANGLE: f64 = 0.09;
 
+/// The view of some planes that a lens implies, whose homographies are those of `samples`: the same
+/// planes, or fewer samples of them.
+pub(crate) fn view_by_lens<L: Lens>(
+    lens: &L,
+    samples: &[ObservedPlane],
+    planes: &[ObservedPlane],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Result<View<L>, Error> {
+    let known = Undistortion::Known(*lens);
+    let homographies = Homographies::estimate(samples, &known)?;
+    let matrix = lens.camera_matrix();
+    first_view(&matrix, &homographies, planes, &known, size, options)
+}
+
 /// Step 3: the camera matrix from the image of the absolute conic, which takes the skew as zero.
 pub(crate) fn conic_camera_matrix<L: Lens>(
     homographies: &Homographies,

@@ -1,8 +1,9 @@
-//! The shift of a chessboard's edges toward their dark side, taken out before a calibration.
+//! The shift of a chessboard's edges, taken out before a calibration.
 //!
 //! A tone curve that is not quite the camera's, or clipped white, moves every edge by about the same
-//! amount toward its dark side. Along a grid line that side alternates from cell to cell, so the line
-//! shows the shift as a zigzag, and no calibration is needed to measure it.
+//! amount toward its dark side; a shift is counted toward the light, and may have either sign. Along
+//! a grid line that side alternates from cell to cell, so the line shows the shift as a zigzag, and
+//! no calibration is needed to measure it.
 
 use nalgebra::{Matrix5, Matrix5x3, RowVector3, Vector2, Vector5};
 
@@ -18,10 +19,10 @@ const FADED: f64 = 1.05;
 /// doubted by as much; to leave them out for less would cost short cells half of what is known.
 const MOST_DOUBT: f64 = 1.0;
 
-/// Of the polynomial that a grid line's image follows: distortion bends it, but smoothly.
+/// Degree of the polynomial that a grid line's image follows: distortion bends it, but smoothly.
 const LINE_DEGREE: usize = 4;
 
-/// Of reweighting, at most.
+/// Rounds of reweighting, at most.
 const ROUNDS: usize = 8;
 
 /// Change of the shift, pixels, after which no further round is needed: a tenth of what the best

@@ -286,6 +286,13 @@ mod tests {
     }
 
     #[test]
+    fn of_a_rectangle_of_any_aspect_the_size_stays_that_of_side_1() {
+        let found = PlaneEdges::rectangle_of_any_aspect(sides()).unwrap();
+        assert_eq!(found.lines, PlaneEdges::square(sides()).unwrap().lines);
+        assert_eq!(found.freedom, Freedom::Aspect);
+    }
+
+    #[test]
     fn either_way_round_keeps_x_along_side_0() {
         let forward = PlaneEdges::square(sides()).unwrap();
         assert_eq!(forward.lines[0].coefficients().as_slice(), [0.0, 1.0, 0.5]);

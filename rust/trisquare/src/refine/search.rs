@@ -146,6 +146,13 @@ pub(crate) struct Search<L> {
     pub termination: Termination,
 }
 
+impl<L> Search<L> {
+    /// The same if it has converged.
+    pub fn converged(self) -> Option<Self> {
+        (self.termination == Termination::Converged).then_some(self)
+    }
+}
+
 /// Searches the optimum from a start; `None` if the lens is not invertible at a sample there.
 ///
 /// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight

@@ -15,7 +15,7 @@ use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose};
 use super::squareness::Pinhole;
 use super::subsets::triples;
 use crate::lens::Lens;
-use crate::linear::{Homographies, Undistortion, first_view};
+use crate::linear::{first_view, view_by_lens};
 use crate::noise::{Misfit, Noise, account_for_drift};
 use crate::observations::{Fixed, ObservedPlane, Options, PlaneState, View, relations_of};
 use crate::refine::{Refined, search};
@@ -371,10 +371,7 @@ impl<L: Lens> Inliers<'_, L> {
             ..*self.problem.options
         };
         let one = std::slice::from_ref(plane);
-        let known = Undistortion::Known(*lens);
-        let homographies = Homographies::estimate(one, &known).ok()?;
-        let (matrix, size) = (lens.camera_matrix(), self.problem.size);
-        let start = first_view(&matrix, &homographies, one, &known, size, &options).ok()?;
+        let start = view_by_lens(lens, one, one, self.problem.size, &options).ok()?;
         Some(search(one, &options.free_parameters(), start)?.view)
     }
 

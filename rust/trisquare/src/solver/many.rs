@@ -4,8 +4,7 @@
 use super::problem::JointProblem;
 use super::starts::Starts;
 use crate::lens::Lens;
-use crate::linear::{Homographies, Undistortion, first_view};
-use crate::numeric::Termination;
+use crate::linear::view_by_lens;
 use crate::observations::{Method, ObservedPlane};
 use crate::refine::Refined;
 
@@ -51,20 +50,13 @@ impl<L: Lens> JointProblem<'_, L> {
     pub fn optimum_from(&self, lens: &L, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let few = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
         let few: Vec<_> = few.collect();
-        let undistortion = Undistortion::Known(*lens);
-        let homographies = Homographies::estimate(&few, &undistortion).ok()?;
-        let (size, options, matrix) = (self.size, self.options, lens.camera_matrix());
-        let view = first_view(&matrix, &homographies, planes, &undistortion, size, options).ok()?;
-        let found = self.searched(&few, &self.free, view)?;
-        let converged = found.termination == Termination::Converged;
-        let found = converged.then_some(found)?;
+        let view = view_by_lens(lens, &few, planes, self.size, self.options).ok()?;
+        let found = self.searched(&few, &self.free, view)?.converged()?;
         let view = found.view.clone();
         self.finished(planes, found).or_else(|| {
             // Where one of the planes is far from a parabola, Newton's undamped steps do not arrive.
-            let found = self.searched(planes, &self.free, view)?;
-            let converged = found.termination == Termination::Converged;
-            let view = converged.then_some(found)?.view;
-            Refined::of_linear(planes, &self.free, &self.judged, view)
+            let found = self.searched(planes, &self.free, view)?.converged()?;
+            Refined::of_linear(planes, &self.free, &self.judged, found.view)
         })
     }
 }

@@ -25,6 +25,32 @@ struct KnownModel<L: Lens> {
     optimum: Option<Optimum<L>>,
 }
 
+impl<L: Lens> KnownModel<L> {
+    fn of(problem: &JointProblem<'_, L>) -> Self {
+        Self {
+            model: problem.options.model,
+            free: problem.free.clone(),
+            beginning: problem.beginning.clone(),
+            contradicted: problem.contradicted.clone(),
+            optimum: problem.found.as_ref().map(|(_, found)| found.clone()),
+        }
+    }
+
+    /// A problem that knows of its planes what is known of its model.
+    fn problem<'a>(
+        &self,
+        planes: &'a [ObservedPlane],
+        problem: JointProblem<'a, L>,
+    ) -> JointProblem<'a, L> {
+        JointProblem {
+            beginning: self.beginning.clone(),
+            contradicted: self.contradicted.clone(),
+            found: self.optimum.clone().map(|found| (planes, found)),
+            ..problem.with_free(self.free.clone())
+        }
+    }
+}
+
 impl<L: Lens> Default for NestedOptima<L> {
     fn default() -> Self {
         Self(Vec::new())
@@ -34,22 +60,6 @@ impl<L: Lens> Default for NestedOptima<L> {
 impl<L: Lens> NestedOptima<L> {
     fn of_model(&self, model: L::Model) -> Option<&KnownModel<L>> {
         self.0.iter().find(|known| known.model == model)
-    }
-
-    fn add(&mut self, problem: &JointProblem<'_, L>) {
-        let JointProblem {
-            free,
-            beginning,
-            contradicted,
-            ..
-        } = problem;
-        self.0.push(KnownModel {
-            model: problem.options.model,
-            free: free.clone(),
-            beginning: beginning.clone(),
-            contradicted: contradicted.clone(),
-            optimum: problem.found.as_ref().map(|(_, found)| found.clone()),
-        });
     }
 
     fn set_optimum(&mut self, model: L::Model, optimum: &Optimum<L>) {
@@ -71,17 +81,11 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         nested: &mut NestedOptima<L>,
     ) -> Self {
         if let Some(known) = nested.of_model(options.model) {
-            let problem = Self::new(size, options).within(work);
-            return Self {
-                beginning: known.beginning.clone(),
-                contradicted: known.contradicted.clone(),
-                found: known.optimum.clone().map(|found| (planes, found)),
-                ..problem.with_free(known.free.clone())
-            };
+            return known.problem(planes, Self::new(size, options).within(work));
         }
         let poorer = poorer_optimum(planes, size, options, work, nested);
-        let found = Self::beginning_at(poorer, planes, size, options, work);
-        nested.add(&found);
+        let found = Self::beginning_beyond(poorer, planes, size, options, work);
+        nested.0.push(KnownModel::of(&found));
         found
     }
 
@@ -89,7 +93,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     ///
     /// Where its distortion turns back inside the picture, beyond the samples, one is searched among
     /// those that do not.
-    pub(super) fn beginning_at(
+    pub(super) fn beginning_beyond(
         poorer: Option<Beginning<L>>,
         planes: &'a [ObservedPlane],
         size: ImageSize,
@@ -137,10 +141,7 @@ fn poorer_optimum<L: Lens>(
     match problem.optimum_with_noise(planes) {
         Ok(found) => {
             nested.set_optimum(poorer.model, &found);
-            Some(Beginning {
-                view: found.refined.view,
-                free: problem.free,
-            })
+            Some(problem.beginning_at(found.refined.view))
         }
         Err(_) => problem.beginning,
     }

@@ -85,6 +85,14 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
+    /// Where another search may begin: this one's optimum.
+    pub(super) fn beginning_at(&self, optimum: View<L>) -> Beginning<L> {
+        Beginning {
+            view: optimum,
+            free: self.free.clone(),
+        }
+    }
+
     /// The same beginning from what the next poorer model found, which also says of what size
     /// coefficients are.
     pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {

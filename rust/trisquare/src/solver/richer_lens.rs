@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use nalgebra::DVector;
 
-use super::problem::{Beginning, JointProblem};
+use super::problem::JointProblem;
 use super::solve::Solution;
 use super::work::Work;
 use crate::lens::{DistortionModel, Lens};
@@ -91,10 +91,7 @@ impl<L: Lens> JointProblem<'_, L> {
             LensVerdict::Beyond(change) | LensVerdict::Likely(change) => Some(change.clone()),
         };
         let planes = solution.with_its_outliers(planes);
-        let mut poorer = Beginning {
-            view: solution.refined.view.clone(),
-            free: self.free.clone(),
-        };
+        let mut poorer = self.beginning_at(solution.refined.view.clone());
         // Where the distortion is held, its own model with other coefficients may do.
         let (own, mut fixed) = (self.options.model, self.options.fixed);
         let freed = fixed.distortion.then_some(own);
@@ -107,15 +104,12 @@ impl<L: Lens> JointProblem<'_, L> {
             };
             let work = Rc::new(Work::for_planes(&planes));
             let start = model.poorer().map(|_| poorer.clone());
-            let richer = JointProblem::beginning_at(start, &planes, self.size, &options, &work);
+            let richer = JointProblem::beginning_beyond(start, &planes, self.size, &options, &work);
             let Ok(found) = richer.solve(&planes) else {
                 continue;
             };
             let lens = found.refined.view.lens;
-            poorer = Beginning {
-                view: found.refined.view.clone(),
-                free: richer.free.clone(),
-            };
+            poorer = richer.beginning_at(found.refined.view.clone());
             if richer.is_ill_conditioned(&found) {
                 continue;
             }

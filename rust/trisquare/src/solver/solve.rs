@@ -6,7 +6,7 @@ use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
 use crate::error::Error;
 use crate::lens::Lens;
-use crate::linear::{Homographies, Undistortion, first_view};
+use crate::linear::view_by_lens;
 use crate::noise::{Noise, Sheets, account_for_drift, account_for_relief};
 use crate::observations::{FreeParameters, Method, ObservedPlane, View};
 use crate::refine::{Refined, Search, finish, search};
@@ -191,13 +191,8 @@ impl<L: Lens> JointProblem<'_, L> {
     ) -> Option<Solution<L>> {
         let mut follower = plane.clone();
         follower.mark_as_outlier();
-        let lens = solution.refined.view.lens;
-        let one = std::slice::from_ref(&follower);
-        let undistortion = Undistortion::Known(lens);
-        let homographies = Homographies::estimate(one, &undistortion).ok()?;
-        let matrix = lens.camera_matrix();
-        let (size, options) = (self.size, self.options);
-        let placed = first_view(&matrix, &homographies, one, &undistortion, size, options).ok()?;
+        let (lens, one) = (&solution.refined.view.lens, std::slice::from_ref(&follower));
+        let placed = view_by_lens(lens, one, one, self.size, self.options).ok()?;
         let (mut planes, mut refined) = (solution.planes.clone(), solution.refined.clone());
         planes.insert(index, follower);
         refined.view = refined.view.with_plane(index, placed.planes[0].clone());

@@ -11,10 +11,9 @@ use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::{
     Homographies, Undistortion, conic_camera_matrix, fallback_camera_matrices, first_view,
-    guessed_camera_matrices,
+    guessed_camera_matrices, view_by_lens,
 };
 use crate::noise::{Misfit, Noise};
-use crate::numeric::Termination;
 use crate::observations::{Fixed, FreeParameters, Method, ObservedPlane, Options, Sample, View};
 use crate::refine::{Refined, Search};
 
@@ -126,39 +125,31 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// The view that a camera matrix implies.
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
-        self.view_of(camera_matrix, self.linear_steps()?)
-    }
-
-    fn view_of(
-        &self,
-        camera_matrix: &Matrix3<f64>,
-        steps: &LinearSteps<L>,
-    ) -> Result<View<L>, Error> {
-        let view = first_view(
+        let steps = self.linear_steps()?;
+        self.with_samples_enough(first_view(
             camera_matrix,
             &steps.homographies,
             self.planes,
             &steps.undistortion,
             self.problem.size,
             self.problem.options,
-        )?;
+        )?)
+    }
+
+    /// The view that a lens implies.
+    fn view_by(&self, lens: &L) -> Result<View<L>, Error> {
+        let (size, options) = (self.problem.size, self.problem.options);
+        self.with_samples_enough(view_by_lens(lens, &self.some, self.planes, size, options)?)
+    }
+
+    /// The same view, if there are more samples than it has unknowns.
+    fn with_samples_enough(&self, view: View<L>) -> Result<View<L>, Error> {
         let unknowns = view.unknowns(&self.problem.free);
         let samples = self.samples().count();
         if samples <= unknowns {
             return Err(Error::TooFewDegreesOfFreedom { samples, unknowns });
         }
         Ok(view)
-    }
-
-    /// The view that a lens implies.
-    fn view_by(&self, lens: L) -> Result<View<L>, Error> {
-        let undistortion = Undistortion::Known(lens);
-        let homographies = Homographies::estimate(&self.some, &undistortion)?;
-        let steps = LinearSteps {
-            undistortion,
-            homographies,
-        };
-        self.view_of(&lens.camera_matrix(), &steps)
     }
 
     fn samples(&self) -> impl Iterator<Item = &Sample> {
@@ -187,7 +178,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         // Where planes were left out, nothing tells which of the view's these are.
         let start = match view.planes.len() == self.planes.len() {
             true => view.clone(),
-            false => self.view_by(view.lens).ok()?,
+            false => self.view_by(&view.lens).ok()?,
         };
         let among = |planes: &[ObservedPlane]| {
             let found = problem.searched(planes, free, start.clone())?;
@@ -234,7 +225,7 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// The views from which a search may begin, the likeliest first.
     fn starts(&self) -> impl Iterator<Item = Result<View<L>, Error>> {
-        let by_law = lenses_of_the_law(self.problem).map(|lens| self.view_by(lens));
+        let by_law = lenses_of_the_law(self.problem).map(|lens| self.view_by(&lens));
         let linear = || {
             let fallbacks = self.fallback_camera_matrices(self.problem.options);
             let all = self.conic_camera_matrix().into_iter().chain(fallbacks);
@@ -357,21 +348,18 @@ impl<'a, L: Lens> Starts<'a, L> {
             .iter()
             .take_while(|_| !self.problem.work.is_spent())
             .filter_map(|camera_matrix| self.search(&free, self.view(camera_matrix).ok()?))
-            .find(|found| found.termination == Termination::Converged)
+            .find_map(Search::converged)
     }
 
     /// From the optimum of some samples to that of all.
     fn finish(&self, found: Search<L>) -> Option<Refined<L>> {
-        if found.termination != Termination::Converged {
-            return None;
-        }
+        let found = found.converged()?;
         let view = found.view.clone();
         let problem = self.problem;
         problem.finished(self.planes, found).or_else(|| {
             // Some samples misled: search among all of them.
             let found = problem.searched(self.planes, &problem.free, view)?;
-            let converged = found.termination == Termination::Converged;
-            let found = converged.then_some(found)?;
+            let found = found.converged()?;
             let view = found.view.clone();
             // Where the cost is far from a parabola, Newton's undamped steps may not converge.
             problem

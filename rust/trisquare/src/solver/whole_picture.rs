@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::problem::{Beginning, JointProblem};
+use super::problem::JointProblem;
 use super::starts::Starts;
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -73,10 +73,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         let change = || self.free.difference(&best.view.lens, &found.view.lens);
         Self {
             contradicted: is_contradicted.then(change),
-            beginning: Some(Beginning {
-                view: found.view.clone(),
-                free: self.free.clone(),
-            }),
+            beginning: Some(self.beginning_at(found.view.clone())),
             found: Some((planes, found.into())),
             ..self
         }
