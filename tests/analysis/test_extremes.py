@@ -54,9 +54,10 @@ def test_a_picture_number_is_a_name_and_no_size(edges, number):
     assert np.array_equal(found.covariance, counted.covariance)
 
 
-def test_a_panic_of_the_core_asks_for_a_report(capfd):
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_panic_of_the_core_asks_for_a_report(capfd, threads):
     with pytest.raises(ts.InternalError, match="please report it with the input") as caught:
-        _core.provoke_panic()
+        _core.provoke_panic(threads)
     assert "failed inside its core: a panic was asked for (errors.rs:" in str(caught.value)
     assert isinstance(caught.value, ts.TrisquareError)
     assert capfd.readouterr().err == ""

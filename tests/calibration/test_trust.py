@@ -264,3 +264,30 @@ def test_a_bent_side_that_the_others_cannot_replace_stays_while_its_bend_is_seen
     assert any("err together" in text for text in slight.warnings)
     with pytest.raises(ts.DegenerateGeometryError):
         calibrated(scene, bowed(plane, side, 2.0 * BOW), 1070)
+
+
+def in_two_pieces(figure, sides):
+    """The same edges, some sides of which were measured in two pieces."""
+    lines, points = [], []
+    for index, (line, own) in enumerate(zip(figure.lines, figure.points, strict=True)):
+        pieces = np.array_split(own, 2) if index in sides else [own]
+        lines += [line] * len(pieces)
+        points += pieces
+    return ts.PlaneEdges(lines, points)
+
+
+@pytest.mark.parametrize("model", ["radial2", "auto"])
+@pytest.mark.parametrize("sides", [(0,), (0, 1, 2, 3)])
+def test_a_side_may_be_measured_in_two_pieces(model, sides):
+    """Something lies over its middle, or the figure has edges on one line, as a plus has."""
+    for seed in range(3):
+        scene = squares(seed, count=4)
+        edges = disturbed_edges(scene, white, NOISE, seed)
+        whole = ts.calibrate_edges(edges, IMAGE_SIZE, model=model)
+        parted = [in_two_pieces(figure, sides) for figure in edges]
+        result = ts.calibrate_edges(parted, IMAGE_SIZE, model=model)
+        assert not any(plane.rejection for plane in result.planes)
+        for name in ("fx", "fy", "cx", "cy"):
+            change = getattr(result.camera, name) - getattr(whole.camera, name)
+            assert abs(change) < 0.3 * whole.std[name]
+            assert 0.8 < result.std[name] / whole.std[name] < 1.3

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
-use std::sync::Once;
+use std::sync::{Arc, Mutex, Once, PoisonError};
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -32,9 +32,11 @@ pub fn exception(error: Error) -> PyErr {
     }
 }
 
+type Place = Arc<Mutex<String>>;
+
 thread_local! {
-    /// In what runs detached: where the last panic was, once there was one.
-    static DETACHED: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// In what runs detached: where the last panic of any of its threads was, once there was one.
+    static DETACHED: RefCell<Option<Place>> = const { RefCell::new(None) };
 }
 
 /// Runs the crate without the GIL; a panic of it becomes an `InternalError`.
@@ -59,10 +61,12 @@ fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()>
     static HOOK: Once = Once::new();
     HOOK.call_once(keep_panics_silent);
     py.detach(|| {
-        DETACHED.set(Some(String::new()));
+        let place = Place::default();
+        DETACHED.set(Some(place.clone()));
         // What a panic leaves half done is dropped with it: nothing is read afterwards.
         let found = catch_unwind(AssertUnwindSafe(work));
-        let place = DETACHED.take().unwrap_or_default();
+        DETACHED.set(None);
+        let place = place.lock().unwrap_or_else(PoisonError::into_inner).clone();
         found.map_err(|panic| (said(panic.as_ref()).to_owned(), place))
     })
     .map_err(|(said, place)| {
@@ -100,7 +104,13 @@ pub fn computed_in<T: Send>(
 }
 
 fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {
-    let pool = (threads > 1).then(|| ThreadPoolBuilder::new().num_threads(threads).build());
+    let place = DETACHED.with_borrow(Clone::clone);
+    let pool = (threads > 1).then(|| {
+        ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .start_handler(move |_| DETACHED.set(place.clone()))
+            .build()
+    });
     match pool {
         Some(Ok(pool)) => pool.install(work),
         // A system that gives no further threads has the one that asks.
@@ -112,8 +122,9 @@ fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {
 fn keep_panics_silent() {
     let before = take_hook();
     set_hook(Box::new(move |panic| {
-        let caught = DETACHED.with_borrow_mut(|place| {
+        let caught = DETACHED.with_borrow(|place| {
             let Some(place) = place else { return false };
+            let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
             *place = panic.location().map_or_else(String::new, |l| {
                 let file = l.file().rsplit(['/', '\\']).next().unwrap_or_default();
                 format!(" ({file}:{})", l.line())
@@ -132,11 +143,12 @@ fn said(panic: &(dyn Any + Send)) -> &str {
         .unwrap_or("a panic")
 }
 
-/// Panics: the way out of one can be tested only by one.
+/// Panics, in one of so many threads: the way out of a panic can be tested only by one.
 ///
 /// # Errors
 /// `InternalError`.
 #[pyfunction]
-pub fn provoke_panic(py: Python<'_>) -> PyResult<()> {
-    detached(py, || panic!("a panic was asked for"))
+#[pyo3(signature = (threads=1))]
+pub fn provoke_panic(py: Python<'_>, threads: usize) -> PyResult<()> {
+    computed_in(py, threads, || panic!("a panic was asked for"))
 }

@@ -6,8 +6,8 @@ mod example;
 
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
-    Error, ImageSize, Lens, Options, Photographs, PictureTone, PlaneEdges, Polarity, Stage, Tone,
-    calibrate_photographs, pixels_to_keep,
+    Error, ImageSize, Lens, Options, Photographs, PictureTone, PlaneEdges, Polarity, PowerCurve,
+    Stage, Tone, calibrate_photographs, pixels_to_keep,
 };
 
 const SIZE: ImageSize = ImageSize {
@@ -85,4 +85,37 @@ fn photographs_that_do_not_fit_the_figures_are_refused() {
     assert!(refused(&edges, larger, &own).contains("640 x 480 pixels, not 641 x 480"));
     edges[2].image = 1;
     assert!(refused(&edges, SIZE, &own).contains("figure 2 is in the picture of index 1"));
+}
+
+#[test]
+fn the_tone_of_one_picture_may_be_known_and_that_of_another_not() {
+    let first = scene(1);
+    let scenes = [first.another(5), first];
+    let (mut edges, mut kept) = (Vec::new(), Vec::new());
+    for (image, scene) in scenes.iter().enumerate() {
+        let mut own = scene.edges(1, 0.05, 4.0);
+        for figure in &mut own {
+            figure.polarity = Some(Polarity::DarkInside);
+        }
+        kept.push(pixels_to_keep(&scene.picture(2, 0.6, 2.0), &own, 0.6));
+        edges.extend(own.into_iter().map(|own| PlaneEdges { image, ..own }));
+    }
+    let photographs = Photographs {
+        pictures: &[&kept[0], &kept[1]],
+        tones: &[
+            PictureTone::Known(Tone::Srgb),
+            PictureTone::Estimated(PowerCurve {
+                gamma: 2.2,
+                toe: 0.0,
+            }),
+        ],
+    };
+    let options = Options::default();
+    let found = calibrate_photographs(&edges, SIZE, &options, Some(&photographs)).unwrap();
+    assert_eq!(found.stage, Stage::Pixels, "{:?}", found.warnings);
+    let [known, estimated] = &found.tones[..] else {
+        panic!("{:?}", found.tones);
+    };
+    assert_eq!((&known.covariance, known.shift), (&None, None));
+    assert!(estimated.covariance.is_some());
 }

@@ -144,7 +144,13 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
                 return (sought.joined(edges), estimate, faults);
             }
             // All pixels show a misfit that some did not.
-            (_, estimate) => first = estimate,
+            (_, estimate) => {
+                let shift_std = estimate.shift_std.map(|std| std.max(faults.common_error));
+                first = ToneEstimate {
+                    shift_std,
+                    ..estimate
+                };
+            }
         }
     }
     if faults.blur > WIDE_BLUR && !picture.has_two_levels() {

@@ -63,7 +63,7 @@ impl SideErrors {
             let (state, block) = (&view.planes[p], &mut system.blocks[p]);
             let mut moments = noise.sides[p].iter();
             for (f, figure) in plane.figures.iter().enumerate() {
-                let mut own = families_of(figure, p, block.hessian.nrows(), camera.len());
+                let mut own = families_of(figure, p, block.hessian.nrows(), camera.len())?;
                 for (index, side) in figure.sides.iter().enumerate() {
                     let moments = moments.next()?;
                     let family = own.iter_mut().find(|family| family.sides.contains(&index));

@@ -58,6 +58,10 @@ impl<L: Lens> SharedColumns<'_, L> {
     }
 }
 
+/// Correlation of two sides on one line, such as one that was measured in two pieces: of 1, the
+/// correlation matrix would have no inverse.
+const MOST_ALIKE: f64 = 1.0 - 1e-9;
+
 /// What the samples of sides whose displacements are correlated say of them.
 pub(crate) struct Family {
     pub plane: usize,
@@ -80,8 +84,14 @@ pub(crate) struct Family {
 }
 
 /// The sides and arcs of a figure, those of one direction together if there are many: an error that is
-/// correlated over a third of a side is so across a third of the figure, too.
-pub(crate) fn families_of(figure: &Figure, plane: usize, own: usize, shared: usize) -> Vec<Family> {
+/// correlated over a third of a side is so across a third of the figure, too. `None` if lines are not
+/// finite.
+pub(crate) fn families_of(
+    figure: &Figure,
+    plane: usize,
+    own: usize,
+    shared: usize,
+) -> Option<Vec<Family>> {
     let line = |side: &Side| {
         side.line()
             .map_or_else(Vector3::zeros, |l| l.coefficients())
@@ -95,7 +105,7 @@ pub(crate) fn families_of(figure: &Figure, plane: usize, own: usize, shared: usi
             _ => vec![family],
         });
     split
-        .filter_map(|sides| {
+        .map(|sides| {
             let offset =
                 |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
             let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
@@ -105,7 +115,7 @@ pub(crate) fn families_of(figure: &Figure, plane: usize, own: usize, shared: usi
 }
 
 impl Family {
-    /// `None` if two of the lines are one.
+    /// `None` if the offsets are not finite.
     fn new(
         plane: usize,
         sides: Vec<usize>,
@@ -116,7 +126,8 @@ impl Family {
         let low = offsets.iter().copied().fold(f64::MAX, f64::min);
         let reach = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
         let correlation = DMatrix::from_fn(offsets.len(), offsets.len(), |i, j| {
-            (-(offsets[i] - offsets[j]).abs() / reach).exp()
+            let alike = if i == j { 1.0 } else { MOST_ALIKE };
+            alike * (-(offsets[i] - offsets[j]).abs() / reach).exp()
         });
         let factor = correlation.clone().cholesky()?;
         let rows = ORDERS * sides.len();

@@ -234,7 +234,7 @@ impl PixelFit<'_> {
             let last = first + PICTURE_PARAMETERS - 1;
             let (curve, shift) = (picture.has_free_curve(), picture.has_free_shift());
             Some(ToneFit {
-                curve: picture.power()?,
+                curve: picture.curve.tone().power(),
                 covariance: curve.then_some(block),
                 shift: (shift && !curve).then(|| (picture.shift, covariance[(last, last)].sqrt())),
             })

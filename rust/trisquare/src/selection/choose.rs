@@ -32,9 +32,8 @@ const SAMPLES_PER_SIDE: usize = 16;
 /// /// From outlines of which some may be windows or tiles that are no squares.
 /// fn camera_of(edges: &[PlaneEdges], size: ImageSize) -> Result<Calibration, Error> {
 ///     let options = Options::default();
-///     let chosen = choose(edges, size, &options)?;
-///     let kept = chosen.verdicts.iter().filter(|verdict| verdict.kept);
-///     let kept: Vec<_> = kept.map(|verdict| edges[verdict.figure].clone()).collect();
+///     let mut kept = edges.to_vec();
+///     choose(edges, size, &options)?.keep(&mut kept);
 ///     calibrate(&kept, size, &options)
 /// }
 /// ```
@@ -200,8 +199,9 @@ impl<L: Lens> Chooser<'_, L> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::verdict::Doubt;
+    use super::super::verdict::{Doubt, Verdict};
     use super::*;
+    use crate::observations::{Relation, relate_planes};
     use crate::synthetic::{Scene, SceneOptions};
     use nalgebra::Vector2;
 
@@ -249,6 +249,27 @@ mod tests {
             assert_eq!(kept(&found), [true; 9]);
             assert_eq!(found.doubt, None);
         }
+    }
+
+    #[test]
+    fn relations_follow_the_figures_that_are_kept() {
+        let (_, mut edges) = squares(1);
+        relate_planes(&mut edges, [1, 2], Relation::Orthogonal).unwrap();
+        relate_planes(&mut edges, [0, 1], Relation::Parallel).unwrap();
+        let verdict = |figure| Verdict {
+            figure,
+            kept: figure != 0,
+            residual: None,
+        };
+        let found = Choice {
+            verdicts: (0..edges.len()).map(verdict).collect(),
+            doubt: None,
+        };
+        found.keep(&mut edges);
+        assert_eq!(edges.len(), 8);
+        let related: Vec<_> = edges.iter().flat_map(|own| &own.relations).collect();
+        assert_eq!(related, [&(1, Relation::Orthogonal)]);
+        assert!(!edges[0].relations.is_empty());
     }
 
     #[test]

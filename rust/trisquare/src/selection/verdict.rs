@@ -81,20 +81,37 @@ pub enum Doubt {
 }
 
 impl Choice {
-    /// Drops, of the figures among which was chosen, those on planes that are not kept.
+    /// Drops, of the figures among which was chosen, those on planes that are not kept, and the
+    /// relations to them.
     pub fn keep(&self, edges: &mut Vec<PlaneEdges>) {
         let dropped = self.verdicts.iter().filter(|verdict| !verdict.kept);
         let dropped: Vec<(usize, Option<u64>)> = dropped
             .map(|verdict| (verdict.figure, edges[verdict.figure].plane))
             .collect();
-        let mut index = 0;
-        edges.retain(|figure| {
-            let is_dropped = dropped
+        let is_kept = |index: usize, figure: &PlaneEdges| {
+            !dropped
                 .iter()
-                .any(|(first, plane)| *first == index || plane.is_some() && *plane == figure.plane);
-            index += 1;
-            !is_dropped
-        });
+                .any(|(first, plane)| *first == index || plane.is_some() && *plane == figure.plane)
+        };
+        // Where each figure is afterwards: relations name figures by their places.
+        let mut count = 0;
+        let places: Vec<Option<usize>> = edges
+            .iter()
+            .enumerate()
+            .map(|(index, figure)| {
+                let place = is_kept(index, figure).then_some(count);
+                count += usize::from(place.is_some());
+                place
+            })
+            .collect();
+        let mut stays = places.iter().map(Option::is_some);
+        edges.retain(|_| stays.next() == Some(true));
+        for figure in edges {
+            let relations = figure.relations.iter();
+            figure.relations = relations
+                .filter_map(|(other, relation)| Some((places[*other]?, *relation)))
+                .collect();
+        }
     }
 
     /// The choice that keeps all.
