@@ -32,6 +32,15 @@ def found(folder, *inputs, **options):
     }
 
 
+def test_cameras_whose_parts_join_to_one_name_stay_two(tmp_path):
+    touch(tmp_path, "in/a_b/c_1.jpg", "in/a_b/c_2.jpg", "in/a/b_c_1.jpg", "in/d/e_1.jpg")
+    assert found(tmp_path, "in", camera="{site}/{serial}_?.jpg") == {
+        "(a_b)_(c)": ["in/a_b/c_1.jpg", "in/a_b/c_2.jpg"],
+        "(a)_(b_c)": ["in/a/b_c_1.jpg"],
+        "d_e": ["in/d/e_1.jpg"],
+    }
+
+
 def test_photographs_and_folders(tmp_path):
     touch(tmp_path, "in/b.JPG", "in/a.png", "in/notes.txt", "in/._a.png", "in/.hidden/x.png")
     touch(tmp_path, "in/left/2.tif", "in/left/1.tif", "in/site/deep/1.bmp", "alone.webp")

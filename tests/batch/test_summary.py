@@ -245,3 +245,22 @@ def test_one_fleet_in_twenty_without_an_odd_camera_has_one_by_chance(cameras, st
     part = np.mean([has_one() for _ in range(400)])
     print(f"{cameras} cameras: {100 * part:.0f} %")
     assert 0.01 < part < 0.09
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.5, 1.0, 5.0])
+@pytest.mark.parametrize("cameras", [13, 100])
+def test_a_camera_that_is_known_better_than_others_is_not_odd_for_it(cameras, spread):
+    """Where cameras differ by less than most are known, their spread may come out as nothing."""
+    rng = np.random.default_rng(7)
+    allowed = most_by_chance(cameras, 6)
+
+    def has_one():
+        for _ in range(6):
+            stds = np.exp(rng.normal(0.0, 1.0, cameras))
+            values = rng.normal(size=cameras) * np.hypot(spread, stds)
+            own = Distribution.of("kind", "fx", values, stds)
+            if any(abs(own.deviation(*one)) > allowed for one in zip(values, stds, strict=True)):
+                return True
+        return False
+
+    assert np.mean([has_one() for _ in range(100)]) < 0.1

@@ -74,3 +74,23 @@ def test_the_bow_of_a_sheet_is_of_its_hole_where_that_is_measured(covered):
     hole = next(i for i, plane in enumerate(result.planes) if plane.kind == "square")
     others = [limit for face, limit in sides.items() if face != hole]
     np.testing.assert_allclose(sides[hole], 0.6 * np.array(others))
+
+
+def test_lengths_on_a_hole_are_not_in_units_of_the_frame(covered, run, tmp_path, caplog):
+    _, picture = with_covered_corner(0)
+    _, result = covered
+    cv2.imwrite(str(tmp_path / "photo.png"), picture)
+    result.save(tmp_path / "camera.json")
+    hole = next(i for i, plane in enumerate(result.planes) if plane.side is None)
+    ends = [",".join(f"{value:.1f}" for value in corner) for corner in result.planes[hole].corners]
+    camera = ("--camera", tmp_path / "camera.json")
+    code, out, err = run("measure", tmp_path / "photo.png", *camera, *ends[:2])
+    assert code == 0
+    assert "(in sides; say --side)" in out
+    assert "length 1 to 2: 1.00" in out
+    assert f"plane {hole} shows the hole of a frame" in err
+    code, out, err = run("measure", tmp_path / "photo.png", *camera, "--side", "50mm", *ends[:2])
+    assert code == 0
+    assert "--side is the hole's here" in err
+    ts.locate(picture, result)
+    assert f"plane {hole} shows the hole of a frame" in caplog.text

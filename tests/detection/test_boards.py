@@ -201,3 +201,16 @@ def test_faces_of_the_cube_with_markers_in_its_light_cells():
             ]
             # The corners are some other finder's, and the markers disturb both.
             assert max(np.mean(gap.min(axis=1) < 1.5) for gap in gaps) > 0.85
+
+
+def test_a_board_in_a_picture_wider_than_opencv_maps():
+    board = np.kron(np.indices((7, 9)).sum(axis=0) % 2, np.ones((30, 30)))
+    part = cv2.GaussianBlur(np.pad(255 - 215 * board, 45, constant_values=255), (0, 0), 0.8)
+    part = part.astype(np.uint8)
+    wide = np.full((300, 33_000), 255, np.uint8)
+    wide[: part.shape[0], 32_000 : 32_000 + part.shape[1]] = part
+    (alone,) = ts.detect(part, targets="chessboard:8x6")
+    (found,) = ts.detect(wide, targets="chessboard:8x6")
+    np.testing.assert_array_equal(found.lines, alone.lines)
+    here, there = (np.concatenate(one.points).mean(axis=0) for one in (alone, found))
+    np.testing.assert_allclose(there - [32_000, 0], here, atol=3)

@@ -273,6 +273,16 @@ def with_square(**square):
         (with_square(corners=GOOD, inner={"corners": GOOD}), "one must lie inside the other"),
         (labelme_file([[GOOD]], size=(HEIGHT, WIDTH)), "orientation tag"),
         (labelme_file([[GOOD]], size=(640, 480)), "drawn on a picture of 640 x 480"),
+        (
+            {
+                "format": "trisquare-outlines/1",
+                "pictures": [
+                    own_file([[GOOD]], index=0, width=width, height=height)
+                    for width, height in ((WIDTH, HEIGHT), (4000, 3000))
+                ],
+            },
+            f"drawn on at sizes of {WIDTH} x {HEIGHT} and 4000 x 3000",
+        ),
         (labelme_file([[GOOD]], name="other.png"), r"nothing is drawn on photo.png"),
         (labelme_file([[GOOD, GOOD, GOOD]]), "third outline"),
         (

@@ -707,6 +707,22 @@ def test_nerfstudio_files_of_others(tmp_path):
     camera = Camera.load(path)
     assert camera.fx == pytest.approx(800)
     assert (camera.cx, camera.cy) == (399.5, 299.5)
+    # And the vertical one, and null for what it does not know.
+    angles = {"camera_angle_x": 1.2, "camera_angle_y": 0.6, "k3": None}
+    path.write_text(json.dumps({"w": 1280, "h": 960, **angles}))
+    camera = Camera.load(path)
+    expected = (640 / np.tan(0.6), 480 / np.tan(0.3))
+    np.testing.assert_allclose((camera.fx, camera.fy), expected)
+    # Of a fisheye instant-ngp says that it is one, without a name of the model.
+    fisheye = {**shared, "k1": -0.02, "k2": 0.003, "is_fisheye": True}
+    path.write_text(json.dumps(fisheye))
+    camera = Camera.load(path)
+    assert (camera.model, camera.distortion.tolist()) == ("fisheye2", [-0.02, 0.003, 0, 0])
+    path.write_text(json.dumps({**fisheye, "is_fisheye": False}))
+    assert Camera.load(path).model == "radial2"
+    path.write_text(json.dumps({**fisheye, "is_fisheye": 1}))
+    with pytest.raises(ValueError, match='"is_fisheye" must be true or false'):
+        Camera.load(path)
     # Intrinsics of each frame, the size of all of them.
     frames = [{"file_path": name, "fl_x": fl_x} for name, fl_x in (("a.png", 500), ("b.png", 600))]
     path.write_text(json.dumps({"w": 800, "h": 600, "frames": frames}))
@@ -856,6 +872,22 @@ def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
     with pytest.raises(ValueError, match="2 cameras, 0, 1"):
         Camera.load(path)
     assert Camera.load(path, name="1").fx > camera.fx
+
+
+def test_lensfuns_lenses_of_one_name_are_told_apart(tmp_path):
+    """A database lists a lens once for each size of sensor it is used with."""
+    lens = (
+        "<lens><maker>Canon</maker><model>EF 50mm</model><cropfactor>{}</cropfactor><calibration>"
+        '<distortion model="poly3" focal="50" k1="-0.01"/></calibration></lens>'
+    )
+    crops = ("1.0", "1.6", "1.6")
+    path = tmp_path / "lenses.xml"
+    path.write_text(f"<lensdatabase>{''.join(map(lens.format, crops))}</lensdatabase>")
+    with pytest.raises(ValueError, match="there are 3 cameras"):
+        Camera.load(path, image_size=SIZE)
+    names = ("EF 50mm 50", "EF 50mm 50, Canon at crop 1.6", "EF 50mm 50, Canon at crop 1.6'")
+    focal = [Camera.load(path, name=name, image_size=SIZE, approximate=True).fx for name in names]
+    np.testing.assert_allclose(focal, np.array([1.0, 1.6, 1.6]) * focal[0], rtol=1e-3)
 
 
 @pytest.mark.parametrize("size", [SIZE, SIZE[::-1]])

@@ -112,11 +112,11 @@ def box(kind, content, *, is_long=False):
     return struct.pack(">I4s", 8 + len(content), kind) + content
 
 
-def container(turns, *, version=0, is_wide=False, is_long=False):
+def container(turns, *, version=0, is_wide=False, is_long=False, of_none=False):
     """A file without pixels whose second item, the primary one, is turned by these boxes."""
     item, index = "I" if version else "H", "H" if is_wide else "B"
     essential = 0x8000 if is_wide else 0x80
-    turned = [essential | (at + 2) for at in range(len(turns))]
+    turned = [0] * of_none + [essential | (at + 2) for at in range(len(turns))]
     associations = b"".join(
         struct.pack(f">{item}B{len(each)}{index}", name, len(each), *each)
         for name, each in ((1, [1, essential | 2]), (2, [1, *turned]))
@@ -149,6 +149,11 @@ def container(turns, *, version=0, is_wide=False, is_long=False):
 )
 def test_boxes_turn_in_their_order(turns, orientation, form):
     assert find_orientation(container(turns, **form)) == OrientationTag.of(orientation)
+
+
+def test_an_association_with_no_property_turns_nothing():
+    turned = container([(b"irot", 1)], of_none=True)
+    assert find_orientation(turned) == OrientationTag(8)
 
 
 BOXES = container([(b"irot", 3), (b"imir", 1)])

@@ -206,3 +206,10 @@ def test_a_jpeg_of_many_scans_is_refused(run, tmp_path, monkeypatch):
     monkeypatch.setenv("TRISQUARE_MAX_SCANS", "99")
     with pytest.raises(ts.ImageError, match="99 scans"):
         read_image(path)
+
+
+def test_limits_may_be_numbers_of_numpy():
+    limits = PictureLimits.stated(max_pixels=np.int64(10), max_bytes=np.float32(20))
+    assert (limits.max_pixels, limits.max_bytes) == (10, 20)
+    with pytest.raises(TypeError, match="max_pixels"):
+        PictureLimits.stated(max_pixels=True)

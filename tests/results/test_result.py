@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare._core import __version__
+from trisquare.calibration.known_camera import known_camera
 from trisquare.results.calibration import Calibration, Camera
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.plane import Plane
@@ -364,3 +365,15 @@ def test_warnings_keep_their_codes_and_older_files_are_read():
     assert Calibration.from_json(json.dumps(members)).warnings == ("of an older version",)
     with pytest.raises(ValueError, match="severity"):
         CalibrationWarning("x", "y", "enormous")
+
+
+def test_files_of_windows_editors_and_damaged_ones(tmp_path):
+    """They begin with a byte order mark; and what is no calibration is told by its own reason."""
+    path, result = tmp_path / "camera.json", calibration()
+    path.write_text(result.to_json(), "utf-8-sig")
+    assert Calibration.load(path) == result
+    assert known_camera(path) == result
+    for text, reason in (("", "not JSON"), ("[" * 10**6, "nested"), ("[1]", "must be an object")):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=reason):
+            Calibration.load(path)

@@ -586,6 +586,21 @@ def test_whoever_finds_no_place_is_told_to_come_again():
         assert post(client, "calibrate", PHOTO).status_code == 200
 
 
+def test_a_folder_that_cannot_be_made_takes_no_place(monkeypatch):
+    app = create_app(TOKEN, LIMITS, processes=1, most_accepted=1)
+
+    def full(**_):
+        raise OSError(28, "No space left on device")
+
+    with TestClient(app, headers={"X-Trisquare-Token": TOKEN}) as client:
+        with monkeypatch.context() as patch:
+            patch.setattr("trisquare.serve.jobs.tempfile.mkdtemp", full)
+            answer = post(client, "find", PHOTO)
+            assert "No space left" in error_of(answer, answer.status_code)["text"]
+            assert answer.status_code >= 500
+        assert post(client, "find", PHOTO).status_code == 200
+
+
 # Who leaves, and what takes too long.
 
 

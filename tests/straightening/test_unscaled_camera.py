@@ -82,6 +82,12 @@ def test_the_std_of_the_displacement_is_that_of_drawn_lenses(camera):
     np.testing.assert_allclose(np.std(draws, axis=0), std, rtol=0.2, atol=0.02)
 
 
+@pytest.mark.parametrize("step", [0.0, -1.0, np.nan, 1e-6, 1e-320])
+def test_a_step_of_no_map_is_refused(camera, step):
+    with pytest.raises(ValueError, match="step"):
+        camera.displacement_map(step)
+
+
 def test_a_focal_length_makes_it_a_camera(camera):
     focal = 560.0
     made = camera.camera(focal)

@@ -97,8 +97,13 @@ class JsonFields:
         return float(self.array(key, ()))
 
     def number_or(self, key: str, default: float) -> float:
-        """Return a finite number, or `default` if the member is not there."""
-        return self.number(key) if key in self._members else default
+        """Return a finite number, or `default` if the member is not there, or null."""
+        return self.number(key) if self.has(key) else default
+
+    def truth(self, key: str) -> bool:
+        """Return true or false."""
+        value = self.value(key)
+        return value if isinstance(value, bool) else self._fail(key, "true or false")
 
     def array(self, key: str, shape: tuple[int | None, ...]) -> FloatArray:
         """Return a finite, read-only array of numbers of the given shape."""

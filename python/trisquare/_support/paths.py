@@ -52,7 +52,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
         If it holds no text.
     """
     try:
-        return read_bytes(path).decode("utf-8")
+        return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{os.fspath(path)}: not a text file") from error
 

@@ -80,9 +80,10 @@ class Distribution:
     def deviation(self, value: float, std: float) -> float:
         """Return how far a camera is from the median, in standard deviations of that distance.
 
-        Zero where neither is known.
+        One that is known better than most counts as known like the median one: how far cameras
+        really differ is known no better. Zero where nothing is known.
         """
-        scale = float(np.hypot(self.spread, std))
+        scale = float(np.hypot(self.spread, max(std, self.median_std)))
         return (value - self.median) / scale if scale > 0.0 else 0.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -147,7 +148,7 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
 def _grouped(
     paths: Iterable[str], pattern: re.Pattern[str], text: str, options: Mapping[str, Any]
 ) -> Iterator[Job]:
-    cameras: dict[str, list[str]] = {}
+    cameras: dict[tuple[str, ...], list[str]] = {}
     others = 0
     for path in paths:
         if is_manifest(path):
@@ -162,10 +163,14 @@ def _grouped(
             if found is None:
                 others += 1
             else:
-                cameras.setdefault("_".join(found.groups()), []).append(picture)
+                cameras.setdefault(found.groups(), []).append(picture)
     if not cameras:
         raise ValueError(f"none of {others} photographs has a name like {text!r}")
-    for name, pictures in cameras.items():
+    names = Counter("_".join(groups) for groups in cameras)
+    for groups, pictures in cameras.items():
+        name = "_".join(groups)
+        if names[name] > 1:  # the parts of one hold what joins those of another
+            name = "_".join(f"({part})" for part in groups)
         yield Job(name, tuple(pictures), options, text)
     if others:
         yield faulty_job(text, f"{others} photographs have names unlike this", text)

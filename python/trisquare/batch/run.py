@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 from trisquare._support.arrays import Frozen
@@ -144,7 +145,7 @@ def calibrate_many(
     """
     limits = JobLimits.stated(max_pixels, max_bytes, max_seconds, max_memory)
     for name, value in (("workers", 1 if workers is None else workers), ("window", window)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
             raise ValueError(f"{name} must be a positive whole number, not {value!r}")
     if executor is not None and workers is not None:
         raise ValueError("the executor has its own workers: give workers or executor")

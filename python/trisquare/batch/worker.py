@@ -76,7 +76,7 @@ def success(job: Job, result: Any) -> dict[str, Any]:
         "std": dict(result.std),
         "rms_px": result.rms,
         "noise_scale": result.noise_scale,
-        "planes": len(result.planes),
+        "planes": sum(plane.is_used for plane in result.planes),
         "warnings": warning_members(result.warnings),
     }
 

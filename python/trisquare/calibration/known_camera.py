@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
-from trisquare._support.paths import naming, read_text
+from trisquare._support.paths import naming
 from trisquare._support.writing import PathLike
 from trisquare.camera.camera import Camera
-from trisquare.formats import load_camera
+from trisquare.formats.document import Document
+from trisquare.formats.load_save import camera_of_document
 from trisquare.formats.native_json import CALIBRATION_FORMAT
 from trisquare.results.calibration import Calibration
 
@@ -22,9 +21,9 @@ def known_camera(path: PathLike) -> Calibration | Camera:
     OSError
         If it cannot be read.
     """
-    loaded = load_camera(path)
-    text = read_text(path) if loaded.format == "trisquare" else "{}"
-    if json.loads(text).get("format") != CALIBRATION_FORMAT:
-        return loaded.camera
+    document = Document.read(path)
+    loaded = camera_of_document(document, path)
     with naming(path):
-        return Calibration.from_json(text)
+        if loaded.format != "trisquare" or document.json.value("format") != CALIBRATION_FORMAT:
+            return loaded.camera
+        return Calibration.from_json(document.text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.calibration.calibrate import calibrate
 from trisquare.calibration.gather import LOG
+from trisquare.calibration.lone_holes import lone_holes
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.images.pixels import ImageSource, Outlines, Tone
@@ -29,11 +30,18 @@ SMALLEST_MISFIT = 0.3
 """Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
 
 
+HOLE = (
+    "shows the hole of a frame whose outer outline was not measured: its side is the hole's, and "
+    "not the frame's"
+)
+
+
 class Located(NamedTuple):
-    """The planes that a known camera sees, and of each what speaks against it, if anything does."""
+    """The planes that a known camera sees, of each what speaks against it, and holes of frames."""
 
     planes: tuple[Plane, ...]
     doubts: tuple[str | None, ...]
+    holes: Collection[int]
 
 
 def locate(
@@ -48,7 +56,8 @@ def locate(
 
     As `calibrate`, with the camera held: one square is enough. The photograph may be one of those
     that the camera was calibrated from, or another of the same camera. The logger ``trisquare``
-    warns of squares that this camera cannot have seen so, as in a picture that was undistorted.
+    warns of squares that this camera cannot have seen so, as in a picture that was undistorted, and
+    of holes of frames whose outer outlines are hidden: a frame's side is not that of its hole.
 
     Parameters
     ----------
@@ -82,6 +91,8 @@ def locate(
     for index, doubt in enumerate(found.doubts):
         if doubt is not None:
             LOG.warning("plane %d: %s", index, doubt)
+        if index in found.holes:
+            LOG.warning("plane %d %s", index, HOLE)
     return found.planes
 
 
@@ -111,7 +122,7 @@ def located(
         else None
         for plane, misfit in zip(found.planes, _misfits(found), strict=True)
     )
-    return Located(found.planes, tuple(doubts))
+    return Located(found.planes, tuple(doubts), lone_holes(found.edges))
 
 
 def _misfits(found: Calibration) -> Iterator[float]:

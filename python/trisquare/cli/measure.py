@@ -23,7 +23,7 @@ from trisquare.analysis.measure import (
     measure,
 )
 from trisquare.analysis.rectify import rectify as rectified
-from trisquare.calibration.locate import located
+from trisquare.calibration.locate import HOLE, located
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.console import answer, progress_bar
@@ -122,7 +122,7 @@ def measure_command(
     given = None if side is None else Length.with_unit(side, "--side")
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
-    stated = _stated_side(known)
+    stated, of_rectangles = _stated_side(known), _are_rectangles(known)
     length = given or stated or Length(1.0, "")
     picture, tag = read_photograph(photo)
     size = picture_size(picture)
@@ -136,11 +136,15 @@ def measure_command(
         raise ValueError("; ".join([str(error), *warnings])) from error
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
-        planes, doubts = located(picture, known, targets=targets, outlines=outline)
+        planes, doubts, holes = located(picture, known, targets=targets, outlines=outline)
     others: Sequence[int] = ()
     if plane is None:
         plane, *others = _likely_planes(pixels, planes, lens)
     chosen = _chosen(planes, plane)
+    if plane in holes:
+        warnings.append(f"plane {plane} {HOLE}: --side is the hole's here")
+        # What the calibration states is the side of the frames.
+        length, stated = given or Length(1.0, ""), None
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
     if given is None and stated is None:
@@ -152,7 +156,7 @@ def measure_command(
             f"--side {given.value:g} {given.unit} is used, where the calibration states "
             f"{stated.value:g} {stated.unit}: right if this is another square"
         )
-    if chosen.kind != RECTANGLE and _are_rectangles(known):
+    if chosen.kind != RECTANGLE and of_rectangles:
         warnings.append(
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
             "rectangles: if it is one of them, name it as there, such as --targets a4"

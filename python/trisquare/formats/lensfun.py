@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from functools import partial
 
 from trisquare.camera.camera import Camera, camera_matrix
@@ -44,11 +45,15 @@ def recognises(document: Document) -> bool:
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
     """Read the lenses of a database, by their names and focal lengths."""
-    cameras = {}
+    cameras: dict[str, Callable[[], Lens]] = {}
     # Each at its own place: looked for at any depth, lenses within lenses would take for ever.
     for lens in parse_xml(document.text).findall("lens"):
         for distortion in lens.findall("calibration/distortion"):
             name = f"{lens.findtext('model', 'lens')} {distortion.get('focal', '')}".strip()
+            if name in cameras:  # for another sensor, or of another maker
+                name += f", {lens.findtext('maker', '')} at crop {lens.findtext('cropfactor', '')}"
+            while name in cameras:
+                name += "'"
             cameras[name] = partial(_lens, lens, distortion, image_size)
     if not cameras:
         raise ValueError("there is no <lens> with a <distortion>")

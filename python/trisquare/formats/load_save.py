@@ -15,7 +15,7 @@ from trisquare.camera.camera import Camera
 from trisquare.errors import LensModelError
 from trisquare.formats import native_json
 from trisquare.formats.approximation import ANY_BROWN, Lens, nearest
-from trisquare.formats.base import Cameras, Format
+from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
 from trisquare.formats.registry import format_called, format_of_document, format_of_name
 
@@ -55,7 +55,21 @@ def load_camera(
     """Read a camera; see `Camera.load`."""
     known = None if format is None else format_called(format)
     size = None if image_size is None else size_of_image(image_size)
-    document = Document.read(path)
+    return camera_of_document(
+        Document.read(path), path, known, name=name, size=size, approximate=approximate
+    )
+
+
+def camera_of_document(
+    document: Document,
+    path: PathLike,
+    known: Format | None = None,
+    *,
+    name: str | None = None,
+    size: ImageSize | None = None,
+    approximate: bool = False,
+) -> Loaded:
+    """Read a camera from a file that has been read, by its path in messages: as `Camera.load`."""
     with naming(path):
         found = format_of_document(document) if known is None else known
         try:

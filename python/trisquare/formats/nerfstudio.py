@@ -32,6 +32,7 @@ from trisquare.formats.other_lenses import ForeignLens, camera_of, fisheye_of
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 FOCAL_KEYS = ("fl_x", "camera_angle_x")
+VERTICAL_KEYS = ("fl_y", "camera_angle_y")
 
 
 def recognises(document: Document) -> bool:
@@ -66,14 +67,15 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     if not (width.is_integer() and height.is_integer()):
         raise ValueError(f'"w" and "h" must be whole numbers, not {width:g} and {height:g}')
     size = (int(width), int(height))
-    fl_x = _focal(members if any(members.has(key) for key in FOCAL_KEYS) else shared, width)
-    fl_y = number("fl_y", fl_x)
+    fl_x = _focal(members if any(map(members.has, FOCAL_KEYS)) else shared, "x", width)
+    holders = (own for own in (members, shared) if any(map(own.has, VERTICAL_KEYS)))
+    vertical = next(holders, None)
+    fl_y = fl_x if vertical is None else _focal(vertical, "y", height)
     # Where it is not said, instant-ngp takes the picture's centre.
     centre = (number("cx", width / 2) - HALF_PIXEL, number("cy", height / 2) - HALF_PIXEL)
     K = camera_matrix(fl_x, fl_y, *centre)
     named = {key: number(key, 0.0) for key in COEFFICIENTS}
-    holder = members if members.has("camera_model") else shared
-    model = holder.text("camera_model") if holder.has("camera_model") else "OPENCV"
+    model = _model(members, shared)
     if model == "OPENCV_FISHEYE":
         coefficients = [named[key] for key in ("k1", "k2", "k3", "k4")]
         return fisheye_of(K, coefficients, size)
@@ -93,13 +95,26 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     return camera_of(K, named, size)
 
 
-def _focal(members: JsonFields, width: float) -> float:
-    if members.has("fl_x") or not members.has("camera_angle_x"):
-        return members.number("fl_x")
-    angle = members.number("camera_angle_x")
+def _model(members: JsonFields, shared: JsonFields) -> str:
+    """Return nerfstudio's name of the model; instant-ngp says only whether it is a fisheye."""
+    for holder in (members, shared):
+        if holder.has("camera_model"):
+            return holder.text("camera_model")
+    for holder in (members, shared):
+        if holder.has("is_fisheye"):
+            return "OPENCV_FISHEYE" if holder.truth("is_fisheye") else "OPENCV"
+    return "OPENCV"
+
+
+def _focal(members: JsonFields, axis: str, side: float) -> float:
+    """Return a focal length, stated or by the angle of view over the side of the picture."""
+    length, angle_of_view = f"fl_{axis}", f"camera_angle_{axis}"
+    if members.has(length) or not members.has(angle_of_view):
+        return members.number(length)
+    angle = members.number(angle_of_view)
     if not 0 < angle < np.pi:
-        raise ValueError(f'"camera_angle_x" must be from 0 to pi, not {angle:g}')
-    return float(0.5 * width / np.tan(0.5 * angle))
+        raise ValueError(f'"{angle_of_view}" must be from 0 to pi, not {angle:g}')
+    return float(0.5 * side / np.tan(0.5 * angle))
 
 
 def write(camera: Camera, suffix: str) -> str:

@@ -50,6 +50,8 @@ def _turns(encoded: bytes) -> Iterator[tuple[bytes, int]]:
     properties = _places(encoded, *meta[b"iprp"])
     stated = list(_boxes(encoded, *properties[b"ipco"]))
     for index in _associations(encoded, properties[b"ipma"][0], primary):
+        if index == 0:  # of no property
+            continue
         kind, at, _ = stated[index - 1]
         if kind in (b"irot", b"imir"):
             yield kind, encoded[at]

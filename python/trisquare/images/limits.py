@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass
+from numbers import Real
 
 from trisquare.errors import ImageError
 
@@ -113,7 +114,7 @@ def stated_limit(name: str, given: float | None, default: float) -> float:
         variable = f"TRISQUARE_{name.upper()}"
         text = os.environ.get(variable)
         return default if text is None else parse_amount(text, variable)
-    if isinstance(given, bool) or not isinstance(given, int | float):
+    if isinstance(given, bool) or not isinstance(given, Real):
         raise TypeError(f"{name} must be a number, not {type(given).__name__}")
     if not 0 < given < float("inf"):
         raise ValueError(f"{name} must be positive and finite, not {given}")

@@ -437,7 +437,7 @@ class Calibration(Record):
         """
         text = read_text(path)
         with naming(path):
-            if not text.lstrip().startswith("{"):
+            if text.strip() and not text.lstrip().startswith(("{", "[")):
                 raise ValueError(
                     "a calibration is JSON, as `save` writes it: `Camera.load` reads the files of "
                     "other programs"

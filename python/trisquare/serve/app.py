@@ -211,6 +211,8 @@ async def _run(jobs: Jobs, name: str, request: Request) -> Response:
         place = jobs.accept()
     except BusyError:
         return problem("BusyError", "too many requests at a time: try again")
+    except OSError as error:
+        return problem("OSError", f"cannot keep what is sent: {error.strerror}")
     with place:
         try:
             with anyio.fail_after(UPLOAD_SECONDS):

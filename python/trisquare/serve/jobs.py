@@ -73,12 +73,19 @@ class Jobs:
         ------
         BusyError
             If there is none.
+        OSError
+            If its folder cannot be made.
         """
         with self._lock:
             if self._accepted >= self._most_accepted:
                 raise BusyError
             self._accepted += 1
-        return Place(self, Path(tempfile.mkdtemp(dir=self.folder)))
+        try:
+            return Place(self, Path(tempfile.mkdtemp(dir=self.folder)))
+        except BaseException:
+            with self._lock:
+                self._accepted -= 1
+            raise
 
     @property
     def is_working(self) -> bool:

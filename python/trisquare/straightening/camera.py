@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from trisquare._support.arrays import (
     size_of_image,
 )
 from trisquare.camera.camera import Camera, camera_matrix
+from trisquare.camera.projection_uncertainty import MOST_PLACES
 from trisquare.errors import LensModelError
 from trisquare.straightening.radial import FAMILIES, RadialLens
 
@@ -244,6 +246,8 @@ class UnscaledCamera(RebuiltByConstructor):
         """
         if not real_number(step, "step") > 0:
             raise ValueError(f"step must be positive, not {step}")
+        if math.prod(side / step + 1 for side in self.image_size) > MOST_PLACES:
+            raise ValueError(f"a step of {step:g} px is too small for the picture")
         axes = [np.linspace(0, side - 1, 2 + int((side - 1) / step)) for side in self.image_size]
         points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         off = np.linalg.norm(points - self.centre, axis=1)

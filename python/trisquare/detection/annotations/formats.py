@@ -28,7 +28,7 @@ a frame; four linestrips of one group are the sides of a square.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,10 +67,21 @@ class AnnotatedPicture:
     size: tuple[int, int] | None = None
     where: str = ""
 
-    def joined(self, others: Iterable[AnnotatedPicture]) -> AnnotatedPicture:
-        """Add what is drawn elsewhere in the file on the same picture."""
+    def joined(self, others: Sequence[AnnotatedPicture]) -> AnnotatedPicture:
+        """Add what is drawn elsewhere in the file on the same picture.
+
+        Raises
+        ------
+        ValueError
+            If they state other sizes of it.
+        """
+        sizes = {own.size for own in (self, *others) if own.size is not None}
+        if len(sizes) > 1:
+            stated = " and ".join(f"{width} x {height}" for width, height in sorted(sizes))
+            name = "one picture" if self.name is None else repr(self.name)
+            raise ValueError(f"{name} is drawn on at sizes of {stated} pixels")
         added = [target for other in others for target in other.targets]
-        return replace(self, targets=(*self.targets, *added))
+        return replace(self, targets=(*self.targets, *added), size=next(iter(sizes), None))
 
     def check_size(self, image_size: tuple[int, int]) -> None:
         """Raise ValueError if it was drawn on a picture of another size."""
