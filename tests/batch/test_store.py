@@ -336,3 +336,16 @@ def test_calibrate_many_keeps_a_folder(tmp_path):
     stored = (tmp_path / "results" / "cameras" / "a.json").read_text()
     assert ts.Calibration.from_json(stored).camera.fx == first[0].calibration.camera.fx
     assert [own["name"] for own in lines(tmp_path / "results")] == ["a", "b"]
+
+
+def test_a_camera_whose_file_was_changed_is_done_again(tmp_path):
+    own = job("one")
+    with Store(tmp_path, LIMITS) as store:
+        assert add(store, own)
+    file = tmp_path / "cameras" / own.file_name
+    whole = file.read_bytes()
+    file.write_text("damaged")
+    with Store(tmp_path, LIMITS) as store:
+        assert add(store, own)
+        assert not add(store, own)
+    assert file.read_bytes() == whole

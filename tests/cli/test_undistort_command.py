@@ -1,6 +1,7 @@
 """`trisquare undistort`: what it writes and prints, and what it refuses."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -263,3 +264,14 @@ def test_a_folder_is_not_made_for_nothing(undistort, folder):
     outcome = undistort("gone.png", "--camera", "camera.json", "-o", "deep/er/")
     assert outcome == (5, "", "trisquare: error: gone.png: No such file or directory\n")
     assert sorted(folder.iterdir()) == before
+
+
+def test_what_the_calibration_warns_of_the_rim_is_said_again(undistort, folder):
+    """A straight line there comes out bent."""
+    about = "the lens is known to 16 px in 42 % of the picture only"
+    rim = ts.CalibrationWarning(about, "lens_extrapolated")
+    other = ts.CalibrationWarning("plane 1 is odd", "plane_disagrees")
+    told = replace(CALIBRATION, warnings=(rim, other))
+    (folder / "camera.json").write_text(told.to_json())
+    code, _, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png")
+    assert (code, err) == (0, f"warning: camera.json: {about}\n")

@@ -197,7 +197,11 @@ def test_command_writes_the_camera_for_further_pictures(run, tmp_path):
     expected = ts.straighten(picture).camera.camera(600.0)
     assert (camera.fx, camera.fy) == (600.0, 600.0)
     np.testing.assert_array_equal(camera.distortion, expected.distortion)
+    code, _, err = run(*words, "--focal", "28")
+    assert code == 2
+    assert "--focal 28 is in pixels" in err
     _, out, _ = run(*words, "--focal", "600")
+    assert "focal length: unknown" not in out
     assert f"wrote {file}, a camera of the model {expected.model}" in out
 
 

@@ -83,7 +83,9 @@ class Store:
         if record.get("key") != key or record.get("name") != job.name:
             return False
         if record["status"] == "done":
-            return (self.folder / CAMERAS / job.file_name).is_file()
+            file = self.folder / CAMERAS / job.file_name
+            # Records of older versions do not say how long it was.
+            return file.is_file() and record.get("bytes") in (None, file.stat().st_size)
         by_limits = record["error"]["code"] in BY_LIMITS and record["limits"] != self._limits
         return not (self._retry or by_limits)
 
@@ -106,7 +108,9 @@ class Store:
                 with writing(file):
                     file.unlink()
         else:
-            write_atomically({file: calibration.encode()})
+            content = calibration.encode()
+            record["bytes"] = len(content)
+            write_atomically({file: content})
         self._append(job.identity, record)
         return record
 

@@ -22,6 +22,9 @@ from trisquare.undistortion.undistort import INTERPOLATIONS
 
 STRAIGHTENING_FORMAT = "trisquare-straightening/1"
 
+SHORTEST = 0.1
+"""Focal length over the picture's longer side: of less, a fisheye would see more than a turn."""
+
 EXAMPLES = (
     "trisquare straighten photo.jpg -o straight.jpg",
     "trisquare straighten photo.jpg -o straight.png --overlay lines.png --balance 1",
@@ -65,6 +68,11 @@ def straighten_command(
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
     picture, tag = read_photograph(photo)
     check_depth(picture, output)
+    if focal is not None and focal < SHORTEST * max(picture.shape[:2]):
+        raise ValueError(
+            f"--focal {focal:g} is in pixels: no lens has so few for a picture of "
+            f"{max(picture.shape[:2])} (divide millimetres by the size of a pixel)"
+        )
     with naming(photo):
         found = straighten(picture)
         straight = found.undistort(picture, balance, interpolation=interpolation)
@@ -143,7 +151,8 @@ def _lines(
         *(float((each[largest] ** 2).sum()) ** 0.5 for each in (map_.displacement, map_.std))
     )
     yield f"largest displacement {moved} +- {its_std} px"
-    yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
+    if not models:
+        yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
         model = f", a camera of the model {models[path]}" if path in models else ""
         yield f"wrote {path}{model}"

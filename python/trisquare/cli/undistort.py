@@ -14,24 +14,29 @@ from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import making_folder, write_in_turn
 from trisquare.camera.camera import Camera
+from trisquare.camera.camera_of import camera_of
 from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.camera.projection_uncertainty import known_part
 from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, progress_bar
-from trisquare.cli.input_files import camera_alone, photographs_named
+from trisquare.cli.input_files import photographs_named, read_camera
 from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
 from trisquare.images.encoding import encode_turned
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.images.video import Video, add_sound, check_video_name, is_video
+from trisquare.results.calibration import Calibration
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 from trisquare.undistortion.video import undistort_video
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
 
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
+
+OF_THE_RIM = ("lens_extrapolated", "lens_ends_in_picture")
+"""Warnings of a calibration that are about what an undistorted picture shows."""
 
 EXAMPLES = (
     "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
@@ -116,7 +121,8 @@ def undistort_command(
         if view != "pinhole":
             raise ValueError(f"--new-camera is for a pinhole: no format holds a {view} view")
         camera_format(new_camera)
-    lens = camera_alone(camera)
+    known = read_camera(camera)
+    lens = camera_of(known)
     pictures: list[dict[str, Any]] = []
     views: set[Camera | Panorama] = set()
     warnings: list[str] = []
@@ -193,6 +199,8 @@ def undistort_command(
             check_video_name(path)
         undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
         write_in_turn(undistorted())
+    if isinstance(known, Calibration):
+        warnings += [f"{camera}: {own}" for own in known.warnings if own.code in OF_THE_RIM]
     unknown_part = 1.0 - known_part(lens)
     # Without a black pixel the view is narrow because that was asked for.
     has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in pictures)

@@ -111,9 +111,12 @@ pub enum Error {
 
     /// Fewer planes than the free parameters need.
     #[error(
-        "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: \
-         show more squares in different directions (three tell them well), or fix parameters whose \
-         values are known"
+        "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: {}, or \
+         fix parameters whose values are known",
+        match found {
+            0..3 => "show more squares in different directions (three tell them well)",
+            _ => "show more, or state their shape (one of unknown aspect tells half as much as a square)",
+        }
     )]
     NotEnoughPlanes {
         /// Planes given.

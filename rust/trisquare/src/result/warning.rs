@@ -326,9 +326,9 @@ pub enum Warning {
     },
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
-        "the lens is known in {} of the picture only: beyond, where no target was, its polynomial \
+        "the lens has no answer in {} of the picture: there, where no target was, its polynomial \
          turns back. Targets nearer to the corners help, or a lens model with fewer coefficients",
-        part_of_whole(1.0 - .missing)
+        part_of_whole(*.missing)
     )]
     LensEndsInPicture {
         /// Part of the picture that has no lens.

@@ -118,14 +118,16 @@ fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
 
 /// Warns of a lens that is estimated from so small a part of the picture that the rest is a guess.
 ///
-/// A lens that ends in the picture is warned of already.
+/// Where the lens ends in the picture, what lies beyond is no part of that: it is warned of by itself.
 pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     let is_of_lens = |name: &&str| !MATRIX.contains(name);
-    if !found.parameters.iter().any(is_of_lens) || missing(found) > LEAST_MISSING {
+    if !found.parameters.iter().any(is_of_lens) {
         return None;
     }
     let limit = KNOWN * f64::from(found.image_size.width);
-    let pixels: Vec<_> = places(found.image_size, COARSE_PLACES).collect();
+    let places = places(found.image_size, COARSE_PLACES);
+    let is_seen = |pixel: &Vector2<f64>| found.camera.unproject(pixel).is_some();
+    let pixels: Vec<_> = places.filter(is_seen).collect();
     let uncertainty = found.projection_uncertainty().ok()?;
     // A turn taken out makes the sum of all variances less, which says enough of nearly all lenses.
     let variances = pixels.iter().map(|p| Some(uncertainty.at(p)?.trace()));
@@ -137,9 +139,11 @@ pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warni
     // A turn of the whole camera goes unnoticed, as in the projection map.
     let known = compare_projections(&uncertainty, &exact, &pixels).ok()?;
     let stds: Vec<f64> = known.test?.std.into_iter().flatten().collect();
-    let unknown = stds.iter().filter(|std| **std > limit).count() as f64 / stds.len() as f64;
+    let all = f64::from(COARSE_PLACES * COARSE_PLACES);
+    let known = stds.iter().filter(|std| **std <= limit).count() as f64;
+    let (unknown, seen) = (1.0 - known / all, pixels.len() as f64 / all);
     let worst = stds.iter().copied().fold(0.0, f64::max);
-    (unknown > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
+    (seen - known / all > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
         unknown,
         limit,
         worst,
