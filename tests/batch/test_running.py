@@ -416,3 +416,8 @@ def test_a_job_that_is_abandoned_ends_at_once_and_the_next_is_done():
     finally:
         workers.close()
         thread.join()
+
+
+def test_what_is_no_executor_is_refused_by_name():
+    with pytest.raises(TypeError, match="executor must have submit"):
+        ts.calibrate_many([], executor=3)

@@ -411,3 +411,10 @@ def test_the_commands_exit_codes(run, tmp_path):
     assert convert(run, tmp_path, good, out, "--camera", "cam7")[0] == 2
     assert convert(run, tmp_path, good, good)[0] == 2
     assert convert(run, tmp_path, good, out, "--size", "1280x960")[0] == 0
+
+
+def test_xml_that_is_nested_deeply_is_refused_at_once(tmp_path):
+    path = tmp_path / "camera.xml"
+    path.write_text("<opencv_storage>" + "<a>" * 1_000_000)
+    with pytest.raises(ValueError, match="nested more than 32 levels"):
+        ts.Camera.load(path)

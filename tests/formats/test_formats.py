@@ -874,6 +874,25 @@ def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
     assert Camera.load(path, name="1").fx > camera.fx
 
 
+@pytest.mark.parametrize("suffix", [".json", ".yaml"])
+@pytest.mark.parametrize("is_flat", [False, True])
+def test_opencvs_matrices_may_be_lists(tmp_path, suffix, is_flat):
+    """As scripts dump arrays, without FileStorage."""
+    K, distortion = [[900.0, 0, 640], [0, 901, 480], [0, 0, 1]], [-0.28, 0.1, 0.001, 0.002, 0.01]
+    matrices = (np.ravel(K).tolist(), distortion) if is_flat else (K, [distortion])
+    members = dict(zip(("mtx", "dist"), matrices, strict=True))
+    members |= {"width": 1280, "height": 960}
+    path = tmp_path / f"camera{suffix}"
+    dump = json.dumps if suffix == ".json" else yaml.safe_dump
+    path.write_text(dump(members))
+    camera = Camera.load(path)
+    np.testing.assert_array_equal(camera.K, K)
+    np.testing.assert_array_equal(camera.distortion, distortion)
+    path.write_text(dump({**members, "mtx": [[900.0, "x"]]}))
+    with pytest.raises(ValueError, match="mtx"):
+        Camera.load(path)
+
+
 def test_lensfuns_lenses_of_one_name_are_told_apart(tmp_path):
     """A database lists a lens once for each size of sensor it is used with."""
     lens = (

@@ -136,7 +136,8 @@ def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
 def _check_columns(path: str, columns: Sequence[str]) -> None:
     for name in ("name", "photographs"):
         if name not in columns:
-            raise ValueError(f"{path}: the first line has no column {name!r}")
+            hint = "; commas separate columns" if any(";" in own for own in columns) else ""
+            raise ValueError(f"{path}: the first line has no column {name!r}{hint}")
     for name in columns:
         if name not in ("name", "photographs", *OPTIONS):
             raise ValueError(f"{path}: {unknown('column', name, OPTIONS)}")

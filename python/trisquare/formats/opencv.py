@@ -3,9 +3,9 @@
 Pixels, ``(0, 0)`` the centre of the top-left one: trisquare's own convention. Members
 ``camera_matrix`` (3 x 3), ``distortion_coefficients`` (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[,
 tx, ty]]]]), ``image_width`` and ``image_height``, as OpenCV's calibration sample writes them
-(samples/cpp/calibration.cpp); other common spellings are read too. Files that do not say the size
-need it from the caller. The syntax of a file that is written follows its extension: ``.xml``,
-``.json``, else YAML.
+(samples/cpp/calibration.cpp); other common spellings are read too, and matrices as nested lists, as
+scripts write them that dump arrays. Files that do not say the size need it from the caller. The
+syntax of a file that is written follows its extension: ``.xml``, ``.json``, else YAML.
 
 A fisheye has four coefficients, as a pinhole may: ``fisheye_model: 1``, which that sample writes
 too, tells them apart.
@@ -39,13 +39,16 @@ WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
 FISHEYE_NAME = "fisheye_model"
 LENGTHS = (0, *OPENCV_LENGTHS)
+AS_LISTS = re.compile(rf'(^|[{{,])\s*"?({"|".join(MATRIX_NAMES)})"?\s*:\s*(\[|-\s)', re.MULTILINE)
+"""A camera matrix as a list, in JSON and YAML."""
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is FileStorage's XML, or has its tagged matrices."""
+    """Whether it is FileStorage's XML, or has its tagged matrices, or lists by their names."""
     if document.starts_with("<"):
         return "<opencv_storage" in document.text[:4096]
-    return bool(re.search(r"opencv-(nd-)?matrix", document.text)) and not re.search(
+    is_any = re.search(r"opencv-(nd-)?matrix", document.text) or AS_LISTS.search(document.text)
+    return is_any is not None and not re.search(
         r'^"?distortion_model"?\s*:', document.text, re.MULTILINE
     )
 
@@ -63,6 +66,7 @@ def _members(document: Document) -> JsonFields:
 
 def _camera(members: JsonFields, image_size: ImageSize | None) -> Lens:
     K = _matrix(members, MATRIX_NAMES)
+    K = K.reshape(3, 3) if K.shape == (9,) else K
     if K.shape != (3, 3):
         raise ValueError(f'"{_name(members, MATRIX_NAMES)}" must be 3 x 3, not {K.shape}')
     distortion = _matrix(members, DISTORTION_NAMES).ravel()
@@ -99,6 +103,10 @@ def _name(members: JsonFields, names: tuple[str, ...]) -> str:
 
 def _matrix(members: JsonFields, names: tuple[str, ...]) -> FloatArray:
     name = _name(members, names)
+    stated = members.value(name)
+    if isinstance(stated, list):
+        is_nested = any(isinstance(row, list) for row in stated)
+        return members.array(name, (None, None) if is_nested else (None,))
     matrix = members.object(name)
     data = matrix.array("data", (None,))
     # Arrays of one dimension, which OpenCV writes since version 5.

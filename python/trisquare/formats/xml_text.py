@@ -8,6 +8,9 @@ from xml.parsers import expat
 
 from trisquare._support.arrays import real_number
 
+MOST_LEVELS = 32
+"""No camera file has half as many."""
+
 
 def parse_xml(text: str) -> ElementTree.Element:
     """Parse a text; nothing outside it is fetched.
@@ -15,13 +18,28 @@ def parse_xml(text: str) -> ElementTree.Element:
     Raises
     ------
     ValueError
-        If it is not XML, or declares entities, with which a small file unfolds into a large one.
+        If it is not XML, is nested deeply, or declares entities, with which a small file unfolds
+        into a large one.
     """
     builder = ElementTree.TreeBuilder()
+    levels = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal levels
+        levels += 1
+        if levels > MOST_LEVELS:
+            raise ValueError(f"the XML text is nested more than {MOST_LEVELS} levels deep")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal levels
+        levels -= 1
+        builder.end(tag)
+
     parser = expat.ParserCreate("utf-8")
     parser.EntityDeclHandler = _refuse_entity
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text.encode("utf-8", "replace"), True)
