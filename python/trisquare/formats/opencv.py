@@ -39,7 +39,11 @@ WIDTH_NAMES = ("image_width", "image_Width", "imageWidth", "width")
 HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
 FISHEYE_NAME = "fisheye_model"
 LENGTHS = (0, *OPENCV_LENGTHS)
-AS_LISTS = re.compile(rf'(^|[{{,])\s*"?({"|".join(MATRIX_NAMES)})"?\s*:\s*(\[|-\s)', re.MULTILINE)
+AS_LISTS = re.compile(
+    # Blanks of one line each: over all of them hostile files would be searched for minutes.
+    rf'(^|[{{,])[ \t]*"?({"|".join(MATRIX_NAMES)})"?[ \t]*:(?:[ \t]*\n)?[ \t]*(\[|-[ \t])',
+    re.MULTILINE,
+)
 """A camera matrix as a list, in JSON and YAML."""
 
 
