@@ -11,7 +11,7 @@ from trisquare._support.arrays import FloatArray, Frozen, not_negative, real_num
 from trisquare.analysis.plan import onto_plane
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
-from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.pixels import LARGEST_RESAMPLED, Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
@@ -26,9 +26,6 @@ MOST = 16384
 
 BAND = 64
 """Rows mapped at a time, so that the maps take next to no memory."""
-
-LARGEST_PICTURE = 32766
-"""Pixels of a photograph's longer side: OpenCV, which resamples it, counts them in 16 bits."""
 
 UNSEEN = -2.0
 """A pixel outside every picture."""
@@ -116,9 +113,9 @@ def rectify(
     size = picture_size(picture)
     if size != lens.image_size:
         raise ValueError(f"the picture has {size} pixels, the camera's {lens.image_size}")
-    if max(size) > LARGEST_PICTURE:
+    if max(size) > LARGEST_RESAMPLED:
         raise ValueError(
-            f"pictures of more than {LARGEST_PICTURE} pixels a side cannot be resampled"
+            f"pictures of more than {LARGEST_RESAMPLED} pixels a side cannot be resampled"
         )
     figure = onto_plane(plane.corners, lens, plane)
     low, high = figure.min(axis=0), figure.max(axis=0)

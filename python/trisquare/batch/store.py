@@ -83,11 +83,14 @@ class Store:
         if record.get("key") != key or record.get("name") != job.name:
             return False
         if record["status"] == "done":
-            file = self.folder / CAMERAS / job.file_name
+            file = self._file_of(job)
             # Records of older versions do not say how long it was.
             return file.is_file() and record.get("bytes") in (None, file.stat().st_size)
         by_limits = record["error"]["code"] in BY_LIMITS and record["limits"] != self._limits
         return not (self._retry or by_limits)
+
+    def _file_of(self, job: Job) -> Path:
+        return self.folder / CAMERAS / job.file_name
 
     def add(self, job: Job, key: str, answer: Answer) -> dict[str, Any]:
         """Write what came of a job, and return its record.
@@ -99,7 +102,7 @@ class Store:
         """
         record, calibration = answer
         record = {**record, "key": key}
-        file = self.folder / CAMERAS / job.file_name
+        file = self._file_of(job)
         if calibration is None:
             record["limits"] = self._limits
             if file.is_file():  # of photographs that are others now

@@ -14,7 +14,7 @@ from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import LOG, Gathered, gather
-from trisquare.calibration.lone_holes import lone_holes
+from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
@@ -508,8 +508,8 @@ def _holes_of_unknown_side(
     """Warn of the planes whose unit is not the stated side."""
     return [
         CalibrationWarning(
-            f"plane {number} shows the hole of a frame whose outer outline was not measured: side= "
-            "is not the hole's, so its pose is in units of the hole's own side",
+            f"plane {number} {LONE_HOLE}: side= is not the hole's, so its pose is in units of the "
+            "hole's own side",
             "side_unknown",
             "medium",
             number,

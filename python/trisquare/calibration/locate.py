@@ -10,7 +10,7 @@ import numpy as np
 from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
 from trisquare.calibration.calibrate import calibrate
 from trisquare.calibration.gather import LOG
-from trisquare.calibration.lone_holes import lone_holes
+from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.images.pixels import ImageSource, Outlines, Tone
@@ -30,10 +30,7 @@ SMALLEST_MISFIT = 0.3
 """Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
 
 
-HOLE = (
-    "shows the hole of a frame whose outer outline was not measured: its side is the hole's, and "
-    "not the frame's"
-)
+HOLE = f"{LONE_HOLE}: its side is the hole's, and not the frame's"
 
 
 class Located(NamedTuple):

@@ -9,6 +9,9 @@ from trisquare.edges import PlaneEdges
 
 OUTLINED = ("square", "frame")
 
+LONE_HOLE = "shows the hole of a frame whose outer outline was not measured"
+"""What is said of such a plane."""
+
 
 def lone_holes(figures: Sequence[PlaneEdges]) -> set[int]:
     """Return the planes that show nothing but the hole of a frame.

@@ -124,6 +124,23 @@ def rms_displacement(covariances: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
 
 
+def checked_spacing(image_size: tuple[int, int], step: float) -> float:
+    """Return the spacing of a grid over a picture.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `step` is not a positive number, or so small that there are too many places.
+    """
+    width, height = image_size
+    spacing = real_number(step, "step")
+    if spacing <= 0:
+        raise ValueError(f"step must be positive, not {spacing}")
+    if (width / spacing + 1) * (height / spacing + 1) > MOST_PLACES:
+        raise ValueError(f"step {spacing} is too small: the grid would have above 10^9 places")
+    return spacing
+
+
 def picture_grid(
     image_size: tuple[int, int], step: float | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -132,17 +149,12 @@ def picture_grid(
     Raises
     ------
     TypeError, ValueError
-        If `step` is not a positive number, or so small that there are too many places.
+        As `checked_spacing`.
     """
     width, height = image_size
     if step is None:
-        spacing = max(width / DEFAULT_COLUMNS, height / DEFAULT_ROWS, 1.0)
-    else:
-        spacing = real_number(step, "step")
-    if spacing <= 0:
-        raise ValueError(f"step must be positive, not {spacing}")
-    if (width / spacing + 1) * (height / spacing + 1) > MOST_PLACES:
-        raise ValueError(f"step {spacing} is too small: the grid would have above 10^9 places")
+        step = max(width / DEFAULT_COLUMNS, height / DEFAULT_ROWS, 1.0)
+    spacing = checked_spacing(image_size, step)
     x, y = (np.linspace(0.0, side - 1, math.ceil((side - 1) / spacing) + 1) for side in image_size)
     return x, y
 

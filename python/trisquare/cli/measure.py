@@ -123,7 +123,6 @@ def measure_command(
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     stated, of_rectangles = _stated_side(known), _are_rectangles(known)
-    length = given or stated or Length(1.0, "")
     picture, tag = read_photograph(photo)
     size = picture_size(picture)
     known = of_size(known, size, rescale, str(photo))
@@ -143,8 +142,8 @@ def measure_command(
     chosen = _chosen(planes, plane)
     if plane in holes:
         warnings.append(f"plane {plane} {HOLE}: --side is the hole's here")
-        # What the calibration states is the side of the frames.
-        length, stated = given or Length(1.0, ""), None
+        stated = None  # the calibration's is that of the frames
+    length = given or stated or Length(1.0, "")
     x, y = chosen.corners.mean(axis=0)
     heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
     if given is None and stated is None:

@@ -2,47 +2,44 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
+from trisquare.images.pixels import LARGEST_RESAMPLED
 
-LARGEST_REMAPPED = 32766
-"""Pixels of a side, of what ``cv2.remap`` takes."""
+GreyPicture: TypeAlias = NDArray[np.float32] | NDArray[np.uint8]
 
 
-def sample(
-    picture: NDArray[np.float32] | NDArray[np.uint8],
-    points: FloatArray,
-    *,
-    is_part: bool = False,
-) -> FloatArray:
+def sample(picture: GreyPicture, points: FloatArray) -> FloatArray:
     """Interpolate a picture bilinearly at points of shape (..., 2); the border is continued."""
     if points.size == 0:
         return np.zeros(points.shape[:-1])
     # OpenCV maps pictures to pictures: one row of points to a row.
     rows = points.reshape(-1, points.shape[-2], 2)
-    if max(picture.shape) > LARGEST_REMAPPED and not is_part:
-        of_rows = [sample(*_around(picture, row), is_part=True) for row in rows]
-        return np.array(of_rows).reshape(points.shape[:-1])
-    rows = rows.astype(np.float32)
-    x, y = np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1])
-    values = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if max(picture.shape) > LARGEST_RESAMPLED:
+        values = np.concatenate([_remapped(*_around(picture, row[None])) for row in rows])
+    else:
+        values = _remapped(picture, rows)
     return np.asarray(values, dtype=np.float64).reshape(points.shape[:-1])
 
 
-def _around(
-    picture: NDArray[np.float32] | NDArray[np.uint8], points: FloatArray
-) -> tuple[NDArray[np.float32] | NDArray[np.uint8], FloatArray]:
+def _remapped(picture: GreyPicture, rows: FloatArray) -> NDArray[Any]:
+    x, y = (np.ascontiguousarray(rows[..., axis], np.float32) for axis in (0, 1))
+    return cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _around(picture: GreyPicture, rows: FloatArray) -> tuple[GreyPicture, FloatArray]:
     """Return the part of a picture that holds the points, and them in it."""
     # A pixel beside the part is not looked at: there the border is that of the picture.
     last = np.array(picture.shape[1::-1]) - 1
-    places = points.reshape(-1, 2)
-    first = np.clip(np.floor(places.min(axis=0)), 0, last).astype(int)
-    beyond = np.clip(np.ceil(places.max(axis=0)), 0, last).astype(int) + 1
-    part = picture[first[1] : beyond[1], first[0] : beyond[0]]
-    return part, points - first
+    low, high = rows.min(axis=(0, 1)), rows.max(axis=(0, 1))
+    left, top = np.clip(np.floor(low), 0, last).astype(int)
+    right, bottom = np.clip(np.ceil(high), 0, last).astype(int) + 1
+    return picture[top:bottom, left:right], rows - (left, top)
 
 
 def homographies_from_unit_square(quads: FloatArray) -> FloatArray:

@@ -63,14 +63,13 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     def number(key: str, default: float) -> float:
         return members.number_or(key, shared.number_or(key, default))
 
-    width, height = ((members if members.has(key) else shared).number(key) for key in ("w", "h"))
+    width, height = (_holder(members, shared, key).number(key) for key in ("w", "h"))
     if not (width.is_integer() and height.is_integer()):
         raise ValueError(f'"w" and "h" must be whole numbers, not {width:g} and {height:g}')
     size = (int(width), int(height))
-    fl_x = _focal(members if any(map(members.has, FOCAL_KEYS)) else shared, "x", width)
-    holders = (own for own in (members, shared) if any(map(own.has, VERTICAL_KEYS)))
-    vertical = next(holders, None)
-    fl_y = fl_x if vertical is None else _focal(vertical, "y", height)
+    fl_x = _focal(_holder(members, shared, *FOCAL_KEYS), "x", width)
+    vertical = _holder(members, shared, *VERTICAL_KEYS)
+    fl_y = _focal(vertical, "y", height) if any(map(vertical.has, VERTICAL_KEYS)) else fl_x
     # Where it is not said, instant-ngp takes the picture's centre.
     centre = (number("cx", width / 2) - HALF_PIXEL, number("cy", height / 2) - HALF_PIXEL)
     K = camera_matrix(fl_x, fl_y, *centre)
@@ -97,13 +96,17 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
 
 def _model(members: JsonFields, shared: JsonFields) -> str:
     """Return nerfstudio's name of the model; instant-ngp says only whether it is a fisheye."""
-    for holder in (members, shared):
-        if holder.has("camera_model"):
-            return holder.text("camera_model")
-    for holder in (members, shared):
-        if holder.has("is_fisheye"):
-            return "OPENCV_FISHEYE" if holder.truth("is_fisheye") else "OPENCV"
-    return "OPENCV"
+    holder = _holder(members, shared, "camera_model")
+    if holder.has("camera_model"):
+        return holder.text("camera_model")
+    holder = _holder(members, shared, "is_fisheye")
+    is_fisheye = holder.has("is_fisheye") and holder.truth("is_fisheye")
+    return "OPENCV_FISHEYE" if is_fisheye else "OPENCV"
+
+
+def _holder(members: JsonFields, shared: JsonFields, *keys: str) -> JsonFields:
+    """Return a frame's own members if one of the keys is among them, else those of all frames."""
+    return members if any(map(members.has, keys)) else shared
 
 
 def _focal(members: JsonFields, axis: str, side: float) -> float:

@@ -29,6 +29,7 @@ from trisquare.formats.base import SAY_THE_SIZE, Cameras, Format, ImageSize, onl
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import check_opencv_matrix, fisheye_of, opencv_lens
 from trisquare.formats.xml_text import parse_xml
+from trisquare.formats.yaml_text import MOST_CHARACTERS
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
 DISTORTION_NAMES = (
@@ -41,20 +42,30 @@ FISHEYE_NAME = "fisheye_model"
 LENGTHS = (0, *OPENCV_LENGTHS)
 AS_LISTS = re.compile(
     # Blanks of one line each: over all of them hostile files would be searched for minutes.
-    rf'(^|[{{,])[ \t]*"?({"|".join(MATRIX_NAMES)})"?[ \t]*:(?:[ \t]*\n)?[ \t]*(\[|-[ \t])',
+    rf'^[ \t]*"?({"|".join(MATRIX_NAMES)})"?[ \t]*:(?:[ \t]*\n)?[ \t]*(\[|-[ \t])',
     re.MULTILINE,
 )
-"""A camera matrix as a list, in JSON and YAML."""
+"""A camera matrix as a list in YAML."""
 
 
 def recognises(document: Document) -> bool:
     """Whether it is FileStorage's XML, or has its tagged matrices, or lists by their names."""
     if document.starts_with("<"):
         return "<opencv_storage" in document.text[:4096]
-    is_any = re.search(r"opencv-(nd-)?matrix", document.text) or AS_LISTS.search(document.text)
-    return is_any is not None and not re.search(
-        r'^"?distortion_model"?\s*:', document.text, re.MULTILINE
-    )
+    is_any = re.search(r"opencv-(nd-)?matrix", document.text) or _has_lists(document)
+    return bool(is_any) and not re.search(r'^"?distortion_model"?\s*:', document.text, re.MULTILINE)
+
+
+def _has_lists(document: Document) -> bool:
+    if not document.starts_with("{"):
+        # A longer text is no YAML that is read, and may be another program's.
+        return AS_LISTS.search(document.text[:MOST_CHARACTERS]) is not None
+    try:
+        members = document.json
+    except ValueError:
+        return False
+    name = _name(members, MATRIX_NAMES)
+    return members.has(name) and isinstance(members.value(name), list)
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:

@@ -60,6 +60,9 @@ class VideoFrame:
     turn: int = 0
 
 
+LARGEST_RESAMPLED = 32766
+"""Pixels of a picture's longer side that OpenCV resamples: it counts them in 16 bits."""
+
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear", "auto")
 

@@ -79,13 +79,9 @@ class Jobs:
         with self._lock:
             if self._accepted >= self._most_accepted:
                 raise BusyError
+            folder = Path(tempfile.mkdtemp(dir=self.folder))
             self._accepted += 1
-        try:
-            return Place(self, Path(tempfile.mkdtemp(dir=self.folder)))
-        except BaseException:
-            with self._lock:
-                self._accepted -= 1
-            raise
+        return Place(self, folder)
 
     @property
     def is_working(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from trisquare._support.arrays import (
     size_of_image,
 )
 from trisquare.camera.camera import Camera, camera_matrix
-from trisquare.camera.projection_uncertainty import MOST_PLACES
+from trisquare.camera.projection_uncertainty import checked_spacing
 from trisquare.errors import LensModelError
 from trisquare.straightening.radial import FAMILIES, RadialLens
 
@@ -244,10 +243,7 @@ class UnscaledCamera(RebuiltByConstructor):
         >>> unscaled.displacement_map(step=200).points.shape
         (48, 2)
         """
-        if not real_number(step, "step") > 0:
-            raise ValueError(f"step must be positive, not {step}")
-        if math.prod(side / step + 1 for side in self.image_size) > MOST_PLACES:
-            raise ValueError(f"a step of {step:g} px is too small for the picture")
+        step = checked_spacing(self.image_size, step)
         axes = [np.linspace(0, side - 1, 2 + int((side - 1) / step)) for side in self.image_size]
         points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         off = np.linalg.norm(points - self.centre, axis=1)

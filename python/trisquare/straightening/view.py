@@ -7,10 +7,10 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_number
 from trisquare._support.suggestions import unknown
-from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.pixels import LARGEST_RESAMPLED, Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
-from trisquare.undistortion.undistort import INTERPOLATIONS, LARGEST_RESAMPLED
+from trisquare.undistortion.undistort import INTERPOLATIONS
 
 TABLE = 4096
 """Entries of the table of observed radii; between them they are interpolated to 1e-4 px."""

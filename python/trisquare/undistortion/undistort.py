@@ -15,7 +15,7 @@ from trisquare.camera.camera import Camera, camera_for_core
 from trisquare.camera.camera_of import camera_of
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.camera.panorama import Panorama, view_for_core
-from trisquare.images.pixels import Image, ImageSource, picture_size
+from trisquare.images.pixels import LARGEST_RESAMPLED, Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
 
@@ -30,9 +30,6 @@ INTERPOLATIONS = {
     "lanczos": ("INTER_LANCZOS4", "BORDER_REPLICATE"),
 }
 """What OpenCV calls them, and how each takes what lies outside the picture."""
-
-LARGEST_RESAMPLED = 32766
-"""What OpenCV resamples: it counts pixels in 16 bits, and 32767 is the end."""
 
 PART_BITS = 5
 """OpenCV resamples at positions rounded to so many binary digits of a pixel."""

@@ -132,11 +132,13 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
     let mut sought = Sought::of(localiser.reader(), spans);
     let mut previews = localiser.previews(&mut sought);
     let faults = PictureFaults::of(localiser.reader(), &previews);
-    let mut first = tone_fit::estimate_tone(USUAL, &mut previews);
+    let with_common_error = |estimate: ToneEstimate| ToneEstimate {
+        shift_std: estimate.shift_std.map(|std| std.max(faults.common_error)),
+        ..estimate
+    };
+    let mut first = with_common_error(tone_fit::estimate_tone(USUAL, &mut previews));
     if picture.has_two_levels() {
         first.shift_std = Some(TWO_LEVEL_SHIFT_STD);
-    } else {
-        first.shift_std = first.shift_std.map(|std| std.max(faults.common_error));
     }
     if first.shift_std.is_none() {
         match with_curve(picture, &sought, &previews, &first) {
@@ -144,13 +146,7 @@ pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Loca
                 return (sought.joined(edges), estimate, faults);
             }
             // All pixels show a misfit that some did not.
-            (_, estimate) => {
-                let shift_std = estimate.shift_std.map(|std| std.max(faults.common_error));
-                first = ToneEstimate {
-                    shift_std,
-                    ..estimate
-                };
-            }
+            (_, estimate) => first = with_common_error(estimate),
         }
     }
     if faults.blur > WIDE_BLUR && !picture.has_two_levels() {

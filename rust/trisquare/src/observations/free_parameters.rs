@@ -277,7 +277,6 @@ impl<L: Lens> Options<L> {
 mod tests {
     use super::*;
     use crate::lens::Brown;
-    use crate::observations::{Fixed, Options};
 
     #[test]
     fn a_held_distortion_is_named_where_the_skew_is_free() {

@@ -93,23 +93,20 @@ impl Choice {
                 .iter()
                 .any(|(first, plane)| *first == index || plane.is_some() && *plane == figure.plane)
         };
-        // Where each figure is afterwards: relations name figures by their places.
-        let mut count = 0;
-        let places: Vec<Option<usize>> = edges
-            .iter()
-            .enumerate()
-            .map(|(index, figure)| {
-                let place = is_kept(index, figure).then_some(count);
-                count += usize::from(place.is_some());
-                place
-            })
+        let kept: Vec<usize> = (0..edges.len())
+            .filter(|index| is_kept(*index, &edges[*index]))
             .collect();
-        let mut stays = places.iter().map(Option::is_some);
-        edges.retain(|_| stays.next() == Some(true));
+        let mut indices = 0..edges.len();
+        edges.retain(|_| {
+            indices
+                .next()
+                .is_some_and(|i| kept.binary_search(&i).is_ok())
+        });
+        // Relations name figures by their places.
         for figure in edges {
             let relations = figure.relations.iter();
             figure.relations = relations
-                .filter_map(|(other, relation)| Some((places[*other]?, *relation)))
+                .filter_map(|(other, relation)| Some((kept.binary_search(other).ok()?, *relation)))
                 .collect();
         }
     }

@@ -86,7 +86,7 @@ impl<L: Lens> Calibration<L> {
                 .collect(),
             lines: Vec::new(),
             residuals: by_figure(planes, residuals),
-            rms: root_mean_square(residuals.iter().flatten()),
+            rms: refined.rms(),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
             warnings: together.into_iter().chain(disagreement).collect(),

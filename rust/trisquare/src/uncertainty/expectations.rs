@@ -137,14 +137,13 @@ pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warni
     }
     let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0)).ok()?;
     // A turn of the whole camera goes unnoticed, as in the projection map.
-    let known = compare_projections(&uncertainty, &exact, &pixels).ok()?;
-    let stds: Vec<f64> = known.test?.std.into_iter().flatten().collect();
-    let all = f64::from(COARSE_PLACES * COARSE_PLACES);
-    let known = stds.iter().filter(|std| **std <= limit).count() as f64;
-    let (unknown, seen) = (1.0 - known / all, pixels.len() as f64 / all);
+    let compared = compare_projections(&uncertainty, &exact, &pixels).ok()?;
+    let stds: Vec<f64> = compared.test?.std.into_iter().flatten().collect();
+    let part = |count: usize| count as f64 / f64::from(COARSE_PLACES * COARSE_PLACES);
+    let known = part(stds.iter().filter(|std| **std <= limit).count());
     let worst = stds.iter().copied().fold(0.0, f64::max);
-    (seen - known / all > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
-        unknown,
+    (part(pixels.len()) - known > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
+        unknown: 1.0 - known,
         limit,
         worst,
     })
