@@ -166,6 +166,31 @@ fn add_links(links: &mut [Followers], others: &[Followers]) {
     }
 }
 
+/// How many crossings hang together, in each group of them; those of fewer than two links are in
+/// none.
+pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
+    let is_linked = |number: usize| links[number].iter().flatten().count() >= 2;
+    let mut is_new: Vec<bool> = (0..links.len()).map(is_linked).collect();
+    let mut groups = Vec::new();
+    for first in 0..links.len() {
+        if !std::mem::take(&mut is_new[first]) {
+            continue;
+        }
+        let mut reached = vec![first];
+        let mut looked_at = 0;
+        while let Some(&number) = reached.get(looked_at) {
+            looked_at += 1;
+            for follower in links[number].iter().flatten() {
+                if std::mem::take(&mut is_new[follower.crossing]) {
+                    reached.push(follower.crossing);
+                }
+            }
+        }
+        groups.push(reached.len());
+    }
+    groups
+}
+
 /// Which neighbours are looked for at a time.
 #[derive(Debug, Clone, Copy)]
 struct Pass {
@@ -293,4 +318,31 @@ fn nearest_linked(
     nearest.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let found = nearest.iter().find(|(_, follower)| is_linked(follower));
     found.map(|&(_, follower)| follower)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crossings_hang_together_where_links_lead_from_one_to_the_next() {
+        // A cell of four, a row of five whose ends have one link each, and one alone.
+        let mut links: Vec<Followers> = vec![[None; 4]; 10];
+        for (from, to) in [
+            (0, 1),
+            (1, 2),
+            (2, 3),
+            (3, 0),
+            (4, 5),
+            (5, 6),
+            (6, 7),
+            (7, 8),
+        ] {
+            let follower = |crossing, back| Some(Follower { crossing, back });
+            links[from][0] = follower(to, 1);
+            links[to][1] = follower(from, 0);
+        }
+        assert_eq!(linked_groups(&links), [4, 3]);
+        assert!(linked_groups(&[]).is_empty());
+    }
 }

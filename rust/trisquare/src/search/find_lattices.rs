@@ -23,8 +23,9 @@ const MOST_PICTURES: usize = 16;
 /// that of fewest, in pixels of the photograph.
 ///
 /// The `pictures` are the photograph reduced, each twice as fine as the one before; the last one is
-/// the photograph itself or half as fine. If half as fine, and if it shows crossings which make no
-/// lattice, as the rims of markers fade in it, the whole is searched as well.
+/// the photograph itself or half as fine. If half as fine, and if it shows linked crossings beside
+/// its lattices, as the rims of markers fade in it, the whole is searched as well. Without a lattice,
+/// enough of them must hang together to be one.
 #[must_use]
 pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> Vec<Lattice> {
     find_at_candidates(photograph, pictures, candidates)
@@ -46,7 +47,7 @@ fn find_at_candidates(
         scale: f64::from(u32::from(is_halved) + 1) * 2f64.powi(pictures.len() as i32 - 1),
     };
     let mut lattices: Vec<Lattice> = Vec::new();
-    let level_of = |picture| Level::of(picture, &candidates(picture));
+    let level_of = |picture| Level::new(picture, crossings_at(picture, &candidates(picture)));
     let mut level = level_of(&pictures[0]);
     for (number, picture) in pictures.iter().enumerate() {
         if number > 0 {
@@ -81,15 +82,6 @@ fn find_at_candidates(
         .iter()
         .map(|lattice| lattice.scaled(seen.scale))
         .collect()
-}
-
-impl<'a> Level<'a> {
-    fn of(picture: &GreyBytes<'a>, candidates: &[Candidate]) -> Self {
-        Self {
-            picture: *picture,
-            crossings: crossings_at(picture, candidates),
-        }
-    }
 }
 
 impl Lattice {

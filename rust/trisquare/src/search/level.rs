@@ -1,6 +1,9 @@
 //! The lattices of one picture: those known from a coarser one are completed, others are found.
 
-use super::edge_following::{Crossing, link_crossings};
+use std::borrow::Cow;
+use std::cell::OnceCell;
+
+use super::edge_following::{Crossing, Followers, link_crossings, linked_groups};
 use super::lattice::{LEAST_CROSSINGS, Lattice};
 use super::merging::joined;
 use super::outline::Outline;
@@ -14,7 +17,9 @@ const LEAST_LOST: usize = 3;
 /// A picture and the crossings of edges in it.
 pub(super) struct Level<'a> {
     pub picture: GreyBytes<'a>,
-    pub crossings: Vec<Crossing>,
+    crossings: Vec<Crossing>,
+    /// What follows each crossing, if it has been asked for.
+    links: OnceCell<Vec<Followers>>,
 }
 
 /// Lattices that are large enough to tell whether they are smooth, and others.
@@ -23,7 +28,15 @@ struct Grown {
     fragments: Vec<Lattice>,
 }
 
-impl Level<'_> {
+impl<'a> Level<'a> {
+    pub fn new(picture: &GreyBytes<'a>, crossings: Vec<Crossing>) -> Self {
+        Self {
+            picture: *picture,
+            crossings,
+            links: OnceCell::new(),
+        }
+    }
+
     /// Completes the lattices known from a coarser picture and finds those that it did not show.
     ///
     /// What hangs on by a thread in a coarse picture is better seen in the next: only if `thorough`,
@@ -44,6 +57,9 @@ impl Level<'_> {
     }
 
     /// Whether there are as many linked crossings beside some lattices as a lattice has.
+    ///
+    /// Each may be missing from one of the lattices. Where there is none, they must hang together:
+    /// clutter links a few here and a few there.
     pub fn shows_more(&self, lattices: &[Lattice]) -> bool {
         let free = beside(
             &self.crossings,
@@ -52,11 +68,12 @@ impl Level<'_> {
         if free.len() < LEAST_CROSSINGS {
             return false;
         }
-        let links = link_crossings(&self.picture, &free);
-        let linked = links
-            .iter()
-            .filter(|links| links.iter().flatten().count() >= 2);
-        linked.count() >= LEAST_CROSSINGS
+        let groups = linked_groups(&self.links(&free));
+        let shown = match lattices.is_empty() {
+            true => groups.into_iter().max().unwrap_or(0),
+            false => groups.into_iter().sum(),
+        };
+        shown >= LEAST_CROSSINGS
     }
 
     /// Parts of lattices that are boards of their own, smooth and of whole cells, put together where
@@ -93,7 +110,7 @@ impl Level<'_> {
                 fragments,
             };
         }
-        for seed in pieces(&free, &link_crossings(&self.picture, &free)) {
+        for seed in pieces(&free, &self.links(&free)) {
             if seed
                 .points()
                 .any(|point| outlines.iter().any(|outline| outline.covers(point)))
@@ -118,6 +135,15 @@ impl Level<'_> {
         Grown {
             lattices,
             fragments,
+        }
+    }
+
+    /// What follows each of some crossings of this picture; of all of them, they are linked once.
+    fn links(&self, some: &[Crossing]) -> Cow<'_, [Followers]> {
+        let linked = || link_crossings(&self.picture, some);
+        match some.len() == self.crossings.len() {
+            true => Cow::Borrowed(self.links.get_or_init(linked)),
+            false => Cow::Owned(linked()),
         }
     }
 
