@@ -6,7 +6,7 @@
 //! line that fits them best, measured back in the distorted picture: in undistorted coordinates,
 //! noise would reward whatever shrinks the picture.
 
-use nalgebra::{DVector, Matrix2, Vector2};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
@@ -17,6 +17,9 @@ use crate::observations::check_samples;
 
 /// Coefficients a straightening may have.
 pub const MAX_COEFFICIENTS: usize = 3;
+
+/// Derivatives and residual of one sample: coefficients, centre, a line's angle and offset.
+const ROW: usize = MAX_COEFFICIENTS + 5;
 
 /// Evaluations allowed; from zero distortion about six are needed.
 const MAX_ITERATIONS: usize = 60;
@@ -85,9 +88,9 @@ impl Straightening {
 
     /// Maps an observed pixel to its ideal place; `None` where the map is not invertible.
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let bend = self.bend(pixel)?;
+        let bend = self.bend(pixel);
         let ideal = self.centre + bend.q * bend.factor * self.radius;
-        ideal.norm().is_finite().then_some(ideal)
+        (self.reaches(bend.square) && ideal.norm().is_finite()).then_some(ideal)
     }
 
     /// The ideal radius of an observed one, both in pixels from the centre.
@@ -106,20 +109,25 @@ impl Straightening {
         (1.0 + square * factor, factor + square * slope)
     }
 
-    /// The map around one pixel; `None` beyond the radius up to which it increases.
-    fn bend(&self, pixel: &Vector2<f64>) -> Option<Bend> {
-        let q = (pixel - self.centre) / self.radius;
-        let square = q.norm_squared();
-        let (factor, slope) = self.factor(square);
+    /// Whether the map increases all the way to a squared distance from the centre, in units of `S`.
+    fn reaches(&self, square: f64) -> bool {
         let mut coefficients = [0.0; MAX_COEFFICIENTS];
         let given = coefficients.iter_mut().zip(&self.coefficients);
         given.for_each(|(own, given)| *own = *given);
-        (factor > 0.0 && increases_up_to(coefficients, square)).then(|| Bend {
+        increases_up_to(coefficients, square)
+    }
+
+    /// The map around one pixel, up to which it may not increase.
+    fn bend(&self, pixel: &Vector2<f64>) -> Bend {
+        let q = (pixel - self.centre) / self.radius;
+        let square = q.norm_squared();
+        let (factor, slope) = self.factor(square);
+        Bend {
             q,
             square,
             factor,
             jacobian: Matrix2::identity() * factor + q * q.transpose() * (2.0 * slope),
-        })
+        }
     }
 }
 
@@ -280,15 +288,21 @@ impl Problem for Straight<'_> {
     fn evaluate(&self, state: &Straightening) -> Option<(f64, ArrowSystem)> {
         let count = state.coefficients.len();
         let shared = count + if self.free_centre { 2 } else { 0 };
+        let last = shared + 2;
         let mut system = ArrowSystem::zeros(shared, self.curves.iter().map(|_| 2));
         let mut cost = 0.0;
-        let mut wrt_shared = DVector::zeros(shared);
         for (curve, block) in self.curves.iter().zip(&mut system.blocks) {
-            let bends: Option<Vec<Bend>> = curve.iter().map(|p| state.bend(p)).collect();
-            let bends = bends?;
+            let bends: Vec<Bend> = curve.iter().map(|pixel| state.bend(pixel)).collect();
+            let farthest = bends.iter().map(|bend| bend.square).fold(0.0, f64::max);
+            if !state.reaches(farthest) {
+                return None;
+            }
             let line = self.line_of(state, &bends)?;
             let normal = line.normal();
             let tangent = Vector2::new(-normal.y, normal.x);
+            // By what is shared, by the line's angle and offset, and the residual; then zeros.
+            let mut row = SVector::<f64, ROW>::zeros();
+            let mut sums = SMatrix::<f64, ROW, ROW>::zeros();
             for bend in &bends {
                 let ideal = self.ideal(state, bend);
                 let gradient = bend.jacobian * normal;
@@ -305,23 +319,26 @@ impl Problem for Straight<'_> {
                     power *= bend.square;
                     let along = bend.q.dot(&normal);
                     let bent = normal * power + bend.q * (2.0 * (k + 1) as f64 * lower * along);
-                    wrt_shared[k] = slope(along * power, unit.dot(&bent));
+                    row[k] = slope(along * power, unit.dot(&bent));
                 }
                 if self.free_centre {
                     let moved = (normal - gradient) / norm;
-                    wrt_shared[count] = moved.x;
-                    wrt_shared[count + 1] = moved.y;
+                    (row[count], row[count + 1]) = (moved.x, moved.y);
                 }
-                let turned = slope(tangent.dot(&ideal), unit.dot(&(bend.jacobian * tangent)));
-                let wrt_line = Vector2::new(turned, state.radius / norm);
-
-                cost += 0.5 * residual * residual;
-                block.shared.ger(1.0, &wrt_shared, &wrt_shared, 1.0);
-                block.shared_gradient.axpy(residual, &wrt_shared, 1.0);
-                block.hessian.ger(1.0, &wrt_line, &wrt_line, 1.0);
-                block.cross.ger(1.0, &wrt_line, &wrt_shared, 1.0);
-                block.gradient.axpy(residual, &wrt_line, 1.0);
+                row[shared] = slope(tangent.dot(&ideal), unit.dot(&(bend.jacobian * tangent)));
+                row[shared + 1] = state.radius / norm;
+                row[last] = residual;
+                sums.ger(1.0, &row, &row, 1.0);
             }
+            cost += 0.5 * sums[(last, last)];
+            // A line that has just been fitted leaves no gradient of its own.
+            let part = |from: (usize, usize), to: (usize, usize)| sums.view(from, to);
+            block.shared.copy_from(&part((0, 0), (shared, shared)));
+            block
+                .shared_gradient
+                .copy_from(&part((0, last), (shared, 1)));
+            block.hessian.copy_from(&part((shared, shared), (2, 2)));
+            block.cross.copy_from(&part((shared, 0), (2, shared)));
         }
         Some((cost, system))
     }
