@@ -24,10 +24,8 @@ const ROW: usize = MAX_COEFFICIENTS + 5;
 /// Evaluations allowed; from zero distortion about six are needed.
 const MAX_ITERATIONS: usize = 60;
 
-/// Fall of half the sum of squares (px^2) below which a step is the last. Lines are fitted anew at
-/// every evaluation, but not to their very best: up to some 1e-8 is promised of moves of theirs that
-/// are never made.
-const LAST_DECREASE: f64 = 1e-7;
+/// Fall of half the sum of squares (px^2) below which a step is the last.
+const LAST_DECREASE: f64 = 1e-9;
 
 /// The centre is freed where its predicted std is below this part of the width.
 const CENTRE_STD_LIMIT: f64 = 0.05;
