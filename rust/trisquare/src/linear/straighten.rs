@@ -117,7 +117,7 @@ impl Straightening {
         increases_up_to(coefficients, square)
     }
 
-    /// The map around one pixel, up to which it may not increase.
+    /// The map around one pixel; it need not increase up to there.
     fn bend(&self, pixel: &Vector2<f64>) -> Bend {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();

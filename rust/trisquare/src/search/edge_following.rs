@@ -176,17 +176,16 @@ pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
         if !std::mem::take(&mut is_new[first]) {
             continue;
         }
-        let mut reached = vec![first];
-        let mut looked_at = 0;
-        while let Some(&number) = reached.get(looked_at) {
-            looked_at += 1;
+        let (mut waiting, mut count) = (vec![first], 0);
+        while let Some(number) = waiting.pop() {
+            count += 1;
             for follower in links[number].iter().flatten() {
                 if std::mem::take(&mut is_new[follower.crossing]) {
-                    reached.push(follower.crossing);
+                    waiting.push(follower.crossing);
                 }
             }
         }
-        groups.push(reached.len());
+        groups.push(count);
     }
     groups
 }
