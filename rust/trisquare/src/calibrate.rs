@@ -244,7 +244,7 @@ fn run<L: Lens>(
     let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
     check_plane_equations(&planes, &problem.free)?;
 
-    let advised = |failure| problem.advised(failure);
+    let advised = |failure| problem.advised(&planes, failure);
     let (stage, found) = match options.method {
         Method::Linear => (
             Stage::Linear,

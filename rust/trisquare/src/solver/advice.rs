@@ -1,11 +1,13 @@
 //! What would help where the geometry of an optimum cannot answer: the solver is asked again.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector2};
 
 use super::problem::{Failure, IllConditionedOptimum, JointProblem};
 use crate::error::Error;
+use crate::ill_conditioning::{IllConditioning, Remedy};
 use crate::lens::Lens;
 use crate::observations::{Fixed, ObservedPlane, Options};
+use crate::refine::Refined;
 use crate::uncertainty::{MARGIN, add_remedies};
 
 /// Principal points for each of which holding it must help, in parts of the picture's width from
@@ -15,11 +17,15 @@ const PRINCIPAL_POINTS: [(f64, f64); 4] =
     [(0.0, 0.0), (0.015, 0.0), (-0.01, 0.01), (-0.005, -0.015)];
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// The error of a failure; a weak geometry is told with what would help.
-    pub fn advised(&self, failure: Failure<L>) -> Error {
+    /// The error of a failure of some planes; a weak geometry is told with what would help.
+    pub fn advised(&self, planes: &[ObservedPlane], failure: Failure<L>) -> Error {
         let found = match failure {
-            Failure::Other(error) => return error,
             Failure::IllConditioned(found) => found,
+            Failure::Other(error @ Error::NotConverged { .. }) => {
+                let contradicted = self.contradicted_value(planes).map(Box::new);
+                return contradicted.map_or(error, Error::IllConditioned);
+            }
+            Failure::Other(error) => return error,
         };
         let IllConditionedOptimum {
             planes,
@@ -30,6 +36,38 @@ impl<L: Lens> JointProblem<'_, L> {
         let succeeds = |fixed: Fixed| self.is_sound_holding(fixed, &planes);
         add_remedies(&mut ill_conditioning, &conditioning, succeeds);
         Error::IllConditioned(Box::new(ill_conditioning))
+    }
+
+    /// What is held of the camera matrix, where no search ends with it: the focal lengths or the
+    /// principal point, if the planes answer without.
+    fn contradicted_value(&self, planes: &[ObservedPlane]) -> Option<IllConditioning> {
+        let (fixed, held) = (self.options.fixed, self.options.initial?);
+        let pair = |held: Vector2<f64>| (held.x, held.y);
+        let (parameter, remedy) = match (fixed.focal, fixed.principal_point) {
+            (true, false) => (
+                "cx",
+                Remedy::FreeFocal {
+                    held: pair(held.focal()),
+                },
+            ),
+            (false, true) => {
+                let held = pair(held.principal_point());
+                ("fx", Remedy::FreePrincipalPoint { held })
+            }
+            _ => return None,
+        };
+        let options = Options {
+            fixed: Fixed {
+                focal: false,
+                principal_point: false,
+                ..fixed
+            },
+            ..*self.options
+        };
+        let trial = JointProblem::new(self.size, &options).within(&self.work);
+        let found = trial.sound_optimum(planes)?;
+        let conditioning = trial.conditioning(planes, &found);
+        Some(conditioning.of_contradicted(parameter, fixed, remedy))
     }
 
     /// Whether the planes answer with a margin if so much is held, whatever the principal point.
@@ -59,14 +97,16 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// Whether the planes answer other options with a margin.
     fn is_sound_by(&self, options: &Options<L>, planes: &[ObservedPlane]) -> bool {
-        if self.work.is_spent() {
-            return false;
-        }
         let trial = JointProblem::new(self.size, options).within(&self.work);
-        trial.optimum(planes).is_ok_and(|found| {
-            let conditioning = trial.conditioning(planes, &found);
-            let weakest = conditioning.weakest(&found.system, &trial.free, found.covariance_factor);
-            weakest.is_none_or(|weakest| weakest.ratio() <= MARGIN)
-        })
+        trial.sound_optimum(planes).is_some()
+    }
+
+    /// The optimum of planes that answer with a margin; `None` where they do not, or no work is left.
+    fn sound_optimum(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
+        let found = self.tried(planes)?;
+        let conditioning = self.conditioning(planes, &found);
+        let weakest = conditioning.weakest(&found.system, &self.free, found.covariance_factor);
+        let is_sound = weakest.is_none_or(|weakest| weakest.ratio() <= MARGIN);
+        is_sound.then_some(found)
     }
 }

@@ -22,13 +22,16 @@
 //! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
 //! polynomials.
 //!
+//! Where a value of the camera matrix is held, noise above [`NOISE_OF_NO_PICTURE`] says that it is
+//! wrong: the planes contradict it, and what the residuals predict hangs on where the search ended.
+//!
 //! A freed skew has no limit of its own: where the planes leave it open, it is the focal lengths and
 //! the principal point that suffer.
 
 use nalgebra::{DMatrix, Vector2};
 
 use super::covariance::covariance;
-use crate::ill_conditioning::{Cause, IllConditioning};
+use crate::ill_conditioning::{Cause, IllConditioning, Remedy};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::ArrowSystem;
@@ -66,6 +69,9 @@ const DISTINCT_DEGREES: f64 = 25.0;
 /// Noise of one pixel of edge that is assumed at least (0.1 px for samples 4 px apart): below, what
 /// is wrong with paper and lens is larger.
 const LEAST_NOISE: f64 = 0.2;
+
+/// Noise of one pixel of edge (5 px for samples 4 px apart) that is no noise.
+const NOISE_OF_NO_PICTURE: f64 = 10.0;
 
 /// Standard deviation granted to a freed centre of distortion beforehand, in half image
 /// diagonals: it is unobservable where there is no distortion, and then tells nothing anyway.
@@ -152,6 +158,23 @@ impl<L: Lens> Conditioning<'_, L> {
         })
     }
 
+    /// The refusal of what is held of the camera matrix, in an optimum without it; of what is free
+    /// with it, one parameter is named.
+    pub fn of_contradicted(
+        &self,
+        parameter: &'static str,
+        fixed: Fixed,
+        remedy: Remedy,
+    ) -> IllConditioning {
+        IllConditioning {
+            cause: self.cause(),
+            parameter,
+            std: f64::INFINITY,
+            limit: largest_std(fixed),
+            remedies: vec![remedy],
+        }
+    }
+
     /// The parameter that is known worst in proportion to its limit; `None` if K is held.
     pub fn weakest(
         &self,
@@ -171,7 +194,10 @@ impl<L: Lens> Conditioning<'_, L> {
             false => 1.0,
         };
         let limit = self.limit(noise);
-        let covariance = self.judged_covariance(system, free, factor * floor);
+        let covariance = match self.contradicts_held(noise) {
+            true => None,
+            false => self.judged_covariance(system, free, factor * floor),
+        };
         let focal = self.view.lens.focal();
         let width = f64::from(self.size.width);
         let units = [
@@ -193,6 +219,16 @@ impl<L: Lens> Conditioning<'_, L> {
             })
         });
         known.max_by(|a, b| a.ratio().total_cmp(&b.ratio()))
+    }
+
+    /// Whether the planes contradict values of the camera matrix that are held.
+    fn contradicts_held(&self, noise: f64) -> bool {
+        let Fixed {
+            focal,
+            principal_point,
+            ..
+        } = self.options.fixed;
+        (focal || principal_point) && noise > NOISE_OF_NO_PICTURE
     }
 
     fn judged_covariance(
