@@ -247,8 +247,8 @@ fn solve(problem: &Straight<'_>, start: Straightening) -> Result<Minimum<Straigh
     Ok(found)
 }
 
-/// The straightness of all curves as a least-squares problem: the coefficients (and the centre)
-/// are shared, the angle and offset of each curve's line are its own.
+/// The straightness of all curves as a least-squares problem in the coefficients (and the centre): to
+/// them belong the lines that fit best then (variable projection; L. Kaufman, BIT 15 (1975) 49-57).
 struct Straight<'a> {
     curves: &'a [Vec<Vector2<f64>>],
     /// Fixed origin of the ideal coordinates.
@@ -289,9 +289,9 @@ impl Problem for Straight<'_> {
         let count = state.coefficients.len();
         let shared = count + if self.free_centre { 2 } else { 0 };
         let last = shared + 2;
-        let mut system = ArrowSystem::zeros(shared, self.curves.iter().map(|_| 2));
+        let mut system = ArrowSystem::zeros(shared, std::iter::empty());
         let mut cost = 0.0;
-        for (curve, block) in self.curves.iter().zip(&mut system.blocks) {
+        for curve in self.curves {
             let bends: Vec<Bend> = curve.iter().map(|pixel| state.bend(pixel)).collect();
             let farthest = bends.iter().map(|bend| bend.square).fold(0.0, f64::max);
             if !state.reaches(farthest) {
@@ -331,19 +331,18 @@ impl Problem for Straight<'_> {
                 sums.ger(1.0, &row, &row, 1.0);
             }
             cost += 0.5 * sums[(last, last)];
-            let part = |from: (usize, usize), to: (usize, usize)| sums.view(from, to);
-            block.shared.copy_from(&part((0, 0), (shared, shared)));
-            block
-                .shared_gradient
-                .copy_from(&part((0, last), (shared, 1)));
-            block.hessian.copy_from(&part((shared, shared), (2, 2)));
-            block.cross.copy_from(&part((shared, 0), (2, shared)));
-            block.gradient.copy_from(&part((shared, last), (2, 1)));
+            // The line follows what is shared: it is eliminated (Schur complement).
+            let own = sums.fixed_view::<2, 2>(shared, shared).cholesky()?;
+            let half = own
+                .l_dirty()
+                .solve_lower_triangular(&sums.fixed_rows::<2>(shared))?;
+            sums -= half.tr_mul(&half);
+            system.prior += sums.view((0, 0), (shared, shared));
+            system.prior_gradient += sums.view((0, last), (shared, 1));
         }
         Some((cost, system))
     }
 
-    /// The lines are fitted anew at every evaluation: only the shared part moves.
     fn advance(&self, state: &Straightening, step: &ArrowStep) -> Straightening {
         let mut next = state.clone();
         for (a, change) in next.coefficients.iter_mut().zip(step.shared.iter()) {
