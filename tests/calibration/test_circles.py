@@ -1,7 +1,7 @@
 """Circles: concentric ones of known and of unknown radii, and circles beside other figures."""
 
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -241,3 +241,29 @@ def test_circles_that_are_none_are_refused(points, radii, error, words):
 def test_circles_have_no_aspect():
     with pytest.raises(ValueError, match="aspect"):
         ts.PlaneEdges.circles([CIRCLE], freedom="aspect")
+
+
+def test_what_the_core_finds_is_what_its_classes_would_accept():
+    """Planes, poses and residuals come from the core unchecked."""
+    scene, rng = scene_of(2)
+    sides = edge_points(scene, rng, noise=NOISE)
+    aspect = ts.PlaneEdges.rectangle(sides[0], None)
+    circles = edges_of(circle_edges(scene, rng, RADII, noise=NOISE)[1:], None)
+    result = ts.calibrate_edges([aspect, *circles], SIZE, fix=("principal_point", "aspect"))
+    first, second, _ = result.planes
+    assert first.aspect_std > 0
+    assert first.radii is None
+    assert second.aspect is None
+    assert np.all(second.radii_std >= 0)
+    for own in (*result.planes, *(plane.uncertainty for plane in result.planes)):
+        accepted = replace(own)
+        for field in fields(own):
+            np.testing.assert_equal(getattr(own, field.name), getattr(accepted, field.name))
+    for own in result.residuals:
+        accepted = replace(own)
+        for array, other in zip(own.normals, accepted.normals, strict=True):
+            np.testing.assert_equal(array, other)
+    arrays = (first.corners, first.rotation, first.translation, second.radii, second.radii_std)
+    assert not any(array.flags.writeable for array in arrays)
+    assert not any(array.flags.writeable for array in result.residuals[0].distances)
+    assert not first.uncertainty.by_camera.flags.writeable

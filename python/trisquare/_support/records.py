@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -131,6 +131,20 @@ def check_members(record: Record) -> None:
             object.__setattr__(record, own.name, kind.check(value, own.name))
 
 
+def of_core(kind: type[R], /, **members: Any) -> R:
+    """Make a record of what the core computed: nothing is checked or copied.
+
+    The arrays become read-only.
+    """
+    made = object.__new__(kind)
+    for name, value in (_defaults_of(kind) | members).items():
+        for array in value if type(value) is tuple else (value,):
+            if type(array) is np.ndarray:
+                array.setflags(write=False)
+        object.__setattr__(made, name, value)
+    return made
+
+
 def record_members(record: Record) -> dict[str, Any]:
     """Return the fields of a record that have a kind as members of a JSON object."""
     members = {}
@@ -167,6 +181,18 @@ def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
             (own, own.metadata["kind"], own.metadata["key"] or own.name) for own in declared
         ]
     return _MEMBERS[kind]
+
+
+_DEFAULTS: dict[Any, dict[str, Any]] = {}
+"""Of every class that was asked about."""
+
+
+def _defaults_of(kind: Any) -> dict[str, Any]:
+    if kind not in _DEFAULTS:
+        _DEFAULTS[kind] = {
+            own.name: own.default for own in fields(kind) if own.default is not MISSING
+        }
+    return _DEFAULTS[kind]
 
 
 def _plain(value: Any) -> Any:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare._support.lengths import length_in
+from trisquare._support.records import of_core
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
@@ -36,7 +37,7 @@ from trisquare.results.plane import Plane
 from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.rejected import Rejected, is_reported
 from trisquare.results.residual_correlation import ResidualCorrelation
-from trisquare.results.residuals import unchecked_residuals
+from trisquare.results.residuals import FigureResiduals
 from trisquare.results.scene_line import SceneLine
 
 LARGE_SIDE = 10.0
@@ -455,21 +456,12 @@ def _calibration(
         covariance=found.covariance,
         parameters=tuple(found.parameters),
         planes=tuple(
-            Plane(
+            _plane(
+                plane,
                 kind=figures[plane.figure].kind,
                 image=images[plane.image] if images else plane.image,
-                corners=plane.corners,
-                rotation=plane.rotation,
-                translation=plane.translation,
-                rms=plane.rms,
-                samples=plane.samples,
-                uncertainty=plane.uncertainty
-                and PoseUncertainty(*plane.uncertainty, side_errors[number]),
-                aspect=plane.aspect and plane.aspect[0],
-                aspect_std=plane.aspect and plane.aspect[1],
-                radii=np.array(plane.radii)[:, 0] if plane.radii else None,
-                radii_std=np.array(plane.radii)[:, 1] if plane.radii else None,
                 side=sides[number],
+                side_error=side_errors[number],
                 rejection=OUTLIER if number in outliers else None,
             )
             for number, plane in enumerate(found.planes)
@@ -487,10 +479,38 @@ def _calibration(
         rejected=tuple(gathered.rejected),
         edges=of_planes,
         residuals=tuple(
-            unchecked_residuals(own.plane, own.distances, own.normals) for own in found.residuals
+            of_core(
+                FigureResiduals,
+                plane=own.plane,
+                distances=tuple(own.distances),
+                normals=tuple(own.normals),
+            )
+            for own in found.residuals
         ),
         lines=_scene_lines(found, figures),
         pictures=pictures,
+    )
+
+
+def _plane(found: _core.SolvedPlane, side_error: float | None, **members: Any) -> Plane:
+    """Return a plane that the core found, with what else is told of it."""
+    if found.uncertainty is not None:
+        given_camera, by_camera = found.uncertainty
+        members["uncertainty"] = of_core(
+            PoseUncertainty, given_camera=given_camera, by_camera=by_camera, side_error=side_error
+        )
+    if found.aspect is not None:
+        members["aspect"], members["aspect_std"] = found.aspect
+    if found.radii:
+        members["radii"], members["radii_std"] = map(np.array, zip(*found.radii, strict=True))
+    return of_core(
+        Plane,
+        corners=found.corners,
+        rotation=found.rotation,
+        translation=found.translation,
+        rms=found.rms,
+        samples=found.samples,
+        **members,
     )
 
 

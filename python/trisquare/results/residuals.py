@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from trisquare._support.arrays import FloatArray
@@ -44,19 +43,3 @@ class FigureResiduals(Record):
             if len(normals) != len(distances):
                 wanted = (len(distances), 2)
                 raise ValueError(f"normals must have shape {wanted}, not {normals.shape}")
-
-
-def unchecked_residuals(
-    plane: int, distances: Sequence[FloatArray], normals: Sequence[FloatArray]
-) -> FigureResiduals:
-    """Make residuals of what the core computed: nothing is checked or copied.
-
-    The arrays become read-only.
-    """
-    residuals = object.__new__(FigureResiduals)
-    members = {"plane": plane, "distances": tuple(distances), "normals": tuple(normals)}
-    for name, value in members.items():
-        object.__setattr__(residuals, name, value)
-    for array in (*distances, *normals):
-        array.flags.writeable = False
-    return residuals
