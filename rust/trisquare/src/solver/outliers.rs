@@ -67,6 +67,10 @@ pub(crate) fn reject_outliers<L: Lens>(
         }
         other => other?,
     };
+    if solution.misfit(problem).mean() < DOUBTED {
+        let warnings = warnings(&solution);
+        return Ok((solution, warnings));
+    }
     let sides: usize = planes.iter().map(|plane| plane.sides().count()).sum();
     let rounds = match planes.len() {
         ..=ALL_TRIED => sides / SIDES_PER_OUTLIER,
