@@ -1,6 +1,8 @@
 //! A fine pattern over the picture (moire, a screen's grid, a print's raster), told by waves of the
 //! light beside the edges.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Complex;
 
 use super::preview::Preview;
@@ -66,41 +68,95 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     });
     let highest = 0.5 / across.amax();
     let steps = (OVERSAMPLING * highest * spread(low, high)).ceil();
-    let strongest = (0..=steps as usize)
-        .map(|step| strongest_along(&columns, highest * step as f64 / steps))
-        .fold(0.0, f64::max);
+    let step = highest / steps;
+    let mut across: Vec<Wave> = values().map(|(y, _)| Wave::new(step * y)).collect();
+    let along = Along::of(&columns);
+    let mut strongest = 0f64;
+    for _ in 0..=steps as usize {
+        let mut waves = across.iter_mut();
+        let sums = columns.iter().map(|column| {
+            let terms = column.pixels.iter().zip(waves.by_ref());
+            terms.map(|((_, value), wave)| wave.next() * *value).sum()
+        });
+        strongest = strongest.max(along.strongest(sums));
+    }
     // A wave of amplitude `a` sums to `a n / 2`, and its squares to `a^2 n / 2`.
     let part = 2.0 * strongest * strongest / (count * power);
     (part > LEAST_PART).then(|| 2.0 * strongest / (count * contrast))
 }
 
-/// The largest sum over waves of this frequency across a side.
-fn strongest_along(columns: &[Column], frequency: f64) -> f64 {
-    let wave = |phase: f64| Complex::from_polar(1.0, std::f64::consts::TAU * phase);
-    let sum_of = |column: &Column| -> Complex<f64> {
-        let terms = column.pixels.iter();
-        terms.map(|(y, value)| wave(frequency * y) * *value).sum()
-    };
-    let sums: Vec<Complex<f64>> = columns.iter().map(sum_of).collect();
-    let first = columns[0].number;
-    let spacings = columns
-        .windows(2)
-        .map(|pair| pair[1].number - pair[0].number);
-    // Only every so many columns were read: frequencies that many cycles apart look alike.
-    let spacing = spacings.min().unwrap_or(1).max(1) as f64;
-    let last = columns[columns.len() - 1].number;
-    let periods = (last - first) as f64 / spacing + 1.0;
-    let tried = (OVERSAMPLING * periods) as usize;
-    let slowest = (OVERSAMPLING * MIN_PERIODS) as usize;
-    let at = |step: usize| {
-        let turn = step as f64 / (tried as f64 * spacing);
-        let terms = columns.iter().zip(&sums);
-        let terms = terms.map(|(column, sum)| wave(turn * (column.number - first) as f64) * sum);
-        terms.sum::<Complex<f64>>().norm()
-    };
-    (slowest..tried.saturating_sub(slowest))
-        .map(at)
-        .fold(0.0, f64::max)
+/// A wave at one place, for frequencies of equal steps.
+#[derive(Clone, Copy)]
+struct Wave {
+    now: Complex<f64>,
+    turn: Complex<f64>,
+}
+
+impl Wave {
+    /// That turns so much from one frequency to the next.
+    fn new(turns: f64) -> Self {
+        Self {
+            now: Complex::new(1.0, 0.0),
+            turn: Complex::from_polar(1.0, TAU * turns),
+        }
+    }
+
+    /// The wave at this frequency; then comes the next one.
+    fn next(&mut self) -> Complex<f64> {
+        let now = self.now;
+        self.now *= self.turn;
+        now
+    }
+}
+
+/// Waves along a side, of the frequencies that its columns tell.
+struct Along {
+    /// At each column, from the slowest one on.
+    slowest: Vec<Wave>,
+    frequencies: usize,
+}
+
+impl Along {
+    fn of(columns: &[Column]) -> Self {
+        let first = columns[0].number;
+        let spacings = columns
+            .windows(2)
+            .map(|pair| pair[1].number - pair[0].number);
+        // Only every so many columns were read: frequencies that many cycles apart look alike.
+        let spacing = spacings.min().unwrap_or(1).max(1) as f64;
+        let last = columns[columns.len() - 1].number;
+        let periods = (last - first) as f64 / spacing + 1.0;
+        let tried = (OVERSAMPLING * periods) as usize;
+        let slowest = (OVERSAMPLING * MIN_PERIODS) as usize;
+        let at = |column: &Column| {
+            let turns = (column.number - first) as f64 / (tried as f64 * spacing);
+            Wave {
+                now: Complex::from_polar(1.0, TAU * turns * slowest as f64),
+                ..Wave::new(turns)
+            }
+        };
+        Self {
+            slowest: columns.iter().map(at).collect(),
+            frequencies: tried.saturating_sub(2 * slowest),
+        }
+    }
+
+    /// The largest of the sums over the columns, of what is at each of them.
+    fn strongest(&self, columns: impl Iterator<Item = Complex<f64>>) -> f64 {
+        let mut terms = self.slowest.clone();
+        terms
+            .iter_mut()
+            .zip(columns)
+            .for_each(|(term, own)| term.now *= own);
+        let norms = (0..self.frequencies).map(|_| {
+            terms
+                .iter_mut()
+                .map(Wave::next)
+                .sum::<Complex<f64>>()
+                .norm()
+        });
+        norms.fold(0.0, f64::max)
+    }
 }
 
 /// The light pixels beside a side, column by column.
