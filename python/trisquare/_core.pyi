@@ -381,7 +381,7 @@ def find_four_sided(
 def find_lattices(
     photograph: NDArray[np.uint8],
     pictures: Sequence[NDArray[np.uint8]],
-) -> list[Lattice]: ...
+) -> tuple[list[Lattice], int]: ...
 def fit_sides(
     picture: NDArray[np.uint8],
     rough: NDArray[np.float64],

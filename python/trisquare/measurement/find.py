@@ -13,11 +13,12 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.annotations.outlines import AnnotatedSquare
 from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
-from trisquare.detection.boards.find import chessboards_among, find_lattices
+from trisquare.detection.boards.find import chessboards_among, find_lattices, search_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
 from trisquare.detection.candidates import ENOUGH, Lattice
 from trisquare.detection.grey import grey_bytes, working_picture
 from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sheets.aprilgrids import LEAST_CROSSINGS
 from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
 from trisquare.detection.squares.find import find_plain_rectangles, find_squares
 from trisquare.images.pixels import Image
@@ -69,15 +70,17 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
         return _boards_of_size(grey, targets.board)
     if targets.rectangles is not None:
         return [Square(found) for found in find_plain_rectangles(grey, targets.rectangles)]
-    boards = (
-        [Board.of(lattice, grey) for lattice in find_lattices(grey)] if targets.lattices else []
-    )
-    lattices = [board.lattice for board in boards]
+    lattices: list[Lattice] = []
+    may_be_grids = targets.grids
+    if targets.lattices:
+        lattices, crossings_beside = search_lattices(grey)
+        may_be_grids = may_be_grids and crossings_beside >= LEAST_CROSSINGS
+    boards = [Board.of(lattice, grey) for lattice in lattices]
     beside = _without(grey, lattices)
-    grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if targets.grids else []
+    grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if may_be_grids else []
     of_grids = [found.lattice for found in grids if isinstance(found, Board)]
-    lattices += of_grids
-    return [*boards, *grids, *_squares_beside(_without(beside, of_grids), lattices, targets)]
+    beside = _without(beside, of_grids)
+    return [*boards, *grids, *_squares_beside(beside, [*lattices, *of_grids], targets)]
 
 
 def _boards_of_size(

@@ -40,7 +40,8 @@ impl Lattice {
     }
 }
 
-/// Finds every lattice of 3 x 3 crossings and more in a grey photograph, the largest first.
+/// Finds every lattice of 3 x 3 crossings and more in a grey photograph, the largest first, and counts
+/// the crossings beside them.
 ///
 /// The reduced pictures come from coarse to fine.
 #[pyfunction]
@@ -49,7 +50,7 @@ pub fn find_lattices(
     py: Python<'_>,
     photograph: PyReadonlyArray2<'_, u8>,
     pictures: Vec<PyReadonlyArray2<'_, u8>>,
-) -> PyResult<Vec<Lattice>> {
+) -> PyResult<(Vec<Lattice>, usize)> {
     let bytes: Vec<Vec<u8>> = pictures.iter().map(bytes_of).collect();
     let reduced = pictures.iter().zip(&bytes);
     let reduced = reduced.map(|(picture, bytes)| grey(picture, bytes));
@@ -57,7 +58,8 @@ pub fn find_lattices(
     let whole = bytes_of(&photograph);
     let whole = grey(&photograph, &whole)?;
     let found = detached(py, || trisquare::internals::find_lattices(&whole, &reduced))?;
-    Ok(found.into_iter().map(Lattice).collect())
+    let lattices = found.lattices.into_iter().map(Lattice).collect();
+    Ok((lattices, found.crossings_beside))
 }
 
 /// Sides of quads, shape (Q, 4, N, 2), the levels at which they were seen, shape (Q,), and which of

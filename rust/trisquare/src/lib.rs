@@ -129,7 +129,8 @@ pub mod internals {
     pub use crate::numeric::{cdf, is_covariance};
     pub use crate::planning::predict_unjudged;
     pub use crate::search::{
-        ArcLimits, FittedQuad, FourSided, GreyFloats, Lattice, POINTS_PER_SIDE, SideLimits, Sides,
-        circular_arcs, edge_chains, find_lattices, fit_sides, four_cornered, four_sided,
+        ArcLimits, FittedQuad, FoundLattices, FourSided, GreyFloats, Lattice, POINTS_PER_SIDE,
+        SideLimits, Sides, circular_arcs, edge_chains, find_lattices, fit_sides, four_cornered,
+        four_sided,
     };
 }

@@ -7,6 +7,7 @@ links those places to lattices, from coarse to fine.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,14 @@ LEAST_SHARE = 0.5
 """Of the crossings of a board of stated size, that must be seen: fewer may be something else."""
 
 
+class LatticeSearch(NamedTuple):
+    """What a search for lattices found."""
+
+    lattices: list[Lattice]  # from the one of most crossings to the one of fewest
+    crossings_beside: int
+    """Crossings of edges that are no lattice's, in the reduced picture."""
+
+
 def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     """Find every lattice of 3 x 3 crossings and more in a grey picture.
 
@@ -40,9 +49,15 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
     list of Lattice
         From the one of most crossings to the one of fewest; empty if there is none.
     """
+    return search_lattices(grey).lattices
+
+
+def search_lattices(grey: NDArray[np.uint8]) -> LatticeSearch:
+    """As `find_lattices`, and tell how many crossings are beside them."""
     if min(grey.shape) < MIN_PICTURE:
-        return []
-    return [_lattice(found.crossings) for found in _core.find_lattices(grey, _pictures(grey))]
+        return LatticeSearch([], 0)
+    found, crossings_beside = _core.find_lattices(grey, _pictures(grey))
+    return LatticeSearch([_lattice(own.crossings) for own in found], crossings_beside)
 
 
 def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list[Lattice]:

@@ -28,6 +28,10 @@ from trisquare.detection.tags.touching import find_touching_tags, on_saddles
 LEAST_TAGS = 3
 """Of a grid: two may still stand side by side by chance."""
 
+LEAST_CROSSINGS = 4 * LEAST_TAGS
+"""That a picture of a grid shows: those at the corners of its tags. The cells within make more:
+where grids of four tags were found, there were 34 and more."""
+
 LEAST_AGREEMENT = 0.6
 """Correlation between the cells of a tag and those of the code that has to be there. Any other code
 of the dictionary correlates to less than 0.4."""

@@ -19,15 +19,23 @@ use crate::image::GreyBytes;
 /// Pictures that are searched, at most; the others, which are the coarsest, are left out.
 const MOST_PICTURES: usize = 16;
 
-/// Finds every lattice of 3 x 3 crossings and more in a photograph, from that of most crossings to
-/// that of fewest, in pixels of the photograph.
+/// What a search for lattices found.
+#[derive(Debug)]
+pub struct FoundLattices {
+    /// From that of most crossings to that of fewest, in pixels of the photograph.
+    pub lattices: Vec<Lattice>,
+    /// Crossings of edges beside them and a cell round them, in the last one of the pictures.
+    pub crossings_beside: usize,
+}
+
+/// Finds every lattice of 3 x 3 crossings and more in a photograph.
 ///
 /// The `pictures` are the photograph reduced, each twice as fine as the one before; the last one is
 /// the photograph itself or half as fine. If half as fine, and if it shows linked crossings beside
 /// its lattices, as the rims of markers fade in it, the whole is searched as well. Without a lattice,
 /// enough of them must hang together to be one.
 #[must_use]
-pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> Vec<Lattice> {
+pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> FoundLattices {
     find_at_candidates(photograph, pictures, candidates)
 }
 
@@ -36,10 +44,13 @@ fn find_at_candidates(
     photograph: &GreyBytes<'_>,
     pictures: &[GreyBytes<'_>],
     candidates: impl Fn(&GreyBytes<'_>) -> Vec<Candidate>,
-) -> Vec<Lattice> {
+) -> FoundLattices {
     let pictures = &pictures[pictures.len().saturating_sub(MOST_PICTURES)..];
     let Some(finest) = pictures.last() else {
-        return Vec::new();
+        return FoundLattices {
+            lattices: Vec::new(),
+            crossings_beside: 0,
+        };
     };
     let is_halved = finest.size() != photograph.size();
     let mut seen = Photograph {
@@ -78,10 +89,10 @@ fn find_at_candidates(
     };
     let mut found: Vec<_> = found.filter(is_sound).collect();
     found.sort_by_key(|lattice| Reverse(lattice.count()));
-    found
-        .iter()
-        .map(|lattice| lattice.scaled(seen.scale))
-        .collect()
+    FoundLattices {
+        crossings_beside: level.beside(found.iter().map(Outline::with_rim)).len(),
+        lattices: found.iter().map(|it| it.scaled(seen.scale)).collect(),
+    }
 }
 
 impl Lattice {
@@ -185,9 +196,10 @@ mod tests {
         for missing in [0, 3] {
             let some = |_: &GreyBytes<'_>| candidates[missing..].to_vec();
             let found = find_at_candidates(&picture, &[picture], some);
-            let [lattice] = &found[..] else {
+            let [lattice] = &found.lattices[..] else {
                 panic!("{found:?}")
             };
+            assert_eq!(found.crossings_beside, 0);
             let mut size = lattice.size();
             size.sort_unstable();
             assert_eq!((size, lattice.count()), ([5, 6], 30));
@@ -221,7 +233,8 @@ mod tests {
             };
             let found = find_at_candidates(&photograph, &[halved], candidates);
             assert_eq!(looked_closer.get(), !is_lattice);
-            let mut points = found.iter().flat_map(Lattice::points);
+            assert_eq!(found.crossings_beside == 0, is_lattice);
+            let mut points = found.lattices.iter().flat_map(Lattice::points);
             assert_eq!(is_lattice, points.any(|point| point.x > 1.2 * SIZE as f64));
         }
     }
@@ -230,16 +243,19 @@ mod tests {
     fn nothing_is_found_in_nothing() {
         let flat = vec![100; SIZE * SIZE];
         let picture = GreyBytes::new(SIZE, SIZE, &flat).unwrap();
-        assert!(find_lattices(&picture, &[]).is_empty());
         let anywhere = |_: &GreyBytes<'_>| board(5).1;
-        assert!(find_at_candidates(&picture, &[picture], anywhere).is_empty());
+        let found = find_at_candidates(&picture, &[picture], anywhere);
+        for found in [find_lattices(&picture, &[]), found] {
+            assert!(found.lattices.is_empty());
+            assert_eq!(found.crossings_beside, 0);
+        }
     }
 
     #[test]
     fn a_board_is_found_in_its_picture_alone() {
         let (values, _) = board(5);
         let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
-        let found = find_lattices(&picture, &[picture]);
+        let found = find_lattices(&picture, &[picture]).lattices;
         assert_eq!(found.iter().map(Lattice::count).collect::<Vec<_>>(), [30]);
     }
 }

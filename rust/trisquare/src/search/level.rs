@@ -61,10 +61,7 @@ impl<'a> Level<'a> {
     /// Each may be missing from one of the lattices. Where there is none, they must hang together:
     /// clutter links a few here and a few there.
     pub fn shows_more(&self, lattices: &[Lattice]) -> bool {
-        let free = beside(
-            &self.crossings,
-            &lattices.iter().map(Outline::of).collect::<Vec<_>>(),
-        );
+        let free = self.beside(lattices.iter().map(Outline::of));
         if free.len() < LEAST_CROSSINGS {
             return false;
         }
@@ -74,6 +71,11 @@ impl<'a> Level<'a> {
             false => groups.into_iter().sum(),
         };
         shown >= LEAST_CROSSINGS
+    }
+
+    /// The crossings that no outline covers.
+    pub fn beside(&self, outlines: impl Iterator<Item = Outline>) -> Vec<Crossing> {
+        beside(&self.crossings, &outlines.collect::<Vec<_>>())
     }
 
     /// Parts of lattices that are boards of their own, smooth and of whole cells, put together where

@@ -31,7 +31,7 @@ mod side_cubics;
 
 pub use arcs::{ArcLimits, circular_arcs};
 pub use edge_chains::{GreyFloats, edge_chains};
-pub use find_lattices::find_lattices;
+pub use find_lattices::{FoundLattices, find_lattices};
 pub use fitted_sides::{FittedQuad, SideLimits, fit_sides};
 pub use four_corners::{FourSided, POINTS_PER_SIDE, Sides, four_cornered, four_sided};
 pub use lattice::Lattice;
