@@ -1,6 +1,8 @@
 """What a fleet's summary says: spread, outliers, photographs to take again, tables, page."""
 
 import csv
+import re
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
@@ -13,6 +15,7 @@ from trisquare.batch.page import MOST_SHOWN, summary_page
 from trisquare.batch.requirements import Requirement, WarningRequirement
 from trisquare.batch.summary import columns, rows, write_csv, write_parquet
 
+CHECKOUT = Path(__file__).parents[2]
 STD = 0.5
 
 
@@ -61,6 +64,15 @@ def test_outliers_are_those_beyond_spread_and_own_uncertainty():
     uncertain = {own["name"]: fleet.uncertain(own) for own in cameras}
     assert [name for name, texts in uncertain.items() if texts] == ["vague"]
     assert uncertain["vague"] == ["std of fx 5, the median is 0.5"]
+
+
+def test_the_docs_name_all_columns_of_the_table():
+    described = (CHECKOUT / "docs" / "batch.md").read_text("utf-8")
+    shown = columns(Fleet.of(fleet_of(10, 0.0)))
+    parameters = [name for name in shown if name.removeprefix("std_") in ("fx", "k1")]
+    assert parameters == ["fx", "std_fx", "k1", "std_k1"]
+    for name in sorted({*shown} - {"k1", "std_k1"}):
+        assert re.search(rf"^\|.*`{name}`.* \|$", described, re.MULTILINE), name
 
 
 def test_few_cameras_have_no_outliers():
