@@ -137,7 +137,7 @@ pub fn find_lattices(data: &[u8]) -> Outcome {
         1 => &pictures[pictures.len() - 1..],
         _ => &pictures[..],
     };
-    let found = trisquare::internals::find_lattices(&whole, searched);
+    let found = trisquare::internals::find_lattices(&whole, searched).lattices;
     for lattice in &found {
         assert!(lattice.count() >= 9 && lattice.size().iter().min() >= Some(&3));
         for (site, point) in lattice.found() {
