@@ -172,6 +172,23 @@ fn a_held_value_that_the_planes_contradict_is_named() {
     );
 }
 
+/// Few samples a side have as much noise a pixel of edge as a held value that is far off leaves.
+#[test]
+fn sparse_samples_do_not_contradict_a_held_principal_point() {
+    const SPARSE: f64 = 40.0;
+    let scene = Scene::random(3, SceneOptions::default());
+    let options = Options {
+        fixed: Fixed {
+            principal_point: true,
+            ..Fixed::default()
+        },
+        initial: Some(scene.camera),
+        ..Options::default()
+    };
+    let found = calibrate(&scene.edges(3, 2.0, SPARSE), scene.size, &options).unwrap();
+    assert!(found.noise_scale > 1.0, "{}", found.noise_scale);
+}
+
 /// Only photographs that come along are counted.
 #[test]
 fn numbers_of_pictures_are_names() {

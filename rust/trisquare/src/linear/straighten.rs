@@ -88,9 +88,10 @@ impl Straightening {
 
     /// Maps an observed pixel to its ideal place; `None` where the map is not invertible.
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let bend = self.bend(pixel);
-        let ideal = self.centre + bend.q * bend.factor * self.radius;
-        (self.reaches(bend.square) && ideal.norm().is_finite()).then_some(ideal)
+        let q = (pixel - self.centre) / self.radius;
+        let square = q.norm_squared();
+        let ideal = self.centre + q * self.factor(square).0 * self.radius;
+        (self.reaches(square) && ideal.norm().is_finite()).then_some(ideal)
     }
 
     /// The ideal radius of an observed one, both in pixels from the centre.

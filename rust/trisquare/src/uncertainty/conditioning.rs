@@ -22,8 +22,10 @@
 //! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
 //! polynomials.
 //!
-//! Where a value of the camera matrix is held, noise above [`NOISE_OF_NO_PICTURE`] says that it is
-//! wrong: the planes contradict it, and what the residuals predict hangs on where the search ended.
+//! Where a value of the camera matrix is held, residuals above [`NO_NOISE`] say that it is wrong: the
+//! planes contradict it, and what the residuals predict hangs on where the search ended. (Of 24 scenes,
+//! a focal length held at 1,000 times the truth left 4 % of half the diagonal or more in all that
+//! found an optimum; one at 1.3 times left 0.3 % at most.)
 //!
 //! A freed skew has no limit of its own: where the planes leave it open, it is the focal lengths and
 //! the principal point that suffer.
@@ -70,8 +72,8 @@ const DISTINCT_DEGREES: f64 = 25.0;
 /// is wrong with paper and lens is larger.
 const LEAST_NOISE: f64 = 0.2;
 
-/// Noise of one pixel of edge (5 px for samples 4 px apart) that is no noise.
-const NOISE_OF_NO_PICTURE: f64 = 10.0;
+/// Residuals of so large a part of half the picture's diagonal are no noise.
+const NO_NOISE: f64 = 0.01;
 
 /// Standard deviation granted to a freed centre of distortion beforehand, in half image
 /// diagonals: it is unobservable where there is no distortion, and then tells nothing anyway.
@@ -194,7 +196,7 @@ impl<L: Lens> Conditioning<'_, L> {
             false => 1.0,
         };
         let limit = self.limit(noise);
-        let covariance = match self.contradicts_held(noise) {
+        let covariance = match self.contradicts_held() {
             true => None,
             false => self.judged_covariance(system, free, factor * floor),
         };
@@ -222,13 +224,16 @@ impl<L: Lens> Conditioning<'_, L> {
     }
 
     /// Whether the planes contradict values of the camera matrix that are held.
-    fn contradicts_held(&self, noise: f64) -> bool {
+    fn contradicts_held(&self) -> bool {
         let Fixed {
             focal,
             principal_point,
             ..
         } = self.options.fixed;
-        (focal || principal_point) && noise > NOISE_OF_NO_PICTURE
+        let samples = || self.planes.iter().flat_map(ObservedPlane::samples);
+        let weights: f64 = samples().map(|sample| sample.weight.powi(2)).sum();
+        let residual = self.noise_scale * (samples().count() as f64 / weights).sqrt();
+        (focal || principal_point) && residual > NO_NOISE * self.size.half_diagonal()
     }
 
     fn judged_covariance(
