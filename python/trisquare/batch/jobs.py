@@ -7,14 +7,15 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from trisquare._core import __version__
 from trisquare._support.arrays import Frozen, strings
 from trisquare._support.suggestions import unknown
+from trisquare._support.writing import PathLike
 from trisquare.camera.camera import Camera
 
 OPTIONS = (
@@ -40,7 +41,7 @@ RESERVED = {
 """Names that Windows keeps for devices."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Job(Frozen):
     """One camera and its photographs.
 
@@ -48,8 +49,8 @@ class Job(Frozen):
     ----------
     name : str
         Of the camera; no other job of the batch may have it.
-    photographs : sequence of str or path
-        Files; videos as well, with the option ``frames``.
+    photographs : iterable of str or path
+        Files, or one; videos as well, with the option ``frames``. Kept as a tuple of str.
     options : mapping of str to object
         Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
         ``initial`` (a `Calibration`, a `Camera`, or a camera file), ``orthogonal``, ``parallel``,
@@ -75,24 +76,32 @@ class Job(Frozen):
 
     name: str
     photographs: tuple[str, ...]
-    options: Mapping[str, Any] = field(default_factory=dict)
-    origin: str = ""
-    fault: str | None = None
+    options: Mapping[str, Any]
+    origin: str
+    fault: str | None
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise TypeError(f"a job's name must be a string, not {type(self.name).__name__}")
-        if not self.name.strip():
+    def __init__(
+        self,
+        name: str,
+        photographs: PathLike | Iterable[PathLike],
+        options: Mapping[str, Any] | None = None,
+        origin: str = "",
+        fault: str | None = None,
+    ) -> None:
+        if not isinstance(name, str):
+            raise TypeError(f"a job's name must be a string, not {type(name).__name__}")
+        if not name.strip():
             raise ValueError("a job's name must not be empty")
-        given = (self.photographs,) if isinstance(self.photographs, str) else self.photographs
-        photographs = strings([os.fspath(path) for path in given], "photographs")
-        object.__setattr__(self, "photographs", photographs)
-        object.__setattr__(self, "options", dict(self.options))
-        if self.fault is None and not photographs:
-            raise ValueError(f"the job {self.name!r} has no photograph")
-        for option in self.options:
+        given = (photographs,) if isinstance(photographs, str | os.PathLike) else photographs
+        paths = strings([os.fspath(path) for path in given], "photographs")
+        if fault is None and not paths:
+            raise ValueError(f"the job {name!r} has no photograph")
+        for option in options or {}:
             if option not in OPTIONS:
                 raise unknown("option", option, OPTIONS)
+        values = (name, paths, dict(options or {}), origin, fault)
+        for member, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, member.name, value)
 
     @property
     def key(self) -> str:
