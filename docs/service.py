@@ -147,7 +147,8 @@ def _calibrated(pool: ThreadPoolExecutor, photo: bytes, options: dict[str, Any])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "photograph")
         path.write_bytes(photo)
-        (result,) = ts.calibrate_many([ts.Job("photograph", (str(path),), options)], pool, **LIMITS)
+        job = ts.Job(Path(folder).name, path, options)  # a name that tells lines of the log apart
+        (result,) = ts.calibrate_many([job], pool, **LIMITS)
     if not result.is_done:  # a client need not know where its file was
         error = result.record["error"]
         error["text"] = error["text"].replace(f"{folder}{os.sep}", "")

@@ -706,8 +706,12 @@ def test_every_request_is_a_line_of_the_log_without_the_token(caplog):
         client.get("/a%0Ab%1B[31m", params={"token": TOKEN})
         client.post("/api/find", params={"token": TOKEN}, content=b"{")
     lines = [record.getMessage() for record in caplog.records]
-    asked = ["GET /api/status: 200", "GET /api/status: 401", r"GET /a\nb\x1b[31m: 404"]
-    assert [line.rpartition(",")[0] for line in lines] == [*asked, "POST /api/find: 400"]
+    asked = [
+        "GET /api/status: 200",
+        "GET /api/status: 401 TokenError",
+        r"GET /a\nb\x1b[31m: 404 NotFoundError",
+    ]
+    assert [line.rpartition(",")[0] for line in lines] == [*asked, "POST /api/find: 400 ValueError"]
     assert all(0 <= float(line.rpartition(",")[2].removesuffix(" s")) < 60 for line in lines)
     assert TOKEN not in caplog.text
 

@@ -27,6 +27,7 @@ from trisquare.formats.registry import FORMATS
 from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.serve.early_answers import EarlyAnswers
 from trisquare.serve.jobs import AbandonedError, BusyError, Jobs
+from trisquare.serve.request_log import ERROR_HEADER
 from trisquare.serve.schema import api_schema
 from trisquare.serve.tasks import CONTENT, FILES, Task
 from trisquare.serve.uploads import Upload, received
@@ -158,9 +159,13 @@ class Guard:
 
 def problem(code: str, text: str, status: int | None = None, **more: Any) -> JSONResponse:
     """Return an error with the status of its code, unless another is given."""
-    headers = {"Retry-After": "5"} if code == "BusyError" else {}
+    headers = {ERROR_HEADER: code} | ({"Retry-After": "5"} if code == "BusyError" else {})
     error = {**code_members(code, text), **more}
     return JSONResponse({"error": error}, status or http_status(code), headers)
+
+
+def _not_kept(error: OSError) -> JSONResponse:
+    return problem("OSError", f"cannot keep what is sent: {error.strerror}")
 
 
 async def _refused(request: Request, error: Exception) -> Response:
@@ -212,7 +217,7 @@ async def _run(jobs: Jobs, name: str, request: Request) -> Response:
     except BusyError:
         return problem("BusyError", "too many requests at a time: try again")
     except OSError as error:
-        return problem("OSError", f"cannot keep what is sent: {error.strerror}")
+        return _not_kept(error)
     with place:
         try:
             with anyio.fail_after(UPLOAD_SECONDS):
@@ -225,7 +230,7 @@ async def _run(jobs: Jobs, name: str, request: Request) -> Response:
         except ClientDisconnect:
             return problem("AbandonedError", "the client has left")
         except OSError as error:
-            return problem("OSError", f"cannot keep what was sent: {error.strerror}")
+            return _not_kept(error)
         task = _task(name, request, upload)
         try:
             record = await jobs.do(task, place.folder, partial(_until_left, request))

@@ -5,15 +5,19 @@ from __future__ import annotations
 import logging
 import time
 
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from trisquare._support.terminal_text import printable
 
 LOG = logging.getLogger("trisquare")
 
+ERROR_HEADER = "X-Trisquare-Error"
+"""Holds the code of an answer that is an error."""
+
 
 class RequestLog:
-    """Tells the logger ``trisquare`` of every request: method, path, status and seconds.
+    """Tells the logger ``trisquare`` of every request: method, path, status, code and seconds.
 
     What stands behind the path is left out: the token is there.
     """
@@ -31,7 +35,8 @@ class RequestLog:
         async def noted(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
-                status = str(message["status"])
+                code = Headers(raw=message["headers"]).get(ERROR_HEADER, "")
+                status = f"{message['status']} {code}".rstrip()
             await send(message)
 
         try:
