@@ -15,7 +15,7 @@ use crate::observations::{
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
-use crate::solver::{JointProblem, NestedOptima, Work, reject_outliers};
+use crate::solver::{JointProblem, NestedOptima, Solution, Work, reject_outliers};
 use crate::uncertainty::{
     LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, extrapolated_lens,
     poorly_known, unchecked_targets, unlikely_camera,
@@ -293,7 +293,7 @@ fn run<L: Lens>(
         calibration.state_poses(&solution);
     }
     calibration.warnings.splice(0..0, outliers);
-    let mut causes = match &verdict {
+    let causes = match &verdict {
         Some(verdict) => problem.heed(verdict, (&planes, &solution), &mut calibration),
         None => Vec::new(),
     };
@@ -303,37 +303,47 @@ fn run<L: Lens>(
         problem.check_reach(&calibration.camera)?;
     }
     if judging {
-        let focal = |edges: &[PlaneEdges], options: &Options<L>| {
-            let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
-            Some(found.ok()?.camera.focal().x)
-        };
-        let unlikely = unlikely_camera(&calibration, options.fixed, |fixed| {
-            focal(edges, &Options { fixed, ..*options })
-        });
-        // What explains other warnings comes before them.
-        causes.extend(unlikely);
-        calibration.warnings.splice(0..0, causes);
-        let refined = &solution.refined;
-        let conditioning = problem.conditioning(&solution.planes, refined);
-        let assumed = assumed_centre(&conditioning, &calibration, refined.covariance_factor);
-        calibration.warnings.splice(0..0, assumed);
-        let unchecked =
-            unchecked_targets(edges, &planes, &calibration, |edges| focal(edges, options));
-        calibration.warnings.extend(unchecked);
-        // A consequence comes after its causes.
-        let poorly_known = poorly_known(&calibration, options.fixed);
-        calibration.warnings.extend(poorly_known);
-        let extrapolated = extrapolated_lens(&calibration);
-        calibration.warnings.extend(extrapolated);
-        let contradicted = contradicted(edges, &planes, size, options);
-        calibration.warnings.splice(0..0, contradicted);
-        calibration
-            .warnings
-            .splice(0..0, outside_picture(edges, size));
+        let given = (edges, planes.as_slice(), size, options);
+        add_doubts(given, (&problem, &solution), causes, &mut calibration);
     }
     let most_severe_first = |warning: &Warning| Reverse(warning.severity());
     calibration.warnings.sort_by_key(most_severe_first);
     Ok(calibration)
+}
+
+/// Warns of what may make the answer wrong, and of how well it is known. What explains other warnings
+/// comes before them, a consequence after its causes.
+fn add_doubts<L: Lens>(
+    (edges, planes, size, options): (&[PlaneEdges], &[ObservedPlane], ImageSize, &Options<L>),
+    (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
+    causes: Vec<Warning>,
+    calibration: &mut Calibration<L>,
+) {
+    let focal = |edges: &[PlaneEdges], options: &Options<L>| {
+        let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
+        Some(found.ok()?.camera.focal().x)
+    };
+    let refined = &solution.refined;
+    let conditioning = problem.conditioning(&solution.planes, refined);
+    let found = &*calibration;
+    let mut warnings = Vec::from_iter(outside_picture(edges, size));
+    warnings.extend(contradicted(edges, planes, size, options));
+    warnings.extend(assumed_centre(
+        &conditioning,
+        found,
+        refined.covariance_factor,
+    ));
+    warnings.extend(causes);
+    warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
+        focal(edges, &Options { fixed, ..*options })
+    }));
+    warnings.extend(found.warnings.iter().cloned());
+    warnings.extend(unchecked_targets(edges, planes, found, |edges| {
+        focal(edges, options)
+    }));
+    warnings.extend(poorly_known(found, options.fixed));
+    warnings.extend(extrapolated_lens(found));
+    calibration.warnings = warnings;
 }
 
 /// Samples outside the picture, where there are any.
