@@ -4,8 +4,8 @@
 //! black corners, or cuts off what the lens has bent outward. The view chosen here keeps the size
 //! of the picture and the shape of its pixels (`fy / fx`); what is chosen is its zoom and its
 //! principal point; it has no skew. In ideal pixels (those of a pinhole with the photograph's focal
-//! lengths and principal point) the two extremes are rectangles of the picture's shape: the smallest round the outline of what the
-//! photograph shows, and the largest inside it.
+//! lengths and principal point) the two extremes are rectangles of the picture's shape: the smallest
+//! round the outline of what the photograph shows, and the largest inside it.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -31,6 +31,9 @@ const TOLERANCE: f64 = 1.0 / 1024.0;
 
 /// Places tried for the largest rectangle; some thousand suffice.
 const MAX_PLACES: usize = 50_000;
+
+/// Bisections of the way back to the centre of the photograph: a pixel of most pictures.
+const SLIDE_BISECTIONS: usize = 12;
 
 /// Bisections of the zoom at the place found: a millionth of a pixel.
 const MAX_BISECTIONS: usize = 36;
@@ -124,8 +127,8 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
     ideal.map(|ideal| view.pixel_of(&ideal)).collect()
 }
 
-/// The largest rectangle inside an outline, to a part of [`TOLERANCE`], near the centre of the
-/// photograph where there are several; of a fisheye the one about its axis.
+/// The largest rectangle inside an outline, to a part of [`TOLERANCE`]; of several the one nearest
+/// the centre of the photograph; of a fisheye the one about its axis.
 ///
 /// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
 /// the picture's shape, from the place where that is largest: halving cells of places leaves
@@ -160,7 +163,8 @@ fn largest_inside<L: Lens>(
         true => (lens.principal_point(), Vec::new()),
         false => (size.centre(), vec![Vector2::zeros()]),
     };
-    let mut best = (first - outer.centre).component_div(&unit);
+    let home = (first - outer.centre).component_div(&unit);
+    let mut best = home;
     let mut most = room(&best);
     let (mut half, mut tried) = (0.5, 0);
     while !cells.is_empty() && tried < MAX_PLACES {
@@ -180,17 +184,24 @@ fn largest_inside<L: Lens>(
             .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
             .collect();
     }
+    // Where two opposite sides of the outline limit it, it is free to slide along them.
+    for axis in 0..2 {
+        let at = |part: f64| {
+            let mut place = best;
+            place[axis] += part * (home[axis] - best[axis]);
+            place
+        };
+        let has_room = |part: f64| room(&at(part)) >= most * (1.0 - TOLERANCE);
+        best = at(farthest(1.0, SLIDE_BISECTIONS, has_room));
+    }
     let centre = pixel_at(&best);
     let is_filled = |zoom: f64| {
         let mut border = Rectangle { centre, zoom }.border(size, 1);
         border.all(|pixel| shows(lens, &pixel, size))
     };
-    let (mut low, mut high) = (0.0, 2.0 * most * (1.0 + TOLERANCE) * outer.zoom);
-    for _ in 0..MAX_BISECTIONS {
-        let zoom = 0.5 * (low + high);
-        *(if is_filled(zoom) { &mut low } else { &mut high }) = zoom;
-    }
-    let found = Rectangle { centre, zoom: low };
+    let most_zoom = 2.0 * most * (1.0 + TOLERANCE) * outer.zoom;
+    let zoom = farthest(most_zoom, MAX_BISECTIONS, is_filled);
+    let found = Rectangle { centre, zoom };
     Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
         Error::InvalidArgument(
             "no undistorted view is filled by the picture: too little of it lies within the \
@@ -198,6 +209,19 @@ fn largest_inside<L: Lens>(
                 .into(),
         )
     })
+}
+
+/// The largest value from zero to `end` at which something holds that holds up to a limit.
+fn farthest(end: f64, bisections: usize, holds: impl Fn(f64) -> bool) -> f64 {
+    if holds(end) {
+        return end;
+    }
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..bisections {
+        let between = 0.5 * (low + high);
+        *(if holds(between) { &mut low } else { &mut high }) = between;
+    }
+    low
 }
 
 /// Whether an ideal pixel is within the rim, and seen in the photograph.
@@ -349,6 +373,16 @@ mod tests {
         let reach = 319.0 / (2.0 * outer.focal().x);
         let widest = WIDEST_DEGREES.to_radians().tan();
         assert!(reach > 0.9 * widest && reach < 1.5 * widest, "{reach}");
+    }
+
+    #[test]
+    fn a_filled_view_stays_about_the_centre_where_it_is_free_to() {
+        // Barrel distortion: top and bottom limit it.
+        for (cx, cy) in [(170.0, 110.0), (165.0, 119.5), (150.0, 126.0)] {
+            let lens = Brown::new([225.0, 225.0, cx, cy, -0.286, 0.078, 0.0, 0.0, 0.0]);
+            let view = lens.undistorted(SIZE, 0.0).unwrap();
+            assert!((view.principal_point().x - cx).abs() < 3.0, "{cx} {view:?}");
+        }
     }
 
     #[test]
