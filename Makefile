@@ -58,7 +58,7 @@ ROOM ?=
 ROOMS := $(filter-out helpers,$(patsubst tests/%/,%,$(filter %/,$(wildcard tests/*/))))
 RUST_ROOMS := $(patsubst rust/trisquare/src/%/mod.rs,%,$(wildcard rust/trisquare/src/*/mod.rs)) \
 	$(filter-out lib,$(patsubst rust/trisquare/src/%.rs,%,$(wildcard rust/trisquare/src/*.rs)))
-RUST_TESTS := $(patsubst rust/trisquare/tests/%.rs,%,$(wildcard rust/trisquare/tests/*.rs))
+RUST_TESTS := $(patsubst rust/trisquare/tests/public/%.rs,%,$(wildcard rust/trisquare/tests/public/*.rs))
 
 ifeq ($(ROOM),)
 test: $(DEV_READY)
@@ -67,7 +67,7 @@ else ifneq ($(filter $(ROOM),$(ROOMS) $(RUST_ROOMS)),)
 # Rooms of the crate alone need no Python.
 test: $(if $(filter $(ROOM),$(ROOMS)),$(DEV_READY))
 	$(if $(filter $(ROOM),$(RUST_ROOMS)),cargo test -p trisquare $(ROOM)::)
-	$(if $(filter $(ROOM),$(RUST_TESTS)),cargo test -p trisquare --test $(ROOM))
+	$(if $(filter $(ROOM),$(RUST_TESTS)),cargo test -p trisquare --test public $(ROOM)::)
 	$(if $(filter $(ROOM),$(ROOMS)),$(PYTEST) -m 'not slow' tests/$(ROOM))
 else
 test:
@@ -78,7 +78,8 @@ endif
 test-all: test test-slow
 
 test-slow: $(DEV_READY)
-	cargo test --workspace
+	cargo test -p trisquare --lib --tests
+	cargo test -p trisquare --doc
 	$(PYTEST) -m slow
 
 # As wheels and users of the crate have it: optimised across crates.

@@ -92,7 +92,7 @@ fn sides_of(camera: &Brown, pose: &Pose, centre: Vector2<f64>, side: f64) -> Sid
 }
 
 /// The cameras of frames, of sheets and of boards, from samples without noise.
-fn cameras(scene: &Scene) -> Result<[Calibration; 3], Error> {
+pub fn cameras(scene: &Scene) -> Result<[Calibration; 3], Error> {
     let camera = &scene.camera;
     let planes = || (0..).zip(&scene.poses);
     let calibrated = |edges: &[PlaneEdges]| calibrate(edges, scene.size, &Options::default());
@@ -137,21 +137,4 @@ fn main() -> Result<(), Error> {
         println!("{name}: {:.5?}", found.camera.parameters());
     }
     Ok(())
-}
-
-#[test]
-fn the_recipes_find_the_camera() {
-    for seed in 1..4 {
-        let scene = Scene::random(seed, SceneOptions::default());
-        for found in cameras(&scene).unwrap() {
-            let pairs = found.camera.parameters().into_iter();
-            for (own, truth) in pairs.zip(scene.camera.parameters()) {
-                assert!(
-                    (own - truth).abs() < 1e-6 * truth.abs().max(1.0),
-                    "{own} {truth}"
-                );
-            }
-            assert_eq!(found.planes.len(), 3);
-        }
-    }
 }

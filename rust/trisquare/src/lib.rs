@@ -23,7 +23,7 @@
 //!    [`UndistortionMap`] their map for OpenCV; [`Calibration::projection_uncertainty`] says how well
 //!    a ray is known.
 //!
-//! A lens of your own is a type with the trait [`Lens`]: `tests/any_lens/equidistant.rs` of the package is
+//! A lens of your own is a type with the trait [`Lens`]: `tests/public/equidistant.rs` of the package is
 //! a short one, which runs through the whole pipeline.
 //!
 //! The example `picture` is steps 1 to 7 without 5, `chessboard` the same for boards, `edges` begins at

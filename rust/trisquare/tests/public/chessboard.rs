@@ -1,6 +1,6 @@
 //! From pictures of chessboards to a camera, by the lines of the example.
 
-#[path = "../examples/chessboard.rs"]
+#[path = "../../examples/chessboard.rs"]
 #[allow(dead_code)] // its `main`
 mod example;
 

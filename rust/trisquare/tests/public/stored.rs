@@ -1,9 +1,6 @@
 //! What a calibration returns is stored by serde and read back as it was.
 
-#[path = "any_lens/equidistant.rs"]
-mod equidistant;
-
-use equidistant::Equidistant;
+use crate::equidistant::Equidistant;
 use nalgebra::Vector2;
 use serde::Serialize;
 use serde::de::DeserializeOwned;

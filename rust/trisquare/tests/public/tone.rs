@@ -1,10 +1,6 @@
 //! The tone curve of a picture, estimated from its edges.
 
-#[path = "localise/scene.rs"]
-#[allow(dead_code)]
-mod scene;
-
-use scene::{ANGLES, CAMERA, Camera, Statistics, offsets, spans, square};
+use crate::edge_scene::{ANGLES, CAMERA, Camera, Statistics, offsets, spans, square};
 use trisquare::{Picture, SpanEdges, Tone, ToneEstimate, localise_with_unknown_tone};
 
 fn measured(picture: &Picture, degrees: f64) -> (Vec<SpanEdges>, ToneEstimate) {

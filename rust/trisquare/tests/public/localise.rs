@@ -1,13 +1,10 @@
 //! Localisation against pictures whose edges are known exactly.
 
-#[path = "localise/scene.rs"]
-mod scene;
-
-use nalgebra::Vector2;
-use scene::{
+use crate::edge_scene::{
     BLACK, CAMERA, Camera, Noise, SIZE, Shape, Statistics, WHITE, measured, offsets, patch_bound,
     spans, square, statistics,
 };
+use nalgebra::Vector2;
 use trisquare::{EdgeSpan, NoEdge, Picture, Tone, localise, localise_with_unknown_tone};
 
 #[track_caller]
@@ -548,7 +545,7 @@ fn time_of_three_squares() {
 }
 
 /// A light square of 270 pixels on a ground whose light changes along the sides.
-fn on_changing_ground(noise: f64) -> (trisquare::Picture, scene::Shape) {
+fn on_changing_ground(noise: f64) -> (Picture, Shape) {
     let tone = Tone::Srgb;
     let shape = square(3.0);
     let of_ground = |outside: f64| {

@@ -1,10 +1,6 @@
 //! A lens that the crate does not know goes through the whole pipeline.
 
-mod any_lens {
-    pub mod equidistant;
-}
-
-use any_lens::equidistant::Equidistant;
+use crate::equidistant::Equidistant;
 use nalgebra::{Vector2, Vector3};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

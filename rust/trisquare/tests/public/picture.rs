@@ -1,6 +1,6 @@
 //! From a picture to a camera, by the lines of the example; and photographs that do not fit.
 
-#[path = "../examples/picture.rs"]
+#[path = "../../examples/picture.rs"]
 #[allow(dead_code)] // its `main`
 mod example;
 

@@ -1,6 +1,6 @@
 //! The example's undistorted picture is that of its pinhole, and its lines become straight.
 
-#[path = "../examples/undistort.rs"]
+#[path = "../../examples/undistort.rs"]
 #[allow(dead_code)] // its `main`
 mod example;
 
