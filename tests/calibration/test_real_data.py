@@ -77,6 +77,8 @@ def test_three_boards_in_a_corner(side):
     np.testing.assert_allclose(angles, 90.0, rtol=0, atol=5.0)
     one_focal_length = ts.calibrate(photograph, fix="aspect")
     assert 0.97 * 1624 < one_focal_length.camera.fx < 1.03 * 1650
+    by_evidence = ts.calibrate(photograph, model="auto")
+    assert not any(warning.code == "lens_ends_in_picture" for warning in by_evidence.warnings)
     cornered = ts.calibrate(photograph, orthogonal=[(0, 1), (1, 2), (0, 2)])
     for name in ("fx", "fy"):
         assert abs(getattr(cornered.camera, name) - 1637) < 3.0 * cornered.std[name] + 13.0

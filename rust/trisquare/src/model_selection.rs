@@ -24,6 +24,10 @@ use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
 use crate::solver::NestedOptima;
 
+/// What a model's evidence loses where its lens ends within the picture, which no camera's does: the
+/// part of the posterior that is left to lenses that do not is less than half, and more of the prior.
+const ENDS_IN_PICTURE: f64 = 1.0;
+
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
 
@@ -246,10 +250,11 @@ fn candidates<L: Lens>(
                 evidence.get(place).copied()
             };
             let weighed = fits.into_iter().filter_map(|(model, fit, _)| {
+                let sees_all = fit.camera.sees_all_of(fit.image_size);
                 Some(Candidate {
                     model,
+                    log_evidence: of(model)? - if sees_all { 0.0 } else { ENDS_IN_PICTURE },
                     fit,
-                    log_evidence: of(model)?,
                 })
             });
             return weighed.collect();
