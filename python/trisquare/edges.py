@@ -585,7 +585,13 @@ def _sequence(values: Any, name: str, count: int) -> list[Any]:
     except TypeError as error:
         raise TypeError(f"{name} must be a sequence with one array per line") from error
     if len(arrays) != count:
-        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}")
+        frame = ""
+        if (len(arrays), count) == (8, 4):
+            frame = (
+                f": a frame is two squares of one plane, square({name}[:4], plane=0) and "
+                f"square({name}[4:], plane=0)"
+            )
+        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}{frame}")
     return arrays
 
 

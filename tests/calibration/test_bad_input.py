@@ -48,6 +48,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
         (lambda: ts.PlaneEdges.square(changed(-np.inf)), ValueError, "infinite"),
         (lambda: ts.PlaneEdges.square(changed(1e300)), ValueError, "beyond"),
         (lambda: ts.PlaneEdges.square([s[:, :1] for s in SIDES]), ValueError, "shape"),
+        (lambda: ts.PlaneEdges.square([*SIDES, *SIDES]), ValueError, "a frame is two squares"),
         (lambda: ts.PlaneEdges.square([s.astype(str) for s in SIDES]), TypeError, "real numbers"),
         (lambda: ts.PlaneEdges.square([s.astype(complex) for s in SIDES]), TypeError, "complex"),
         (lambda: ts.PlaneEdges.square([s > 0 for s in SIDES]), TypeError, "bool"),

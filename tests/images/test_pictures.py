@@ -149,6 +149,17 @@ def test_floats_are_linear_by_default():
     assert_within(result, SCENE, 4.5)
 
 
+@pytest.mark.parametrize("whole", [255, 65535])
+def test_floats_that_hold_integers_are_taken_as_these(whole):
+    kind = np.uint8 if whole == 255 else np.uint16
+    photo = simulate.render(SCENE, np.random.default_rng(39), dtype=kind, tone="srgb")
+    expected = ts.calibrate(photo)
+    for floats in (photo.astype(np.float32), (photo / whole).astype(np.float32)):
+        assert ts.calibrate(floats) == expected
+    figures = ts.detect(photo)[0], ts.detect((photo / whole).astype(np.float32))[0]
+    np.testing.assert_array_equal(*(figure.points[0] for figure in figures))
+
+
 @pytest.mark.parametrize(("tone", "gamma"), [("linear", 1.0), ("srgb", SRGB_GAMMA)])
 def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
     photo = simulate.render(SCENE, np.random.default_rng(39), dtype=np.uint16, tone=tone)

@@ -126,9 +126,10 @@ class Gathered:
         other = next((i for i, size in enumerate(self.sizes) if size != self.sizes[0]), None)
         if other is not None and 2 * count <= len(self.sizes):
             first = self.sizes[0]
+            turned = " (one seems to be turned)" if first == self.sizes[other][::-1] else ""
             raise ValueError(
                 f"{self._described(other)}, but {self.names[0]} is {first[0]} x {first[1]}: all "
-                "pictures of one camera must have the same size"
+                f"pictures of one camera must have the same size{turned}"
             )
         kept = [size == self.image_size for size in self.sizes]
         for index in [i for i, is_kept in enumerate(kept) if not is_kept]:

@@ -116,10 +116,10 @@ def undistort_command(
     if view not in VIEWS:
         raise unknown("view", view, VIEWS)
     if balance and view != "pinhole":
-        raise ValueError(f"--balance is for a pinhole: give --field for a {view} view")
+        raise ValueError(f"--balance is for a pinhole: of --view {view} give --field")
     if new_camera is not None:
         if view != "pinhole":
-            raise ValueError(f"--new-camera is for a pinhole: no format holds a {view} view")
+            raise ValueError(f"--new-camera is for a pinhole: no format holds --view {view}")
         camera_format(new_camera)
     known = read_camera(camera)
     lens = camera_of(known)

@@ -13,7 +13,13 @@ import numpy as np
 
 from trisquare._support.threads import Turns
 from trisquare.images.limits import PictureLimits
-from trisquare.images.pixels import Image, ImageSource, VideoFrame, picture_size
+from trisquare.images.pixels import (
+    Image,
+    ImageSource,
+    VideoFrame,
+    as_recorded,
+    picture_size,
+)
 from trisquare.images.reading import load_photograph
 
 
@@ -27,7 +33,7 @@ class Photograph:
     name : str
         What messages call it.
     pixels : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
-        Grey or BGR, rows and columns as they are stored.
+        Grey or BGR, rows and columns as they are stored; floats are light.
     remarks : mapping of str to str
         What its user should know of it, each beginning with its name, by a code.
     repeats : bool
@@ -140,6 +146,7 @@ def _load(
     key: int | None = None
     try:
         pixels, tag = load_photograph(source, limits)
+        pixels = as_recorded(pixels)
         key = 0 if is_alone else _fingerprint(pixels)
     finally:
         with earlier.turns.turn(index):

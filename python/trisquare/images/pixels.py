@@ -72,6 +72,42 @@ def picture_size(picture: Image) -> tuple[int, int]:
     return picture.shape[1], picture.shape[0]
 
 
+INTEGER_SLACK = 0.02
+"""Distance from an integer that rounding leaves a float of 32 bits; light is as far from most."""
+
+ROWS_AT_ONCE = 256
+
+
+def as_recorded(picture: Image) -> Image:
+    """Return floats that hold integers of 8 or 16 bits, or their parts of white, as integers.
+
+    Programs make floats of integers and leave their coding as it was. Other pictures are returned
+    as they are.
+    """
+    if picture.dtype != np.float32:
+        return picture
+    blocks = [picture[i : i + ROWS_AT_ONCE] for i in range(0, len(picture), ROWS_AT_ONCE)]
+    for kind in (np.uint8, np.uint16):
+        for factor in (np.iinfo(kind).max, 1):
+            integers = []
+            for block in blocks:
+                found = _integers(block, factor, kind)
+                if found is None:
+                    break
+                integers.append(found)
+            else:
+                return np.concatenate(integers)
+    return picture
+
+
+def _integers(picture: Image, factor: int, kind: type[np.unsignedinteger[Any]]) -> Image | None:
+    """Return floats times a factor as integers of a kind; None if they are none."""
+    scaled = picture * np.float32(factor)
+    whole = np.rint(scaled)
+    fits = whole.min() >= 0 and whole.max() <= np.iinfo(kind).max
+    return whole.astype(kind) if fits and np.abs(scaled - whole).max() <= INTEGER_SLACK else None
+
+
 def checked_tone(tone: Tone) -> str | float | None:
     """Return a tone curve that is one; a gamma may be written as text.
 
@@ -97,9 +133,9 @@ def checked_tone(tone: Tone) -> str | float | None:
 def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = False) -> str | float:
     """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
 
-    Files hold 8 and 16 bits in every coding; floats are what a program made of them. It is mostly
-    the planes of a free camera that tell the curve: where the camera is held, 8 bits are taken as
-    sRGB and 16 as linear.
+    Files hold 8 and 16 bits in every coding; floats are the light that a program made of them. It
+    is mostly the planes of a free camera that tell the curve: where the camera is held, 8 bits are
+    taken as sRGB and 16 as linear.
     """
     if tone is not None:
         return tone

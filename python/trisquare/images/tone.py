@@ -12,7 +12,9 @@ from trisquare._support.number_text import plus_minus, with_its_std
 CONTRADICTED = 5.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
-TOLD_BY_EDGES = "the edge profiles contradict the tone curve that was stated, which moves the edges"
+TOLD_BY_EDGES = (
+    "the edge profiles contradict the tone curve that was stated or assumed, which moves the edges"
+)
 """Said of a stated tone curve where the fit to the pixels does not tell more."""
 
 CoreTone: TypeAlias = "str | float | tuple[float, float, bool, float]"

@@ -5,7 +5,15 @@ from __future__ import annotations
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DetectionError
-from trisquare.images.pixels import ImageSource, Outlines, Tone, checked_tone, picture_size, tone_of
+from trisquare.images.pixels import (
+    ImageSource,
+    Outlines,
+    Tone,
+    as_recorded,
+    checked_tone,
+    picture_size,
+    tone_of,
+)
 from trisquare.images.reading import load_picture
 
 
@@ -81,7 +89,7 @@ def detect(
 
     kinds = TargetKinds.parse(targets)
     checked = checked_tone(tone)
-    picture = load_picture(image)
+    picture = as_recorded(load_picture(image))
     annotated = None
     if outlines is not None:
         from trisquare.detection.annotations.load import Annotations

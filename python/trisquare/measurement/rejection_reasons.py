@@ -105,7 +105,10 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
     unused = views.subset(np.array([i not in used for i in range(len(views))], bool))
     yield from zip(unused.corners, reasons_against_quads(smooth, unused), strict=True)
     for corners in _dropped(fitted, views):
-        yield corners, "no camera sees a square like this"
+        yield (
+            corners,
+            'no camera sees a square like this; a sheet of paper has to be named (targets="a4")',
+        )
     for corners in _dropped(rough, fitted):
         along = np.roll(corners, -1, axis=0) - corners
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)

@@ -207,7 +207,9 @@ def evidence_text(calibration: Calibration) -> str:
 
 
 def _odds_text(log_odds: float) -> str:
-    return f"below -{FAR_BEHIND:.0f}" if log_odds < -FAR_BEHIND else f"{log_odds:.1f}"
+    return (
+        f"below -{FAR_BEHIND:.0f}" if log_odds < -FAR_BEHIND else f"{round(log_odds, 1) + 0.0:.1f}"
+    )
 
 
 def _today() -> str:

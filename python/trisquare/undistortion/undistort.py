@@ -205,8 +205,8 @@ def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
     camera.rescaled(found)  # says what to do about another aspect ratio
     width, height = camera.image_size
     raise ValueError(
-        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: scale the "
-        "camera to it (rescale=True, --rescale)"
+        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: if it was "
+        "scaled, and not cropped, scale the camera to it (rescale=True, --rescale)"
     )
 
 

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
     cause_of_errors, contradiction, lines_not_used, numbered_sample, of_figure, or_held,
-    part_of_whole, planes_in_directions, raised, signed_two_digits, two_digits, with_its_std,
-    without_it,
+    part_of_whole, planes_in_directions, raised, signed_two_digits, times, two_digits,
+    with_its_std, without_it,
 };
 
 /// A text of the crate, or one that was read back.
@@ -155,8 +155,8 @@ pub enum Warning {
     /// The samples of a side err together, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
-         standard deviation of {parameter} was raised {factor:.1} times for it",
-        cause_of_errors(*.height)
+         standard deviation of {parameter} was raised {} for it",
+        cause_of_errors(*.height), times(*.factor)
     )]
     SidesErrTogether {
         /// The plane that shows it most.
@@ -257,7 +257,7 @@ pub enum Warning {
     },
     /// The planes do not tell the principal point, which is held at the picture's centre.
     #[error(
-        "fx is uncertain by {added:.1} px, and not by {} px as stated: the principal point is held \
+        "the standard deviation of fx, {} px, leaves out {added:.1} px: the principal point is held \
          at the picture's centre, cameras have it some {scatter:.0} px from there (1.2 % of the \
          width), and the planes cannot tell. Hold it at a known value, or show three planes tilted \
          in different directions",
@@ -367,7 +367,7 @@ pub enum Warning {
     },
     /// The pixels contradict the tone curve that was stated.
     #[error(
-        "the pixels contradict the tone curve that was stated: they show a gamma of {}, with which \
+        "the pixels contradict the tone curve that was stated or assumed: they show a gamma of {}, with which \
          {parameter} changes by {}; its standard deviation was raised by as much",
         with_its_std(*.gamma, *.std), signed_two_digits(*.change)
     )]

@@ -36,13 +36,24 @@ fn decimals_of(value: f64) -> usize {
     }
 }
 
+/// A factor; of a large one the digits say nothing.
+pub(super) fn times(factor: f64) -> String {
+    if factor < 100.0 {
+        format!("{factor:.1} times")
+    } else {
+        "over 100 times".into()
+    }
+}
+
 /// By how much a standard deviation was raised; nothing where that rounds to once.
 pub(super) fn raised(parameter: &str, factor: f64) -> String {
-    let times = format!("{factor:.1}");
-    if times == "1.0" {
+    if factor < 1.05 {
         return String::new();
     }
-    format!("; the standard deviation of {parameter} was raised {times} times for it")
+    format!(
+        "; the standard deviation of {parameter} was raised {} for it",
+        times(factor)
+    )
 }
 
 /// What speaks against lines.
