@@ -266,12 +266,25 @@ def test_a_folder_is_not_made_for_nothing(undistort, folder):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.parametrize(("field", "warned"), [(110, False), (130, True)])
+def test_a_pinhole_that_is_too_wide_is_said(undistort, folder, field, warned):
+    code, _, err = undistort(
+        "photo.png", "--camera", "camera.json", "-o", "out.png", "--field", field
+    )
+    assert code == 0
+    assert (f"the new camera sees {field} degrees" in err) is warned
+    assert ("--view cylinder" in err) is warned
+
+
 def test_what_the_calibration_warns_of_the_rim_is_said_again(undistort, folder):
-    """A straight line there comes out bent."""
+    """A straight line there comes out bent; and so does all of a doubtful camera's picture."""
     about = "the lens is known to 16 px in 42 % of the picture only"
     rim = ts.CalibrationWarning(about, "lens_extrapolated")
     other = ts.CalibrationWarning("plane 1 is odd", "plane_disagrees")
-    told = replace(CALIBRATION, warnings=(rim, other))
+    doubt = "fx is known to 900 px only"
+    doubtful = ts.CalibrationWarning(doubt, "barely_determined", severity="high")
+    told = replace(CALIBRATION, warnings=(rim, other, doubtful))
     (folder / "camera.json").write_text(told.to_json())
     code, _, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png")
-    assert (code, err) == (0, f"warning: camera.json: {about}\n")
+    said = [f"warning: camera.json: {text}\n" for text in (about, doubt)]
+    assert (code, err) == (0, "".join(said))

@@ -10,6 +10,8 @@ from itertools import compress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import making_folder, write_in_turn
@@ -28,6 +30,7 @@ from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.images.video import Video, add_sound, check_video_name, is_video
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
 from trisquare.undistortion.video import undistort_video
 
@@ -37,6 +40,9 @@ UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
 OF_THE_RIM = ("lens_extrapolated", "lens_ends_in_picture")
 """Warnings of a calibration that are about what an undistorted picture shows."""
+
+WIDE_FIELD = 120.0
+"""Degrees from one side to the other from which on a pinhole shows little but its border."""
 
 EXAMPLES = (
     "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
@@ -200,16 +206,10 @@ def undistort_command(
         undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
         write_in_turn(undistorted())
     if isinstance(known, Calibration):
-        warnings += [f"{camera}: {own}" for own in known.warnings if own.code in OF_THE_RIM]
-    unknown_part = 1.0 - known_part(lens)
+        warnings += [f"{camera}: {own}" for own in known.warnings if _is_repeated(own)]
     # Without a black pixel the view is narrow because that was asked for.
     has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in pictures)
-    if unknown_part > 0.0 and has_black:
-        warnings.append(
-            f"{100.0 * unknown_part:.2g} % of the photograph is left out: it lies beyond the "
-            "camera's valid radius, where the lens is not known; calibrate with targets nearer to "
-            "the corners, or with fewer coefficients"
-        )
+    warnings += _warnings_of_views(lens, views, has_black=has_black)
     members = {
         "format": UNDISTORTION_FORMAT,
         "view": view,
@@ -223,6 +223,38 @@ def undistort_command(
     if new_camera is not None:
         lines.append(f"wrote {new_camera}")
     answer(json, quiet, members, lines, (f"warning: {each}" for each in warnings))
+
+
+def _is_repeated(warning: CalibrationWarning) -> bool:
+    """Tell whether a calibration's warning is one of its undistorted pictures as well."""
+    return warning.code in OF_THE_RIM or warning.severity == "high"
+
+
+def _warnings_of_views(
+    lens: Camera, views: Collection[Camera | Panorama], *, has_black: bool
+) -> Iterator[str]:
+    """Say which part of the photographs is left out, and of a pinhole that it is too wide."""
+    unknown_part = 1.0 - known_part(lens)
+    if unknown_part > 0.0 and has_black:
+        yield (
+            f"{100.0 * unknown_part:.2g} % of the photograph is left out: it lies beyond the "
+            "camera's valid radius, where the lens is not known; calibrate with targets nearer to "
+            "the corners, or with fewer coefficients"
+        )
+    fields = [_width_in_degrees(view) for view in views if isinstance(view, Camera)]
+    widest = max(fields, default=0.0)
+    if widest > WIDE_FIELD:
+        yield (
+            f"the new camera sees {widest:.0f} degrees, which a pinhole stretches toward the "
+            "border: give --view cylinder, or a smaller --field"
+        )
+
+
+def _width_in_degrees(pinhole: Camera) -> float:
+    """Return the angle between the left and the right border of a pinhole's picture."""
+    width = pinhole.image_size[0]
+    ends = np.array([-0.5 - pinhole.cx, width - 0.5 - pinhole.cx]) / pinhole.fx
+    return float(np.degrees(np.ptp(np.arctan(ends))))
 
 
 def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
