@@ -331,10 +331,10 @@ def test_repr_is_for_people():
     text = repr(calibration())
     assert text.splitlines() == [
         "Calibration of a 1280 x 960 camera (radial2, ml, from the pixels stage)",
-        "  fx         900.5  std 0.3",
-        "  fy       905.125  std 0.3",
-        "  cx        640.25  std 0.4",
-        "  cy           470  std 0.5",
+        "  fx        900.50  std 0.30",
+        "  fy        905.12  std 0.30",
+        "  cx        640.25  std 0.40",
+        "  cy        470.00  std 0.50",
         "  k1          -0.2  held",
         "  k2          0.05  held",
         "  rms 0.011 px over 2 planes, noise scale 1.02",

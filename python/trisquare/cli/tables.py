@@ -12,7 +12,6 @@ from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.cli.console import line_of, new_table
 from trisquare.report.content import (
     distance_unit,
-    evidence_text,
     held_text,
     parameter_texts,
     plane_texts,
@@ -20,6 +19,7 @@ from trisquare.report.content import (
 )
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning
+from trisquare.results.model_alternative import evidence_text
 from trisquare.results.rejected import Rejected, is_reported
 
 MOST_REJECTED = 10
@@ -92,7 +92,7 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
 
 def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
-    evidence = evidence_text(calibration)
+    evidence = evidence_text(calibration.alternatives)
     chosen = f", {evidence}" if evidence else ""
     held = f", held: {held_text(calibration)}" if calibration.fixed else ""
     return line_of(

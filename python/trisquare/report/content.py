@@ -19,15 +19,8 @@ from trisquare.camera.lens_models import COEFFICIENTS, is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap, known_part
 from trisquare.images.exif import StatedFocalLength
 from trisquare.results.calibration import Calibration
+from trisquare.results.model_alternative import evidence_text
 from trisquare.results.plane import Plane
-
-WORTH_A_MENTION = 1.0
-"""Natural logarithm of odds below which evidence is "not worth more than a bare mention" (R. Kass &
-A. Raftery, *J. American Statistical Association* 90 (1995) 773-795)."""
-
-FAR_BEHIND = 100.0
-"""Natural logarithm of odds against a model, above which only that it is wrong can be read from it:
-it grows with the samples."""
 
 _INTRINSICS = {
     "fx": "focal length along x",
@@ -163,7 +156,7 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     """Return what was asked for, and what it was computed with."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
-    evidence = evidence_text(calibration)
+    evidence = evidence_text(calibration.alternatives)
     chosen = f", {evidence}" if evidence else ""
     reported_by = (
         f"trisquare {__version__}, Python {platform.python_version()}, "
@@ -193,23 +186,6 @@ def held_text(calibration: Calibration) -> str:
         "distortion": f"distortion at {', '.join(bending) or 'zero'}",
     }
     return "; ".join(texts.get(name, name) for name in calibration.fixed)
-
-
-def evidence_text(calibration: Calibration) -> str:
-    """Return how the models that were not chosen compare with it; nothing where none was."""
-    others = calibration.alternatives
-    if not others:
-        return ""
-    odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)
-    equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
-    tie = f"; {' and '.join(equals)} would do as well" if equals else ""
-    return f"by evidence (natural log odds of the other models against it: {odds}{tie})"
-
-
-def _odds_text(log_odds: float) -> str:
-    return (
-        f"below -{FAR_BEHIND:.0f}" if log_odds < -FAR_BEHIND else f"{round(log_odds, 1) + 0.0:.1f}"
-    )
 
 
 def _today() -> str:

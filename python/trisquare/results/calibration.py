@@ -22,6 +22,7 @@ from trisquare._support.arrays import (
     strings,
 )
 from trisquare._support.json_members import JsonFields, dump_members
+from trisquare._support.number_text import with_its_std
 from trisquare._support.paths import naming, read_text
 from trisquare._support.records import (
     NUMBER,
@@ -53,7 +54,7 @@ from trisquare.camera.projection_uncertainty import (
 from trisquare.camera.settings import FIXABLE, METHODS
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
-from trisquare.results.model_alternative import ModelAlternative
+from trisquare.results.model_alternative import ModelAlternative, evidence_text
 from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 from trisquare.results.residual_correlation import ResidualCorrelation
@@ -255,13 +256,16 @@ class Calibration(Record):
         ]
         for name, value in camera_parameters(self.camera).items():
             if name in self.std:
-                lines.append(f"  {name}  {value:12.6g}  std {self.std[name]:.2g}")
+                text, its_std = with_its_std(value, self.std[name])
+                lines.append(f"  {name}  {text:>12}  std {its_std}")
             elif value != 0:
                 lines.append(f"  {name}  {value:12.6g}  held")
         lines.append(
             f"  rms {self.rms:.3g} px over {sum(plane.is_used for plane in self.planes)} planes, "
-            f"noise scale {self.noise_scale:.3g}"
+            f"noise scale {self.noise_scale:.2f}"
         )
+        if self.alternatives:
+            lines.append(f"  model {self.camera.model} {evidence_text(self.alternatives)}")
         if self.lines:
             used = sum(line.is_used for line in self.lines)
             lines.append(f"  {used} of {len(self.lines)} lines of the scene used")

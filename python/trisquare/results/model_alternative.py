@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from trisquare._support.records import NUMBER, REAL, TEXT, Record, check_members, member
 from trisquare.camera.lens_models import MODELS
+
+WORTH_A_MENTION = 1.0
+"""Natural logarithm of odds below which evidence is "not worth more than a bare mention" (R. Kass &
+A. Raftery, *J. American Statistical Association* 90 (1995) 773-795)."""
+
+FAR_BEHIND = 100.0
+"""Natural logarithm of odds against a model, above which only that it is wrong can be read from it:
+it grows with the samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,3 +48,19 @@ class ModelAlternative(Record):
         check_members(self)
         if self.log_evidence > 0:
             raise ValueError(f"log_evidence must not be positive, but is {self.log_evidence}")
+
+
+def evidence_text(others: Sequence[ModelAlternative]) -> str:
+    """Return how the models that were not chosen compare with the chosen one, if there are any."""
+    if not others:
+        return ""
+    odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)
+    equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
+    tie = f"; {' and '.join(equals)} would do as well" if equals else ""
+    return f"by evidence (natural log odds of the other models against it: {odds}{tie})"
+
+
+def _odds_text(log_odds: float) -> str:
+    if log_odds < -FAR_BEHIND:
+        return f"below -{FAR_BEHIND:.0f}"
+    return f"{round(log_odds, 1) + 0.0:.1f}"  # no "-0.0"
