@@ -82,7 +82,9 @@ async def refused(request: Request, error: RefusedError) -> JSONResponse:
 async def unknown(request: Request, error: HTTPException) -> JSONResponse:
     """Answer likewise where there is no such address or method."""
     code = {404: "NotFoundError", 405: "MethodError"}.get(error.status_code, "InternalError")
-    return await refused(request, RefusedError(code, str(error.detail)))
+    answer = await refused(request, RefusedError(code, str(error.detail)))
+    answer.headers.update(error.headers or {})  # as the methods that an address has
+    return answer
 
 
 @app.exception_handler(Exception)

@@ -12,6 +12,7 @@ from batches import make_pictures, quick, record_of
 
 import trisquare as ts
 from trisquare.batch.fleet import Fleet
+from trisquare.batch.jobs import faulty_job
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.run import Submission, finished
 from trisquare.batch.store import Store
@@ -101,15 +102,26 @@ def test_what_has_changed_is_done_again(tmp_path):
     assert len({own["key"] for own in lines(results)}) == len(lines(results)) - 1
 
 
-def test_failures_are_done_again_if_that_is_asked_for_or_limits_differ(tmp_path):
+@pytest.mark.parametrize("limit", ["PIXELS", "BYTES", "SCANS", "FRAMES", "SECONDS", "MEMORY"])
+def test_a_limit_of_the_environment_that_is_none_is_told_before_any_job(limit, monkeypatch):
+    """Told of each picture, it would be a failure that stays."""
+    monkeypatch.setenv(f"TRISQUARE_MAX_{limit}", "abc")
+    with pytest.raises(ValueError, match=f"TRISQUARE_MAX_{limit} must be a positive number"):
+        JobLimits.stated()
+
+
+def test_failures_are_done_again_if_that_is_asked_for_or_limits_differ(tmp_path, monkeypatch):
     slow, blind = job("slow"), job("blind")
     with Store(tmp_path, LIMITS) as store:
         assert add(store, slow, failed(slow, "TimeLimitError"))
         assert add(store, blind, failed(blind))
     more = JobLimits.stated(max_seconds=1e4)
+    monkeypatch.setenv("TRISQUARE_MAX_SCANS", "7")
+    other_scans = JobLimits.stated()
     for limits, retry, redone in (
         (LIMITS, False, [False, False]),
         (more, False, [True, False]),
+        (other_scans, False, [True, False]),
         (LIMITS, True, [True, True]),
     ):
         with Store(tmp_path, limits, retry=retry) as store:
@@ -118,6 +130,20 @@ def test_failures_are_done_again_if_that_is_asked_for_or_limits_differ(tmp_path)
                 store.is_done(own, key) for own, key in zip((slow, blind), keys, strict=True)
             ]
             assert is_done == [not again for again in redone]
+
+
+def test_what_was_no_job_is_forgotten_when_it_is_given_no_more(tmp_path):
+    """A manifest's line was mended."""
+    wrong, retired, kept = faulty_job("m.jsonl:8", "not JSON"), job("retired"), job("kept")
+    with Store(tmp_path, LIMITS) as store:
+        for own in (wrong, retired, kept):
+            add(store, own, failed(own))
+        store.finish()
+        assert len(store) == 3
+    with Store(tmp_path, LIMITS) as store:
+        assert store.is_done(kept, kept.key)
+        store.finish()
+        assert [own["name"] for own in store.records()] == ["kept", "retired"]
 
 
 def test_a_camera_that_fails_now_leaves_no_old_file(tmp_path):

@@ -531,6 +531,8 @@ def test_names_of_files_are_names_alone(client):
         assert answer.status_code in (400, 415)
         assert "etc" not in answer.text
         assert ".." not in answer.text
+    answer = client.post("/api/find", files=[("picture", ("50%.png", HOSTILE["no picture"]))])
+    assert "50%.png" in answer.json()["error"]["text"]
 
 
 def test_missing_and_doubled_files_are_told(client, result):
@@ -758,7 +760,8 @@ def test_the_schema_names_the_routes_that_there_are(client):
     assert set(schema["paths"]) == {*routes, "/api/status"}
     assert set(posted(client)) == routes
     for path in routes:
-        assert client.get(path).status_code == 405
+        answer = client.get(path)
+        assert (answer.status_code, answer.headers["Allow"]) == (405, "POST")
 
 
 def test_the_status_is_as_the_schema_says(client):

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trisquare.images.limits import MAX_BYTES, MAX_PIXELS, PictureLimits, stated_count, stated_limit
+from trisquare.images.limits import (
+    MAX_BYTES,
+    MAX_FRAMES,
+    MAX_PIXELS,
+    MAX_SCANS,
+    PictureLimits,
+    stated_count,
+    stated_limit,
+)
 
 MAX_SECONDS = 300.0
 """Of a job: a hundred photographs of 24 megapixels take half of it on a slow machine."""
@@ -27,12 +35,18 @@ class JobLimits:
         Of a job.
     max_memory : float
         Bytes of a job, beside the program itself; on Linux alone.
+    max_scans : int
+        Of a progressive JPEG.
+    max_frames : int
+        Of a video that frames are chosen from.
     """
 
     max_pixels: int
     max_bytes: int
     max_seconds: float
     max_memory: float
+    max_scans: int = MAX_SCANS
+    max_frames: int = MAX_FRAMES
 
     @classmethod
     def stated(
@@ -46,6 +60,8 @@ class JobLimits:
     ) -> JobLimits:
         """Return the limits given, where None those of the environment, or else the defaults.
 
+        Scans and frames are limited by the environment alone.
+
         Raises
         ------
         TypeError, ValueError
@@ -57,12 +73,14 @@ class JobLimits:
             stated_count("max_bytes", max_bytes, usual.max_bytes),
             stated_limit("max_seconds", max_seconds, usual.max_seconds),
             stated_limit("max_memory", max_memory, usual.max_memory),
+            stated_count("max_scans", None, usual.max_scans),
+            stated_count("max_frames", None, usual.max_frames),
         )
 
     @property
     def of_pictures(self) -> PictureLimits:
-        """Those of each picture; of a progressive JPEG's scans that of the environment."""
-        return PictureLimits.stated(self.max_pixels, self.max_bytes)
+        """Those of each picture or video."""
+        return PictureLimits(self.max_pixels, self.max_bytes, self.max_scans, self.max_frames)
 
 
 DEFAULTS = JobLimits(MAX_PIXELS, MAX_BYTES, MAX_SECONDS, MAX_MEMORY)

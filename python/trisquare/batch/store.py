@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -118,14 +118,16 @@ class Store:
         return record
 
     def finish(self) -> None:
-        """Put the records into the jobs' order, those of earlier runs' jobs after them."""
+        """Put the records into the jobs' order, those of earlier runs' cameras after them."""
+        given = set(self._order)
         order = list(dict.fromkeys([*self._order, *self._places, *self._unread]))
         places = {**self._unread, **self._places}
         path = self.folder / RECORDS
         with replacing(path) as file:
             for identity in order:
                 place = places.get(identity)
-                if place is not None:
+                is_given = identity in given or identity in self._unread
+                if place is not None and (is_given or _is_of_camera(self._record_at(place))):
                     file.write(self._line_at(place))
             self._close()  # which some systems ask of a file that is replaced
         self._places.clear()
@@ -195,6 +197,11 @@ class Store:
     def _record_at(self, place: int) -> dict[str, Any]:
         record: dict[str, Any] = json.loads(self._line_at(place))
         return record
+
+
+def _is_of_camera(record: Mapping[str, Any]) -> bool:
+    """Tell whether a record is of a job, not of a wrong line or an empty folder."""
+    return bool(record["photographs"])
 
 
 def vars_of(limits: JobLimits) -> dict[str, float]:

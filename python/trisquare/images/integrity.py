@@ -75,5 +75,8 @@ def _jpeg_fault(encoded: bytes, max_scans: int) -> str | None:
             return None
         scans += marker == START_OF_SCAN
         if scans > max_scans:
-            return f"the JPEG has more than the {max_scans} scans that max_scans allows"
+            return (
+                f"the JPEG has more than the {max_scans} scans that max_scans allows "
+                "(TRISQUARE_MAX_SCANS)"
+            )
     return "the JPEG is truncated: its end marker is missing"

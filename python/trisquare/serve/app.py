@@ -172,7 +172,9 @@ async def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     codes = {404: "NotFoundError", 405: "MethodError", 413: "TooLargeError"}
     code = codes.get(error.status_code, "ValueError")
-    return problem(code, error.detail, error.status_code)
+    answer = problem(code, error.detail, error.status_code)
+    answer.headers.update(error.headers or {})  # as the methods that an address has
+    return answer
 
 
 async def _failed(request: Request, error: Exception) -> Response:

@@ -88,14 +88,19 @@ def _options(text: str | bytes) -> dict[str, Any]:
     return options
 
 
+def _file_name(text: str) -> str:
+    """Return a name that a file may have, and answers call it by: what none may hold is escaped."""
+    return safe_file_name(text).replace("%25", "%")
+
+
 async def _kept(upload: UploadFile, folder: Path, taken: Any, prefix: str = "") -> str:
     """Write a file into the folder and return its name."""
     given = os.path.basename((upload.filename or "picture").replace("\\", "/")).strip()
-    name = safe_file_name(f"{prefix}-{given or 'file'}" if prefix else given or "picture")
+    name = _file_name(f"{prefix}-{given or 'file'}" if prefix else given or "picture")
     count = 1
     while name in taken:
         count += 1
-        name = safe_file_name(f"{count}-{given}")
+        name = _file_name(f"{count}-{given}")
     with open(folder / name, "xb") as file:
         while chunk := await upload.read(CHUNK):
             file.write(chunk)
