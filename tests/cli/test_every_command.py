@@ -305,7 +305,9 @@ def test_the_name_that_was_meant_is_suggested(run, folder, arguments, meant):
     [
         (("calibrate", "photo.png", "--square-size", "5mm"), "Did you mean --side?"),
         (("measure", *TAKEN, "--square-size", "5mm"), "Did you mean --side?"),
-        (("measure", *TAKEN, "15.5,", "20"), "with no space after the comma, not '15.5,'"),
+        (("measure", *TAKEN, "15.5,", "20"), "as 150,120 with no space, not '15.5,'"),
+        (("-o", "a.json", "calibrate", "photo.png"), "options of a command come after its name"),
+        (("photo.png",), "it is 'trisquare calibrate photo.png'"),
         (("undistort", "photo.png", "camera.json", "-o", "out.png"), "named by --camera FILE"),
     ],
 )
@@ -314,6 +316,13 @@ def test_a_habit_from_elsewhere_is_answered_with_advice(run, folder, arguments, 
     outcome = run(*arguments)
     assert_refused(outcome, 2, folder, before)
     assert advice in outcome[2]
+
+
+def test_a_word_that_is_no_photograph_may_be_part_of_an_option(run, folder):
+    before = held(folder)
+    outcome = run("calibrate", "--side", "84", "mm", "photo.png")
+    assert_refused(outcome, 5, folder, before)
+    assert "a value holds no space (--side 84mm)" in outcome[2]
 
 
 def test_an_option_that_a_command_does_not_have_is_not_suggested(run):

@@ -158,7 +158,9 @@ def _usage_message(error: Any) -> str:
         meant: str | None = elsewhere
     else:
         meant = nearest_name(option, getattr(error, "possibilities", None) or ())
-    if meant is not None:
+    if option and context is not None and context.parent is None:
+        message = f"No such option: {option}; options of a command come after its name"
+    elif meant is not None:
         message = f"No such option: {option}. Did you mean {meant}?"
     elif NEGATIVE_NUMBER.match(option):
         message = f"{message}; put -- before arguments that begin with a minus"

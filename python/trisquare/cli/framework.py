@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -130,6 +131,8 @@ class CommandGroup(HelpEndingWithExamples, TyperGroup):
         meant = None if name in SUMMARIES or name.startswith("-") else nearest_name(name, SUMMARIES)
         if name in ELSEWHERE and not ctx.resilient_parsing:
             ctx.fail(f"No such command {name!r}: it is 'trisquare {ELSEWHERE[name]}'.")
+        if os.path.exists(name) and name not in SUMMARIES and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {name!r}: it is 'trisquare calibrate {name}', or another.")
         if meant is not None and not ctx.resilient_parsing:
             ctx.fail(f"No such command {name!r}. Did you mean {meant!r}?")
         if name in SUMMARIES and not isinstance(self.commands[name], HelpfulCommand):

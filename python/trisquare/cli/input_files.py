@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from glob import has_magic
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from trisquare.calibration.known_camera import known_camera
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.framework import reading
+from trisquare.errors import MissingImageError
 from trisquare.formats import load_camera
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
@@ -38,8 +40,17 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
     Raises
     ------
     ImageError
-        If a folder holds none, or no file matches a pattern.
+        If a folder holds none, or no file matches a pattern; `MissingImageError` of a word that is
+        no file, and may be part of an option.
     """
+    paths = list(paths)
+    for path in paths:
+        if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
+            raise MissingImageError(
+                f"{path}: No such file or directory. If it is meant for an option: several values "
+                "are joined by commas (--fix aspect,principal_point), and a value holds no space "
+                "(--side 84mm)"
+            )
     return [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
 
 

@@ -220,7 +220,7 @@ def _pixels(points: Sequence[str]) -> FloatArray:
             x, y = (float(part) for part in text.split(","))
         except ValueError as error:
             raise ValueError(
-                f"a point is written X,Y, with no space after the comma, not {text!r}"
+                f"a point is written X,Y, as 150,120 with no space, not {text!r}"
             ) from error
         pixels.append((x, y))
     return np.array(pixels).reshape(-1, 2)

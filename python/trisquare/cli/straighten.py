@@ -10,6 +10,7 @@ from trisquare._support.number_text import with_its_std
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import PathLike, write_atomically
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer
 from trisquare.cli.options import BALANCE, JSON, QUIET, argument, option
@@ -154,5 +155,6 @@ def _lines(
     if not models:
         yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
-        model = f", a camera of the model {models[path]}" if path in models else ""
-        yield f"wrote {path}{model}"
+        model = models.get(path)
+        use = " (of OpenCV: cv2.fisheye)" if model is not None and is_fisheye(model) else ""
+        yield f"wrote {path}" + (f", a camera of the model {model}{use}" if model else "")

@@ -275,8 +275,9 @@ class UnscaledCamera(RebuiltByConstructor):
         Returns
         -------
         Camera
-            "radial2" for a polynomial, or "radial3", which are exact. For the division model the
-            nearest of "radial3" and "fisheye" over the picture.
+            "radial2" for a polynomial, or "radial3", which are exact. For the division model
+            "radial3", or "fisheye" (of ``cv2.fisheye``) where that is more than half a pixel off
+            anywhere in the picture.
 
         Raises
         ------
@@ -311,7 +312,8 @@ class UnscaledCamera(RebuiltByConstructor):
             _fitted(model, radii, seen) for model, radii in _radii_of_models(ideal).items()
         ]
         errors = [np.abs(off) * focal for _, _, off in candidates]
-        best = int(np.argmin([error.max() for error in errors]))
+        close = [i for i, error in enumerate(errors) if error.max() <= MOST_MODEL_ERROR]
+        best = close[0] if close else int(np.argmin([error.max() for error in errors]))
         model, k, _ = candidates[best]
         distortion = k if model == "fisheye" else np.array([k[0], k[1], 0, 0, k[2]])
         nearest = Camera(K, distortion, self.image_size, model)
@@ -335,7 +337,7 @@ class UnscaledCamera(RebuiltByConstructor):
 
 def _radii_of_models(ideal: FloatArray) -> dict[str, FloatArray]:
     """Return the radius of which each model's distortion is a polynomial."""
-    return {"radial3": ideal, "fisheye": np.arctan(ideal)}
+    return {"radial3": ideal, "fisheye": np.arctan(ideal)}  # the first that will do is taken
 
 
 def _fitted(model: str, radii: FloatArray, seen: FloatArray) -> tuple[str, FloatArray, FloatArray]:
