@@ -504,6 +504,10 @@ def test_a_measurement_shows_as_many_digits_as_are_known(scene, result):
     length, std = re.search(r"lengths ([\d.]+) \+- ([\d.]+)>", repr(found)).groups()
     assert len(length.partition(".")[2]) == len(std.partition(".")[2])
     assert float(length) == pytest.approx(found.lengths[0], abs=float(std))
+    for side, unit in (("50mm", "m"), (None, "sides")):
+        other = ts.measure(result.planes[0], seen(scene, TRIANGLE[:2]), result, side=side)
+        assert other.unit == unit
+        assert repr(other).endswith(f" {unit}>")
     for wrong in (0, None):
         with pytest.raises(TypeError, match=r"such as result.planes\[0\], not"):
             ts.measure(wrong, TRIANGLE, result)

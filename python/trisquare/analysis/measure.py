@@ -72,6 +72,8 @@ class Measurement(RebuiltByConstructor):
         How far the farthest point is from the middle of the plane's figure, over the distance of
         its corners; None where these are not known. Far beyond 1, lengths hold only if the plane
         is flat up to there and the point is on it.
+    unit : str
+        Of lengths: ``"m"``, ``"sides"``, or nothing where the side is a number of any unit.
 
     Examples
     --------
@@ -89,6 +91,7 @@ class Measurement(RebuiltByConstructor):
     points: FloatArray
     covariance: FloatArray
     extrapolation: float | None = None
+    unit: str = ""
 
     def __post_init__(self) -> None:
         if self.extrapolation is not None:
@@ -144,7 +147,7 @@ class Measurement(RebuiltByConstructor):
 
     def __repr__(self) -> str:
         said = [
-            plus_minus(length, std)
+            f"{plus_minus(length, std)} {self.unit}".rstrip()
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
         return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
@@ -237,7 +240,15 @@ def measure(
     except ValueError as error:
         _name_unmet_point(pixels, plane, lens, error)
         raise
-    return Measurement(length * found, length**2 * covariance, _extrapolation(found, plane, lens))
+    reach = _extrapolation(found, plane, lens)
+    return Measurement(length * found, length**2 * covariance, reach, _unit(side, plane))
+
+
+def _unit(side: str | float | None, plane: Plane) -> str:
+    """Return the unit of lengths on a plane, as a `Measurement` has it."""
+    if side is None:
+        return "sides" if plane.side is None else "m"
+    return "m" if isinstance(side, str) else ""
 
 
 def check_inside(points: FloatArray, image_size: tuple[int, int]) -> None:
