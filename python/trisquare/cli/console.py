@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json as json_text
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from rich import box
@@ -15,6 +16,8 @@ from rich.text import Text
 
 from trisquare._support.terminal_text import printable
 from trisquare.cli.options import as_options
+
+BLANK_END = re.compile(" +$", re.MULTILINE)
 
 
 def answer(
@@ -35,13 +38,22 @@ def answer(
         print(members)
     elif not quiet:
         console = Console()
-        for part in parts:
-            line = line_of(as_options(part)) if isinstance(part, str) else part
-            console.print(line, soft_wrap=True)
+        with nullcontext() if console.is_terminal else _without_blank_ends(console):
+            for part in parts:
+                line = line_of(as_options(part)) if isinstance(part, str) else part
+                console.print(line, soft_wrap=True)
         console.file.flush()
         errors = Console(stderr=True)
         for warning in warnings:
             errors.print(line_of(as_options(warning), "yellow"), soft_wrap=True)
+
+
+@contextmanager
+def _without_blank_ends(console: Console) -> Iterator[None]:
+    """Leave out what fills tables up to their width, which a file or a pipe has no use for."""
+    with console.capture() as printed:
+        yield
+    console.file.write(BLANK_END.sub("", printed.get()))
 
 
 def line_of(text: str, style: str = "") -> Text:
