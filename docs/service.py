@@ -7,6 +7,7 @@ curl --data-binary @photo.jpg 'http://localhost:8000/calibrations?model=auto'
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import tempfile
 from collections.abc import AsyncIterator
@@ -57,6 +58,8 @@ async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.turns = asyncio.Semaphore(PROCESSES)
         yield
 
+
+logging.basicConfig(level="INFO", format="%(asctime)s %(levelname)s %(name)s: %(message)s")
 
 app = FastAPI(lifespan=lifespan)
 
@@ -126,9 +129,10 @@ async def calibrations(
             result = await asyncio.to_thread(_calibrated, state.pool, photo, options)
     finally:
         state.accepted -= 1
+    job = result.record["name"]  # by which the log calls it
     if result.json is None:
-        raise RefusedError(**result.record["error"])  # with what was found and rejected
-    return Response(result.json, media_type="application/json")
+        raise RefusedError(**result.record["error"], job=job)  # with what was found and rejected
+    return Response(result.json, media_type="application/json", headers={"X-Job": job})
 
 
 async def _body(request: Request) -> bytes:
