@@ -199,7 +199,9 @@ def jpeg_of_many_scans(count):
 def test_a_jpeg_of_many_scans_is_refused(run, tmp_path, monkeypatch):
     path = tmp_path / "scans.jpg"
     path.write_bytes(jpeg_of_many_scans(3000))
-    said = f"{path}: the JPEG has more than the 100 scans that max_scans allows"
+    said = (
+        f"{path}: the JPEG has more than the 100 scans that max_scans allows (TRISQUARE_MAX_SCANS)"
+    )
     assert run("calibrate", path) == (5, "", f"trisquare: error: {said}\n")
     path.write_bytes(jpeg_of_many_scans(100))
     assert read_image(path).shape == PICTURE.shape
