@@ -121,6 +121,9 @@ impl<L: Lens> Scene<L> {
     }
 
     /// Samples of every side, `spacing` pixels apart, with isotropic noise of `noise` pixels.
+    ///
+    /// # Panics
+    /// If the spacing is not positive.
     pub fn edges(&self, seed: u64, noise: f64, spacing: f64) -> Vec<PlaneEdges> {
         let ends: Vec<_> = (0..4).map(|i| (corner(i), corner(i + 1))).collect();
         let squares = self.measured(&ends, seed, noise, spacing).into_iter();
@@ -134,6 +137,9 @@ impl<L: Lens> Scene<L> {
     ///
     /// # Errors
     /// As [`PlaneEdges::families`].
+    ///
+    /// # Panics
+    /// As [`Scene::edges`].
     pub fn facades(
         &self,
         places: [&[f64]; 2],
@@ -234,6 +240,7 @@ fn points_between<L: Lens>(
     (a, b): (Vector2<f64>, Vector2<f64>),
     spacing: f64,
 ) -> Vec<Vector2<f64>> {
+    assert!(spacing > 0.0, "spacing must be positive, not {spacing}");
     let see = |t: f64| camera.project(&pose.transform(&a.lerp(&b, t)));
     let (Some(start), Some(end)) = (see(0.0), see(1.0)) else {
         return Vec::new();
