@@ -15,7 +15,7 @@ use crate::observations::{
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
-use crate::solver::{JointProblem, NestedOptima, Solution, Work, reject_outliers};
+use crate::solver::{JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers};
 use crate::uncertainty::{
     LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, extrapolated_lens,
     poorly_known, unchecked_targets, unlikely_camera,
@@ -169,6 +169,18 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     run(edges, size, options, None, Purpose::Comparison(shared))
 }
 
+/// As [`calibrate`], of planes and sides of which none has to be rejected.
+///
+/// # Errors
+/// As [`calibrate`], and if one has to be.
+pub(crate) fn calibrate_agreeing<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Result<Calibration<L>, Error> {
+    run(edges, size, options, None, Purpose::Agreement)
+}
+
 /// What models that are compared share, and tell beside their calibration.
 pub(crate) struct Comparison<L: Lens> {
     work: Option<Rc<Work>>,
@@ -208,6 +220,8 @@ enum Purpose<'a, L: Lens> {
     Answer(NestedOptima<L>),
     /// With other models, all of which share their work.
     Comparison(&'a mut Comparison<L>),
+    /// To see whether all planes agree with a lens: none is rejected.
+    Agreement,
 }
 
 fn run<L: Lens>(
@@ -228,8 +242,10 @@ fn run<L: Lens>(
     check_drift_count(&planes)?;
     check_relations::<L>(&planes)?;
     let own = || Rc::new(Work::for_planes(&planes));
+    let rejecting = !matches!(purpose, Purpose::Agreement);
     let (work, mut comparison, mut nested) = match purpose {
         Purpose::Answer(nested) => (own(), None, nested),
+        Purpose::Agreement => (own(), None, NestedOptima::default()),
         Purpose::Comparison(shared) => {
             let work = Rc::clone(shared.work.get_or_insert_with(own));
             let nested = std::mem::take(&mut shared.nested);
@@ -254,7 +270,8 @@ fn run<L: Lens>(
             Stage::Edges,
             match richer {
                 Some((planes, view)) => problem.solve_below(planes, view).map(|s| (s, Vec::new())),
-                None => reject_outliers(&problem, &planes),
+                None if rejecting => reject_outliers(&problem, &planes),
+                None => agreed_by_all(&problem, &planes),
             },
         ),
     };

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::calibrate::{calibrate, calibrate_photographs};
+use crate::calibrate::{calibrate, calibrate_agreeing, calibrate_photographs};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{
@@ -320,7 +320,7 @@ fn of_lens<A: Lens, B: Lens>(
         model,
         ..of_family::<A, B>(options)
     };
-    let found = calibrate(edges, size, &options).ok()?;
+    let found = calibrate_agreeing(edges, size, &options).ok()?;
     let mut codes = found.warnings.iter().map(Warning::code);
     (codes.all(|code| code == OF_PLACES) && has_other_coefficients(&found, asked))
         .then(|| (model.name(), found.camera.focal().x))

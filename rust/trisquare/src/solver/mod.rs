@@ -15,7 +15,7 @@ mod work;
 
 pub(crate) use many::step_of_some;
 pub(crate) use nested_models::NestedOptima;
-pub(crate) use outliers::reject_outliers;
+pub(crate) use outliers::{agreed_by_all, reject_outliers};
 pub(crate) use problem::JointProblem;
 pub(crate) use solve::Solution;
 pub(crate) use work::Work;

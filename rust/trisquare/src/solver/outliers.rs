@@ -3,6 +3,7 @@
 
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
+use crate::error::Error;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Moments, Noise, SideMoments};
 use crate::observations::{Figure, ObservedPlane, Side, relations_of};
@@ -103,6 +104,28 @@ pub(crate) fn reject_outliers<L: Lens>(
     }
     let warnings = warnings(&solution);
     Ok((solution, warnings))
+}
+
+/// The best camera for all sides and planes, if they agree: the answer of [`reject_outliers`] where
+/// that rejects none of them, without the search.
+///
+/// # Errors
+/// If no camera is found, or they disagree.
+pub(crate) fn agreed_by_all<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    planes: &[ObservedPlane],
+) -> Result<(Solution<L>, Vec<Warning>), Failure<L>> {
+    let solution = problem.solve(planes)?;
+    if solution.misfit(problem).mean() < DOUBTED {
+        let warnings = warnings(&solution);
+        return Ok((solution, warnings));
+    }
+    let disagreement = Error::NotConverged {
+        stage: "the camera of all planes",
+        iterations: 0,
+        rms: f64::NAN,
+    };
+    Err(disagreement.into())
 }
 
 /// How many of so many planes are left out in turn.
