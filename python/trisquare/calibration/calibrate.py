@@ -337,10 +337,13 @@ def calibrate_edges(
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     length = length_in("m", side, "side")
+    wanted = "edges must be a list of PlaneEdges, such as PlaneEdges.square(sides)"
+    if isinstance(edges, PlaneEdges):
+        raise TypeError(f"{wanted}, not one of them")
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
-            raise TypeError(f"edges must be PlaneEdges, not {type(figure).__name__}")
+            raise TypeError(f"{wanted}, not of {type(figure).__name__}")
     # Any whole number may name a plane; the core counts from zero.
     names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
     number = {name: count for count, name in enumerate(names)}
