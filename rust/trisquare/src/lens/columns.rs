@@ -6,6 +6,9 @@ use super::MAX_LENS_COLUMNS;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Columns(u32);
 
+/// Columns that a set has room for.
+const SIZE: usize = u32::BITS as usize;
+
 impl Columns {
     /// No column.
     pub const NONE: Self = Self(0);
@@ -14,15 +17,21 @@ impl Columns {
     pub const ALL: Self = Self(u32::MAX);
 
     /// The columns listed.
+    ///
+    /// # Panics
+    /// If one is 32 or more: no lens has as many.
     pub fn of(columns: impl IntoIterator<Item = usize>) -> Self {
-        let columns = columns.into_iter();
-        Self(columns.fold(0, |set, column| set | 1 << column))
+        let with = |set: u32, column: usize| {
+            assert!(column < SIZE, "no lens has a column {column}");
+            set | 1 << column
+        };
+        Self(columns.into_iter().fold(0, with))
     }
 
     /// Whether a column is in the set.
     #[inline]
     pub fn contains(self, column: usize) -> bool {
-        self.0 & (1 << column) != 0
+        column < SIZE && self.0 & (1 << column) != 0
     }
 
     /// The columns of this set that are not in another.
@@ -48,5 +57,6 @@ mod tests {
         assert_eq!(set.without(Columns::of([4, 17])), Columns::of([5, 9]));
         assert_eq!(set.without(Columns::ALL), Columns::NONE);
         assert_eq!(Columns::ALL.iter().count(), MAX_LENS_COLUMNS);
+        assert!(!Columns::ALL.contains(40));
     }
 }
