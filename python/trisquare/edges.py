@@ -260,6 +260,11 @@ class PlaneEdges(Frozen):
         sides = list(sides)
         if len(sides) < 4:
             raise NotEnoughDataError(f"a {kind} needs its 4 sides, not {len(sides)}")
+        if len(sides) == 8:
+            raise ValueError(
+                f"a {kind} has 4 sides, not 8: a frame is two squares on one plane, "
+                "square(sides[:4], plane=0) and square(sides[4:], plane=0)"
+            )
         points = _samples_of_lines(sides, 4)
         return cls(
             rectangle_lines(points, aspect),
@@ -585,13 +590,7 @@ def _sequence(values: Any, name: str, count: int) -> list[Any]:
     except TypeError as error:
         raise TypeError(f"{name} must be a sequence with one array per line") from error
     if len(arrays) != count:
-        frame = ""
-        if (len(arrays), count) == (8, 4):
-            frame = (
-                f": a frame is two squares of one plane, square({name}[:4], plane=0) and "
-                f"square({name}[4:], plane=0)"
-            )
-        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}{frame}")
+        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}")
     return arrays
 
 

@@ -58,6 +58,7 @@ def test_a_photograph_becomes_a_calibration(client, alone):
     answer = client.post("/calibrations", content=DEMO)
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "application/json"
+    assert answer.headers["x-job"].startswith("tmp")
     assert answer.text == alone.to_json()
 
 

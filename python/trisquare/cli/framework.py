@@ -128,16 +128,22 @@ class CommandGroup(HelpEndingWithExamples, TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Put the command itself in the place of its summary."""
         name = args[0]
-        meant = None if name in SUMMARIES or name.startswith("-") else nearest_name(name, SUMMARIES)
-        if name in ELSEWHERE and not ctx.resilient_parsing:
-            ctx.fail(f"No such command {name!r}: it is 'trisquare {ELSEWHERE[name]}'.")
-        if os.path.exists(name) and name not in SUMMARIES and not ctx.resilient_parsing:
-            ctx.fail(f"No such command {name!r}: it is 'trisquare calibrate {name}', or another.")
-        if meant is not None and not ctx.resilient_parsing:
-            ctx.fail(f"No such command {name!r}. Did you mean {meant!r}?")
-        if name in SUMMARIES and not isinstance(self.commands[name], HelpfulCommand):
-            self.commands[name] = load_command(name)
+        if name in SUMMARIES:
+            if not isinstance(self.commands[name], HelpfulCommand):
+                self.commands[name] = load_command(name)
+        elif not ctx.resilient_parsing and (advice := _advice_for(name)):
+            ctx.fail(f"No such command {name!r}{advice}")
         return super().resolve_command(ctx, args)
+
+
+def _advice_for(word: str) -> str:
+    """Return how to go on after a word that is no command; nothing where nothing is known."""
+    if word in ELSEWHERE:
+        return f": it is 'trisquare {ELSEWHERE[word]}'."
+    if os.path.exists(word):
+        return f": it is 'trisquare calibrate {word}', or another."
+    meant = None if word.startswith("-") else nearest_name(word, SUMMARIES)
+    return "" if meant is None else f". Did you mean {meant!r}?"
 
 
 def load_command(name: str) -> HelpfulCommand:

@@ -156,5 +156,6 @@ def _lines(
         yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
         model = models.get(path)
-        use = " (of OpenCV: cv2.fisheye)" if model is not None and is_fisheye(model) else ""
-        yield f"wrote {path}" + (f", a camera of the model {model}{use}" if model else "")
+        kind = f", a camera of the model {model}" if model else ""
+        use = " (of OpenCV: cv2.fisheye)" if model and is_fisheye(model) else ""
+        yield f"wrote {path}{kind}{use}"

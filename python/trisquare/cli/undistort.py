@@ -10,11 +10,10 @@ from itertools import compress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from trisquare._support.paths import naming
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import making_folder, write_in_turn
+from trisquare.camera.angles_of_view import angles_of_view
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.camera.members import camera_members
@@ -241,20 +240,13 @@ def _warnings_of_views(
             "camera's valid radius, where the lens is not known; calibrate with targets nearer to "
             "the corners, or with fewer coefficients"
         )
-    fields = [_width_in_degrees(view) for view in views if isinstance(view, Camera)]
-    widest = max(fields, default=0.0)
+    seen = [angles_of_view(view) for view in views if isinstance(view, Camera)]
+    widest = max((angles[0] for angles in seen if angles is not None), default=0.0)
     if widest > WIDE_FIELD:
         yield (
             f"the new camera sees {widest:.0f} degrees, which a pinhole stretches toward the "
             "border: give --view cylinder, or a smaller --field"
         )
-
-
-def _width_in_degrees(pinhole: Camera) -> float:
-    """Return the angle between the left and the right border of a pinhole's picture."""
-    width = pinhole.image_size[0]
-    ends = np.array([-0.5 - pinhole.cx, width - 0.5 - pinhole.cx]) / pinhole.fx
-    return float(np.degrees(np.ptp(np.arctan(ends))))
 
 
 def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:

@@ -13,13 +13,7 @@ import numpy as np
 
 from trisquare._support.threads import Turns
 from trisquare.images.limits import PictureLimits
-from trisquare.images.pixels import (
-    Image,
-    ImageSource,
-    VideoFrame,
-    as_recorded,
-    picture_size,
-)
+from trisquare.images.pixels import Image, ImageSource, VideoFrame, as_recorded, picture_size
 from trisquare.images.reading import load_photograph
 
 

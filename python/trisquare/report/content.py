@@ -14,6 +14,7 @@ from trisquare._core import __version__
 from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
+from trisquare.camera.angles_of_view import angles_of_view
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import COEFFICIENTS, is_fisheye
 from trisquare.camera.projection_uncertainty import ProjectionMap, known_part
@@ -115,7 +116,7 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
     """Say in sentences what came out."""
     camera = calibration.camera
     width, height = camera.image_size
-    angles = _field_of_view(camera)
+    angles = angles_of_view(camera)
     view = "" if angles is None else f", which see {angles[0]:.1f} by {angles[1]:.1f} degrees"
     used = [plane for plane in calibration.planes if plane.is_used]
     pictures = len({plane.image for plane in used})
@@ -203,19 +204,6 @@ def _tone(calibration: Calibration) -> str:
         return tone
     std = calibration.tone_std
     return f"gamma {tone:.3f}" + ("" if std is None else f", estimated, std {std:.3f}")
-
-
-def _field_of_view(camera: Camera) -> tuple[float, float] | None:
-    """Return the angles across and down through the middle; None where the lens does not reach."""
-    width, height = camera.image_size
-    x, y = (width - 1) / 2.0, (height - 1) / 2.0
-    ends = [[-0.5, y], [width - 0.5, y], [x, -0.5], [x, height - 0.5]]
-    try:
-        left, right, top, bottom = camera.unproject(ends)
-    except ValueError:
-        return None
-    across, down = (float(np.clip(a @ b, -1.0, 1.0)) for a, b in ((left, right), (top, bottom)))
-    return float(np.degrees(np.arccos(across))), float(np.degrees(np.arccos(down)))
 
 
 def _count(number: int, what: str) -> str:

@@ -31,7 +31,7 @@ from trisquare.formats.registry import format_called
 from trisquare.images.encoding import encode_image
 from trisquare.images.frame_choice import choose_frames
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import picture_size, tone_of
+from trisquare.images.pixels import as_recorded, picture_size, tone_of
 from trisquare.images.reading import read_photograph
 from trisquare.measurement.find import search
 from trisquare.measurement.measure import measure
@@ -60,7 +60,7 @@ Made = tuple[dict[str, Any], bytes | None]
 
 def _find(task: Task, limits: JobLimits) -> Made:
     """Find outlines; or measure the edges at those that were drawn, which move onto them."""
-    picture = _picture(task, limits)
+    picture = as_recorded(_picture(task, limits))
     size = picture_size(picture)
     kinds = TargetKinds.parse(_targets(task))
     drawn = task.options.get("outlines")

@@ -24,8 +24,8 @@ use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
 use crate::solver::NestedOptima;
 
-/// What a model's evidence loses where its lens ends within the picture, which no camera's does: the
-/// part of the posterior that is left to lenses that do not is less than half, and more of the prior.
+/// What a model's log evidence loses where its lens ends within the picture, which no camera's does:
+/// evidence that is not worth a mention does not choose it.
 const ENDS_IN_PICTURE: f64 = 1.0;
 
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.

@@ -367,8 +367,8 @@ pub enum Warning {
     },
     /// The pixels contradict the tone curve that was stated.
     #[error(
-        "the pixels contradict the tone curve that was stated or assumed: they show a gamma of {}, with which \
-         {parameter} changes by {}; its standard deviation was raised by as much",
+        "the pixels contradict the tone curve that was stated or assumed: they show a gamma of {}, \
+         with which {parameter} changes by {}; its standard deviation was raised by as much",
         with_its_std(*.gamma, *.std), signed_two_digits(*.change)
     )]
     ToneContradicted {
