@@ -17,6 +17,7 @@ _NAMES_OF_MODULES = {
     "analysis.comparison": ("Comparison", "compare"),
     "analysis.diagnosis": ("Diagnosis", "diagnose"),
     "analysis.measure": ("Measurement", "measure"),
+    "analysis.plane_angle": ("PlaneAngle", "plane_angle"),
     "analysis.predict": ("PlannedSquare", "Prediction", "predict"),
     "analysis.rectify": ("TopView", "rectify"),
     "batch.inputs": ("find_jobs",),

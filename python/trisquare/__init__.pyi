@@ -5,6 +5,8 @@ from trisquare.analysis.diagnosis import Diagnosis as Diagnosis
 from trisquare.analysis.diagnosis import diagnose as diagnose
 from trisquare.analysis.measure import Measurement as Measurement
 from trisquare.analysis.measure import measure as measure
+from trisquare.analysis.plane_angle import PlaneAngle as PlaneAngle
+from trisquare.analysis.plane_angle import plane_angle as plane_angle
 from trisquare.analysis.predict import PlannedSquare as PlannedSquare
 from trisquare.analysis.predict import Prediction as Prediction
 from trisquare.analysis.predict import predict as predict

@@ -22,6 +22,7 @@ __all__ = [
     "ToneFit",
     "Verdict",
     "__version__",
+    "angle_between_planes",
     "calibrate",
     "camera_matrix_from_homographies",
     "can_project",
@@ -458,6 +459,11 @@ def compare_projections(
     NDArray[np.float64],
     tuple[NDArray[np.float64], float, int, float] | None,
 ]: ...
+def angle_between_planes(
+    camera: _UncertainCamera,
+    rotations: Sequence[NDArray[np.float64]],
+    uncertainties: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[float, float]: ...
 def points_on_plane(
     camera: _Camera, pose: _Pose, pixels: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...

@@ -156,7 +156,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
     assert "4 cameras (4 done now): 2 passed, 0 beyond the limits, 2 failed" in out
     assert "\x1b" not in out
     assert "bad\\x1b[31m: failed" in out
-    assert "photographs of 2 to take again (column retake of summary.csv)" in out
+    assert "photographs of 1 to take again (column retake of summary.csv)" in out
     assert "no photograph is in this folder" in out
     lines = (folder / "out/results.jsonl").read_text().splitlines()
     names = [json.loads(line)["name"] for line in lines]

@@ -111,7 +111,7 @@ TOGETHER = (
         (camera("a", 1020.0), "beyond limits", None),
         (failed("a"), "failed", "no target was found"),
         (failed("a", "NotEnoughPlanesError"), "failed", TOGETHER),
-        (failed("a", "KeyError", "x"), "failed", "KeyError: x"),
+        (failed("a", "ValueError", "unknown option"), "failed", None),
         (
             camera("a", warnings=[{"code": "x", "severity": "high", "text": "blurred"}]),
             "passed",
@@ -128,6 +128,7 @@ def test_verdicts(record, status, retake):
     found = verdict(record, Fleet.of([record]), [Requirement("fx", 990.0, 1010.0)])
     assert found.status == status
     assert bool(found.violations) == (status == "beyond limits")
+    assert bool(found.failure) == (status == "failed")
     if retake is None:
         assert not found.retake
     else:
@@ -236,6 +237,15 @@ def test_the_page_of_a_thousand_failures_can_be_opened():
     page = summary_page(rows(cameras, fleet, []), fleet, count(cameras, fleet), []).decode()
     assert page.count("<tr>") == MOST_SHOWN + 1
     assert f"{1000 - MOST_SHOWN} more are in summary.csv" in page
+
+
+def test_the_page_tells_mistakes_apart_from_photographs_to_take_again():
+    cameras = [failed("gloomy"), failed("typed", "ValueError", "unknown option")]
+    fleet = Fleet.of(cameras)
+    page = summary_page(rows(cameras, fleet, []), fleet, count(cameras, fleet), []).decode()
+    mistakes, again = page.split("Photographs to take again")
+    assert "Photographs of 1 should be taken again" in page
+    assert ("typed" in mistakes, "typed" in again, "gloomy" in mistakes) == (True, False, False)
 
 
 @pytest.mark.parametrize(("cameras", "stated"), [(10, 7.7), (100, 4.4), (1000, 4.5)])

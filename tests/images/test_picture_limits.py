@@ -119,6 +119,8 @@ def test_the_environment_has_limits(tmp_path, monkeypatch):
         ts.calibrate(path)
     with pytest.raises(ts.DetectionError):
         ts.calibrate(path, max_pixels=3072)
+    monkeypatch.setenv("TRISQUARE_MAX_PIXELS", "")
+    assert PictureLimits.stated() == PictureLimits()
     monkeypatch.setenv("TRISQUARE_MAX_PIXELS", "many")
     with pytest.raises(ValueError, match="TRISQUARE_MAX_PIXELS must be a positive number"):
         read_image(path)

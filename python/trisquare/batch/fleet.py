@@ -167,12 +167,16 @@ class Verdict:
     outlying : sequence of str
     retake : sequence of str
         Why its photographs should be taken again; empty if they need not.
+    failure : str
+        Why it failed; empty if it did not. What other photographs would not cure, as a wrong
+        option or a missing file, stands here alone.
     """
 
     status: str
     violations: Sequence[str]
     outlying: Sequence[str]
     retake: Sequence[str]
+    failure: str = ""
 
 
 def verdict(
@@ -185,7 +189,10 @@ def verdict(
         error = record["error"]
         cure = CURES.get(error["code"])
         reason = f"{error['code']}: {error['text']}"
-        return Verdict("failed", (), (), [reason if cure is None else f"{cure} ({reason})"])
+        if cure is None:
+            return Verdict("failed", (), (), (), reason)
+        failure = f"{cure} ({reason})"
+        return Verdict("failed", (), (), [failure], failure)
     violations = [text for own in requirements if (text := own.violation(record)) is not None]
     severe = [own["text"] for own in record["warnings"] if own["severity"] == "high"]
     status = "beyond limits" if violations else "passed"

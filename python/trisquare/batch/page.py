@@ -53,10 +53,16 @@ def summary_page(
     beyond: list[Mapping[str, Any]] = []
     outlying: list[Mapping[str, Any]] = []
     retake: list[Mapping[str, Any]] = []
+    mistaken: list[Mapping[str, Any]] = []
+    mistakes = 0
     for row in rows:
         for kept, column in ((beyond, "beyond_limits"), (outlying, "outlying"), (retake, "retake")):
             if row.get(column) and len(kept) < MOST_SHOWN:
                 kept.append(row)
+        if row.get("failure") and not row["retake"]:
+            mistakes += 1
+            if len(mistaken) < MOST_SHOWN:
+                mistaken.append(row)
     environment = page_environment("trisquare.batch")
     style = (resources.files("trisquare.report") / "report.css").read_text("utf-8")
     ordered = sorted(
@@ -69,6 +75,8 @@ def summary_page(
         beyond=beyond,
         outlying=outlying,
         retake=retake,
+        mistaken=mistaken,
+        mistakes=mistakes,
         fewest=FEWEST,
         chance=f"{100 * CHANCE:.0f} %",
         width=WIDTH,

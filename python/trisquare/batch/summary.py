@@ -28,6 +28,7 @@ TEXTS = (
     "beyond_limits",
     "outlying",
     "retake",
+    "failure",
     "severity",
     "warnings",
     "limits",
@@ -79,6 +80,7 @@ def rows(
             "status": found.status,
             "photographs": record["photographs"],
             "retake": "; ".join(found.retake),
+            "failure": found.failure,
             "limits": limits,
             "format": TABLE_FORMAT,
         }
@@ -111,6 +113,7 @@ def columns(fleet: Fleet) -> list[str]:
         "beyond_limits",
         "outlying",
         "retake",
+        "failure",
         "severity",
         "warnings",
         "photographs",

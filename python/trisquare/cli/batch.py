@@ -319,7 +319,7 @@ def _report(
             f"kept and {do} not count"
         )
     for row in failed:
-        reason = row.get("beyond_limits") or row["retake"]
+        reason = row.get("beyond_limits") or row["failure"]
         removed = row.get("removed")
         stale = f"; {removed}, of an earlier photograph, is removed" if removed else ""
         lines.append(f"{row['name']}: {row['status']}: {reason}{stale}")

@@ -105,6 +105,8 @@ class PictureLimits:
 def stated_limit(name: str, given: float | None, default: float) -> float:
     """Return a limit: the one given, or of the environment's ``TRISQUARE_NAME``, or the default.
 
+    A variable without a text counts as absent.
+
     Raises
     ------
     TypeError, ValueError
@@ -113,7 +115,7 @@ def stated_limit(name: str, given: float | None, default: float) -> float:
     if given is None:
         variable = f"TRISQUARE_{name.upper()}"
         text = os.environ.get(variable)
-        return default if text is None else parse_amount(text, variable)
+        return parse_amount(text, variable) if text else default
     if isinstance(given, bool) or not isinstance(given, Real):
         raise TypeError(f"{name} must be a number, not {type(given).__name__}")
     if not 0 < given < float("inf"):

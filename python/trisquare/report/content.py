@@ -6,14 +6,16 @@ import os
 import platform
 import time
 from collections.abc import Iterable, Iterator
+from itertools import combinations
 
 import cv2
 import numpy as np
 
 from trisquare._core import __version__
-from trisquare._support.number_text import with_its_std
+from trisquare._support.number_text import plus_minus, with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
+from trisquare.analysis.plane_angle import plane_angle
 from trisquare.camera.angles_of_view import angles_of_view
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.lens_models import COEFFICIENTS, is_fisheye
@@ -53,6 +55,10 @@ _OF_PINHOLE = {
     "s3": f"thin prism along y, {_OF_POWERS[0]}",
     "s4": f"thin prism along y, {_OF_POWERS[1]}",
 }
+
+
+MOST_ANGLED = 4
+"""Planes whose angles are told: six pairs."""
 
 
 def meanings(camera: Camera) -> dict[str, str]:
@@ -110,6 +116,22 @@ def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
         f"{plane.rms:.4f}",
         str(plane.samples),
     )
+
+
+def angles_between_planes(calibration: Calibration) -> str:
+    """Say the angles between the planes of one picture; nothing of more than a few planes."""
+    planes = [
+        (number, plane)
+        for number, plane in enumerate(calibration.planes)
+        if plane.is_used and plane.uncertainty is not None
+    ]
+    if len(planes) > MOST_ANGLED or len({plane.image for _, plane in planes}) != 1:
+        return ""
+    angles = [
+        f"{first} and {second}: {plus_minus(*plane_angle(one, other, calibration))}\N{DEGREE SIGN}"
+        for (first, one), (second, other) in combinations(planes, 2)
+    ]
+    return f"Angles between the planes {', '.join(angles)}." if angles else ""
 
 
 def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:

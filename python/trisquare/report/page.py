@@ -74,6 +74,7 @@ def page_of(
         diagnosis=diagnose(calibration),
         settings=content.settings(calibration),
         plane_texts=content.plane_texts,
+        angles=content.angles_between_planes(calibration),
         distance_unit=content.distance_unit(calibration.planes),
         names=names,
         files=files,

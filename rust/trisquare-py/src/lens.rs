@@ -1,6 +1,6 @@
 //! A camera's maps, for arrays of points.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix6xX, Vector2, Vector3};
 use numpy::{
     PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3,
     PyUntypedArrayMethods,
@@ -336,6 +336,55 @@ pub fn points_on_plane<'py>(
 /// Points, shape (N, 2), and their covariance, (2 N, 2 N).
 type CertainPoints<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
+/// The covariance of a pose where the camera is given, and its derivative by the camera.
+type PoseUncertaintyMembers<'py> = (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>);
+
+/// Of a pose seen by a lens of so many parameters. The skew comes last; results without one leave
+/// out how poses follow it.
+fn pose_uncertainty(
+    (given_camera, by_camera): &PoseUncertaintyMembers<'_>,
+    parameters: usize,
+) -> PyResult<PoseUncertainty> {
+    let mut by_camera: Matrix6xX<f64> = arrays::columns(by_camera)?;
+    let columns = by_camera.ncols();
+    if columns + 1 == parameters {
+        by_camera = by_camera.insert_column(columns, 0.0);
+    }
+    Ok(PoseUncertainty {
+        given_camera: arrays::sized_matrix(given_camera)?,
+        by_camera,
+    })
+}
+
+/// The angle between two planes of one picture, and its standard deviation, radians.
+#[pyfunction]
+#[pyo3(signature = (camera, rotations, uncertainties))]
+pub fn angle_between_planes<'py>(
+    py: Python<'py>,
+    camera: UncertainMembers<'py>,
+    rotations: [PyReadonlyArray2<'py, f64>; 2],
+    uncertainties: [PoseUncertaintyMembers<'py>; 2],
+) -> PyResult<(f64, f64)> {
+    let pose = |rotation| -> PyResult<Pose> {
+        Ok(Pose {
+            rotation: arrays::sized_matrix(rotation)?,
+            translation: Vector3::zeros(),
+        })
+    };
+    let [one, other] = [pose(&rotations[0])?, pose(&rotations[1])?];
+    with_lens!(camera.0.lens(py)?, |lens| {
+        let count = parameter_count(&lens);
+        let [first, second] = &uncertainties;
+        let uncertainties = [
+            pose_uncertainty(first, count)?,
+            pose_uncertainty(second, count)?,
+        ];
+        let camera = uncertain(py, &lens, &camera)?;
+        let planes = [(&one, &uncertainties[0]), (&other, &uncertainties[1])];
+        computed(py, || camera.angle_between(planes))
+    })
+}
+
 /// The points of a plane that are seen at pixels, and their covariance.
 #[pyfunction]
 #[pyo3(signature = (camera, pose, uncertainty, pixels, pixel_std))]
@@ -343,22 +392,14 @@ pub fn points_on_plane_with_covariance<'py>(
     py: Python<'py>,
     camera: UncertainMembers<'py>,
     pose: PoseMembers<'py>,
-    uncertainty: (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>),
+    uncertainty: PoseUncertaintyMembers<'py>,
     pixels: PyReadonlyArray2<'py, f64>,
     pixel_std: f64,
 ) -> PyResult<CertainPoints<'py>> {
     let pose = self::pose(&pose)?;
-    let mut uncertainty = PoseUncertainty {
-        given_camera: arrays::sized_matrix(&uncertainty.0)?,
-        by_camera: arrays::columns(&uncertainty.1)?,
-    };
     let pixels = arrays::points(&pixels)?;
     let (points, covariance) = with_lens!(camera.0.lens(py)?, |lens| {
-        // The skew comes last; results without one leave out how poses follow it.
-        let columns = uncertainty.by_camera.ncols();
-        if columns + 1 == parameter_count(&lens) {
-            uncertainty.by_camera = uncertainty.by_camera.insert_column(columns, 0.0);
-        }
+        let uncertainty = pose_uncertainty(&uncertainty, parameter_count(&lens))?;
         let camera = uncertain(py, &lens, &camera)?;
         computed(py, || {
             camera.points_on_plane(&pose, &uncertainty, &pixels, pixel_std)

@@ -29,8 +29,8 @@ pub mod _core {
     use crate::image::{KeptPixels, Picture, PictureFaults, SideSamples, ToneEstimate, localise};
     #[pymodule_export]
     use crate::lens::{
-        can_project, can_unproject, compare_projections, distort_pixels, fill_undistortion_map,
-        is_covariance, largest_rectangle, nearest_lens, points_on_plane,
+        angle_between_planes, can_project, can_unproject, compare_projections, distort_pixels,
+        fill_undistortion_map, is_covariance, largest_rectangle, nearest_lens, points_on_plane,
         points_on_plane_with_covariance, project_points, projection_covariance, undistort_pixels,
         undistorted_view, unproject_pixels, valid_pixel_radius, valid_radius, view_directions,
         view_pixels,

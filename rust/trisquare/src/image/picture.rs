@@ -235,8 +235,10 @@ mod tests {
         );
         assert!(Picture::from_u8(2, 2, 1, vec![0; 5]).is_err());
         let told = |width, height, count| {
-            let refused = Picture::from_u8(width, height, 3, vec![0; count]);
-            refused.unwrap_err().to_string()
+            let refused = Picture::from_u8(width, height, 3, vec![0; count]).unwrap_err();
+            let text = refused.to_string();
+            assert_eq!(crate::Error::from(refused).to_string(), text);
+            text
         };
         assert_eq!(
             told(5, 4, 64),

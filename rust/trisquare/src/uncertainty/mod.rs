@@ -9,6 +9,7 @@ mod covariance;
 mod disagreement;
 mod expectations;
 mod lens_beyond;
+mod plane_angle;
 mod plane_points;
 mod plane_spread;
 mod pose;

@@ -118,20 +118,12 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
                 "the standard deviation of pixels must be finite and not negative, not {pixel_std}"
             )));
         }
-        let columns = uncertainty.by_camera.ncols();
-        if columns < L::parameter_names().len() {
-            return Err(Error::InvalidArgument(format!(
-                "the pose's derivative by the camera has {columns} columns, but the lens {} \
-                 parameters",
-                L::parameter_names().len()
-            )));
-        }
+        let pose_by_free = self.pose_by_free(uncertainty)?;
         let met = meet(self.camera(), pose, pixels)?;
         let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
         let mut covariance = DMatrix::zeros(rows, rows);
         let mut by_pose = DMatrix::zeros(rows, 6);
         let mut by_camera = DMatrix::zeros(rows, self.free().len());
-        let pose_by_free = self.free().of(&uncertainty.by_camera);
         for (i, met) in met.iter().enumerate() {
             let own = met.by_pixel * met.by_pixel.transpose() * variance;
             covariance

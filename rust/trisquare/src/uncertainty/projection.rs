@@ -6,12 +6,12 @@
 //! the projection by the free parameters and `C` their covariance.
 
 use nalgebra::{
-    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, OMatrix, Storage, SymmetricEigen, Vector2,
+    Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix6xX, OMatrix, Storage, SymmetricEigen, Vector2,
 };
 
 use crate::error::Error;
 use crate::lens::{DefaultLens, Lens, of_all};
-use crate::result::Calibration;
+use crate::result::{Calibration, PoseUncertainty};
 
 /// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
 const MAX_SWEEPS: usize = 1000;
@@ -105,6 +105,24 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     /// The free parameters.
     pub(super) fn free(&self) -> &FreeColumns {
         &self.free
+    }
+
+    /// How a pose follows the free parameters.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] for the uncertainty of a pose seen by another lens.
+    pub(super) fn pose_by_free(
+        &self,
+        uncertainty: &PoseUncertainty,
+    ) -> Result<Matrix6xX<f64>, Error> {
+        let (columns, parameters) = (uncertainty.by_camera.ncols(), L::parameter_names().len());
+        if columns < parameters {
+            return Err(Error::InvalidArgument(format!(
+                "the pose's derivative by the camera has {columns} columns, but the lens \
+                 {parameters} parameters"
+            )));
+        }
+        Ok(self.free.of(&uncertainty.by_camera))
     }
 
     /// The same for many pixels.

@@ -1,0 +1,96 @@
+"""The angle between two planes of a calibration."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import trisquare._core as _core
+from trisquare._support.number_text import plus_minus
+from trisquare._support.suggestions import advising
+from trisquare.camera.camera import Camera
+from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
+from trisquare.results.uncertain_camera import uncertain_camera
+
+__all__ = ["PlaneAngle", "plane_angle"]
+
+
+class PlaneAngle(NamedTuple):
+    """The angle between two planes, and its standard deviation.
+
+    Attributes
+    ----------
+    degrees : float
+        Between the normals of the sides that the camera sees, 0 to 180: 90 of two walls of a
+        right-angled room, near 0 of parallel planes.
+    std : float
+        One standard deviation, degrees. Of parallel planes, whose angle is never negative, it is
+        that of their tilt: within some of them of 0, planes may be parallel.
+
+    Examples
+    --------
+    >>> print(ts.plane_angle(result.planes[0], result.planes[1], result))
+    57.2885 +- 0.0047 degrees
+    """
+
+    degrees: float
+    std: float
+
+    def __str__(self) -> str:
+        return f"{plus_minus(self.degrees, self.std)} degrees"
+
+
+@advising("plane_angle(result.planes[0], result.planes[1], result)")
+def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> PlaneAngle:
+    """Return the angle between two planes of one picture, and how well it is known.
+
+    Parameters
+    ----------
+    one, other : Plane
+        Of a `Calibration`, seen in the same picture, or what `locate` returned of one picture.
+    camera : Calibration or Camera
+        That took it: the calibration that the planes belong to, or the camera that they were
+        located with. A `Camera` is taken as exact.
+
+    Returns
+    -------
+    PlaneAngle
+        The standard deviation holds the uncertainty of the poses and of the camera, jointly, as
+        far as the planes are flat. Of planes that were told to be ``orthogonal`` or ``parallel``
+        the angle is that, and its standard deviation, which does not know of the relation, is too
+        large.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For bad arguments; if the planes are of different pictures, in which the camera may have
+        stood elsewhere; if the result of an older version does not say how well its poses are
+        known.
+
+    Examples
+    --------
+    >>> angle, std = ts.plane_angle(result.planes[0], result.planes[1], result)
+    >>> print(f"{angle:.1f} degrees, known to {std:.3f}")
+    57.3 degrees, known to 0.005
+    """
+    for name, plane in (("one", one), ("other", other)):
+        if not isinstance(plane, Plane):
+            kind = type(plane).__name__
+            raise TypeError(f"{name} must be a Plane, such as result.planes[0], not {kind}")
+    if one.image != other.image:
+        raise ValueError(
+            f"the planes are of different pictures, {one.image} and {other.image}: where the "
+            "camera stood in one, as seen from the other, is not known"
+        )
+    known = [plane.uncertainty for plane in (one, other) if plane.uncertainty is not None]
+    if len(known) < 2:
+        raise ValueError(
+            "the pose of a plane has no uncertainty: calibrate again with this version"
+        )
+    angle, std = _core.angle_between_planes(
+        uncertain_camera(camera),
+        [one.rotation, other.rotation],
+        [(own.given_camera, own.by_camera) for own in known],
+    )
+    return PlaneAngle(math.degrees(angle), math.degrees(std))

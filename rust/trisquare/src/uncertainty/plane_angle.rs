@@ -1,0 +1,112 @@
+//! The angle between two planes of one picture, and how well it is known.
+
+use nalgebra::Vector6;
+
+use super::projection::ProjectionUncertainty;
+use crate::error::Error;
+use crate::geometry::Pose;
+use crate::lens::Lens;
+use crate::result::PoseUncertainty;
+
+/// Sine of the angle between planes from which on the axis of their angle is theirs.
+const LEAST_SINE: f64 = 1e-9;
+
+impl<L: Lens> ProjectionUncertainty<'_, L> {
+    /// The angle between the normals of two planes of one picture, 0 to pi, and its standard
+    /// deviation, both in radians.
+    ///
+    /// Both poses follow the camera. A turn `w` of a plane changes its normal `n` by `w x n`, and so
+    /// the angle about its axis `a`, the unit vector along `n x n'`, by `a . (w' - w)`. That of
+    /// parallel planes is never negative: within some standard deviations of 0, planes may be
+    /// parallel.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] for an uncertainty of another lens, [`Error::NotFinite`] for a
+    /// pose or an uncertainty that is not finite.
+    pub fn angle_between(
+        &self,
+        planes: [(&Pose, &PoseUncertainty); 2],
+    ) -> Result<(f64, f64), Error> {
+        let [first, second] = planes.map(|(pose, _)| pose.normal());
+        let across = first.cross(&second);
+        let sine = across.norm();
+        let axis = match sine > LEAST_SINE {
+            true => across / sine,
+            false => planes[0].0.rotation.column(0).into_owned(),
+        };
+        let about = Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0);
+        let [one, other] = planes.map(|(_, uncertainty)| uncertainty);
+        let by_camera = (self.pose_by_free(other)? - self.pose_by_free(one)?).tr_mul(&about);
+        let given_camera = one.given_camera + other.given_camera;
+        let variance = about.dot(&(given_camera * about))
+            + by_camera.dot(&(self.free().covariance() * &by_camera));
+        let angle = sine.atan2(first.dot(&second));
+        if !(angle.is_finite() && variance.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "the angle between two planes",
+            });
+        }
+        Ok((angle, variance.max(0.0).sqrt()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, Matrix6, Matrix6xX, Rotation3, Vector3};
+
+    use super::*;
+    use crate::calibrate::calibrate;
+    use crate::lens::Brown;
+    use crate::observations::Options;
+    use crate::synthetic::{Scene, SceneOptions};
+
+    fn angle(one: &Pose, other: &Pose) -> f64 {
+        one.normal().angle(&other.normal())
+    }
+
+    #[test]
+    fn errors_over_many_scenes_are_as_large_as_stated() {
+        let mut squares = Vec::new();
+        for seed in 0..40 {
+            let scene = Scene::random(seed, SceneOptions::default());
+            let edges = scene.edges(seed, 0.2, 6.0);
+            let found = calibrate(&edges, scene.size, &Options::default()).unwrap();
+            let uncertainty = found.projection_uncertainty().unwrap();
+            for (one, other) in [(0, 1), (0, 2), (1, 2)] {
+                let [first, second] = [one, other].map(|plane: usize| {
+                    let plane = &found.planes[plane];
+                    (&plane.pose, plane.uncertainty.as_ref().unwrap())
+                });
+                let (value, std) = uncertainty.angle_between([first, second]).unwrap();
+                let truth = angle(&scene.poses[one], &scene.poses[other]);
+                squares.push(((value - truth) / std).powi(2));
+            }
+        }
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!((0.8..1.2).contains(&rms), "{rms}");
+    }
+
+    #[test]
+    fn parallel_planes_have_an_angle_of_zero_and_its_uncertainty() {
+        let camera = Brown::new([500.0, 500.0, 320.0, 240.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let exact = ProjectionUncertainty::new(&camera, &[], false, DMatrix::zeros(0, 0)).unwrap();
+        let pose = Pose {
+            rotation: *Rotation3::from_euler_angles(0.5, -0.4, 1.0).matrix(),
+            translation: Vector3::new(0.3, -0.2, 3.0),
+        };
+        let mut uncertainty = PoseUncertainty {
+            given_camera: Matrix6::identity() * 1e-6,
+            by_camera: Matrix6xX::zeros(10),
+        };
+        let (value, std) = exact.angle_between([(&pose, &uncertainty); 2]).unwrap();
+        assert_eq!(value, 0.0);
+        assert!((std - 2e-6_f64.sqrt()).abs() < 1e-12);
+
+        uncertainty.given_camera[(0, 0)] = f64::NAN;
+        let found = exact.angle_between([(&pose, &uncertainty); 2]);
+        assert!(matches!(found, Err(Error::NotFinite { .. })), "{found:?}");
+        uncertainty.by_camera = Matrix6xX::zeros(2);
+        let found = exact.angle_between([(&pose, &uncertainty); 2]);
+        assert!(matches!(found, Err(Error::InvalidArgument(_))), "{found:?}");
+    }
+}
