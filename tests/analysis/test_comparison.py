@@ -171,7 +171,9 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     assert outer.worst_at[0] in (0, IMAGE_SIZE[0] - 1)
     assert outer.worst_beyond_targets is True
     x, y = outer.worst_at
-    assert f"at ({x:.0f}, {y:.0f}), which lies beyond the targets; " in outer.verdict
+    assert f"at ({x:.0f}, {y:.0f}), which lies beyond the targets (among them " in outer.verdict
+    assert outer.rms_among_targets < outer.rms
+    assert outer.expected_rms_among_targets < outer.expected_rms
     # A frame about the whole picture, which leaves nothing to extrapolate.
     frame = np.array([[-1, -1], [1280, -1], [1280, 960], [-1, 960]])
     framed = [
@@ -179,10 +181,12 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
         for own in (result, longer)
     ]
     assert ts.compare(*framed).worst_beyond_targets is False
+    assert ts.compare(*framed).rms_among_targets == ts.compare(*framed).rms
     assert "beyond the targets" not in ts.compare(*framed).verdict
     # The targets of one of them are not there.
     assert ts.compare(framed[0], longer).worst_beyond_targets is True
-    assert ts.compare(result.camera, longer.camera).worst_beyond_targets is None
+    exact = ts.compare(result.camera, longer.camera)
+    assert (exact.worst_beyond_targets, exact.rms_among_targets) == (None, None)
     result.save(tmp_path / "a.json")
     longer.save(tmp_path / "b.json")
     code, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json")

@@ -68,7 +68,7 @@ def test_models_that_would_do_as_well_are_said():
     others = tuple(ts.ModelAlternative(name, value, 0.1) for name, value in odds.items())
     said = (
         "by evidence (natural log odds of the other models against it: none below -100, "
-        "radial2 -1.0, radial3 -1.0, brown 0.0; radial2 and brown would do as well)"
+        "radial2 -1.0, radial3 -1.0, brown 0.0; the models radial2 and brown would do as well)"
     )
     assert evidence_text(others) == said
     clear = evidence_text(others[:1])

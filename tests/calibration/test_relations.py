@@ -42,6 +42,8 @@ def test_right_angles_are_held_and_tell_of_the_camera_as_the_intervals_say():
         normals = np.array([plane.rotation[:, 2] for plane in result.planes])
         assert np.abs(normals @ normals.T - np.eye(3)).max() < 1e-9
         assert "relation_contradicted" not in codes(result)
+        assert (result.orthogonal, result.parallel) == (ALL, ())
+        assert str(ts.plane_angle(*result.planes[:2], result)) == "90 degrees, held"
         error = [getattr(result.camera, name) - getattr(scene.camera, name) for name in NAMES]
         deviations += [e / result.std[name] for e, name in zip(error, NAMES, strict=True)]
         gain.append(ts.calibrate_edges(edges, size).std["fx"] / result.std["fx"])

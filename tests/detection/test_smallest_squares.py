@@ -32,7 +32,8 @@ def widths_said(size):
         ts.detect(np.full((size, size), 128, np.uint8), targets="squares")
     said = re.fullmatch(
         rf"no square found: .* at least (\d+) pixels wide in a picture of {size} x {size}"
-        r"(?:; .* 0\.5 % of it, as three of (\d+) pixels do)?",
+        r"(?:; .* 0\.5 % of it, as three of (\d+) pixels do)?"
+        "; boards and tags were not looked for, as they are by targets auto",
         str(error.value),
     )
     return int(said[1]), int(said[2] or said[1])

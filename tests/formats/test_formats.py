@@ -438,6 +438,12 @@ def test_lenses_beyond_brown_s_come_back_exactly(tmp_path, model, distortion, na
         np.testing.assert_array_equal(loaded.distortion, camera.distortion)
     with pytest.raises(ts.LensModelError, match="cannot hold this camera"):
         camera.save(tmp_path / "camchain.yaml")
+    # OpenCV has no skew: the nearest of its lenses that can be fitted is named.
+    skewed = Camera([[900.5, 1.5, 641.25], [0, 901, 480], [0, 0, 1]], distortion, SIZE, model)
+    with pytest.raises(
+        ts.LensModelError, match=r"skew 1\.5 px\); the nearest that it can is brown"
+    ):
+        skewed.save(tmp_path / "camera.yaml")
 
 
 @pytest.mark.parametrize("distortion", [[0.02, 0, 0, 0], [0.02, -0.01, 0, 0], [0.1, 0.2, 0.3, 0.4]])

@@ -37,7 +37,9 @@ def served(*options, errors=None, environment=()):
             assert line, "it has ended"
             told += line
         try:
-            yield json.loads(told)["address"]
+            answer = json.loads(told)
+            assert answer["address"].endswith(f"token={answer['token']}")
+            yield answer["address"]
         finally:
             server.send_signal(2)
             try:

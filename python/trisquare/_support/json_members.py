@@ -130,6 +130,17 @@ class JsonFields:
             self._fail(key, "a list of whole numbers")
         return tuple(values)
 
+    def pairs(self, key: str) -> tuple[tuple[int, int], ...]:
+        """Return a list of pairs of whole numbers."""
+        wanted = "a list of pairs of whole numbers"
+        pairs = []
+        for pair in self._list(key):
+            is_pair = isinstance(pair, list) and len(pair) == 2
+            if not (is_pair and all(type(number) is int for number in pair)):
+                self._fail(key, wanted)
+            pairs.append((pair[0], pair[1]))
+        return tuple(pairs)
+
     def numbers_or_null(self, key: str) -> tuple[float | None, ...]:
         """Return a list of finite numbers, each of which may be null."""
         return tuple(

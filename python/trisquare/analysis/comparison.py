@@ -143,6 +143,27 @@ class Comparison(RebuiltByConstructor):
         return any(not _is_enclosed(self.worst_at, corners) for corners in self.targets)
 
     @property
+    def rms_among_targets(self) -> float | None:
+        """Root mean square distance where the targets of both cameras reach round, pixels.
+
+        None if the planes of neither are known, or no place of the grid is among them.
+        """
+        return self._rms_among_targets(self.distance)
+
+    @property
+    def expected_rms_among_targets(self) -> float | None:
+        """The rms among the targets that the stated uncertainties lead to expect, pixels."""
+        return None if self.std is None else self._rms_among_targets(self.std)
+
+    def _rms_among_targets(self, values: FloatArray) -> float | None:
+        is_among = [
+            [all(_is_enclosed((x, y), corners) for corners in self.targets) for x in self.x]
+            for y in self.y
+        ]
+        known = np.isfinite(values) & is_among
+        return _rms(values[known]) if self.targets and known.any() else None
+
+    @property
     def worst_in_stds(self) -> float | None:
         """The largest distance over what is to be expected there, wherever that is."""
         if self.std is None:
@@ -192,7 +213,7 @@ class Comparison(RebuiltByConstructor):
             f"{two_digits(self.worst)} px at most, at ({x:.0f}, {y:.0f})"
         )
         if self.worst_beyond_targets and self.worst > AGREEING:
-            apart += ", which lies beyond the targets"
+            apart += f", which lies beyond the targets{self._among_targets()}"
         expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
         if expected is None or stds is None or p_value is None:
             return f"{apart}; neither states its uncertainty, so what that means is not known"
@@ -212,6 +233,12 @@ class Comparison(RebuiltByConstructor):
         if self.unexplained <= expected:
             return said
         return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"
+
+    def _among_targets(self) -> str:
+        found, expected = self.rms_among_targets, self.expected_rms_among_targets
+        if found is None or expected is None:
+            return ""
+        return f" (among them {two_digits(found)} px, where {two_digits(expected)} is expected)"
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.verdict}>"

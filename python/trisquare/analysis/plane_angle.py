@@ -26,7 +26,8 @@ class PlaneAngle(NamedTuple):
         right-angled room, near 0 of parallel planes.
     std : float
         One standard deviation, degrees. Of parallel planes, whose angle is never negative, it is
-        that of their tilt: within some of them of 0, planes may be parallel.
+        that of their tilt: within some of them of 0, planes may be parallel. Of planes that were
+        held ``orthogonal`` or ``parallel`` it is 0.
 
     Examples
     --------
@@ -38,6 +39,8 @@ class PlaneAngle(NamedTuple):
     std: float
 
     def __str__(self) -> str:
+        if self.std == 0.0:
+            return f"{self.degrees:.4g} degrees, held"
         return f"{plus_minus(self.degrees, self.std)} degrees"
 
 
@@ -57,9 +60,8 @@ def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> Plane
     -------
     PlaneAngle
         The standard deviation holds the uncertainty of the poses and of the camera, jointly, as
-        far as the planes are flat. Of planes that were told to be ``orthogonal`` or ``parallel``
-        the angle is that, and its standard deviation, which does not know of the relation, is too
-        large.
+        far as the planes are flat. Where other pairs of planes were held ``orthogonal`` or
+        ``parallel``, it does not know of that, and is too large.
 
     Raises
     ------
@@ -93,4 +95,14 @@ def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> Plane
         [one.rotation, other.rotation],
         [(own.given_camera, own.by_camera) for own in known],
     )
-    return PlaneAngle(math.degrees(angle), math.degrees(std))
+    is_held = isinstance(camera, Calibration) and _are_held(one, other, camera)
+    return PlaneAngle(math.degrees(angle), 0.0 if is_held else math.degrees(std))
+
+
+def _are_held(one: Plane, other: Plane, calibration: Calibration) -> bool:
+    """Whether the angle between two planes of a calibration was held."""
+    planes = calibration.planes
+    return any(
+        {id(planes[first]), id(planes[second])} == {id(one), id(other)}
+        for first, second in (*calibration.orthogonal, *calibration.parallel)
+    )

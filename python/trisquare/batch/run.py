@@ -96,7 +96,10 @@ def calibrate_many(
     ----------
     jobs : iterable of Job
         Read as they are needed, so that there may be any number of them. Those of a name that an
-        earlier one has fail.
+        earlier one has fail. Up to `window` of them are read ahead, and nothing is yielded while
+        they keep the next one waiting: of jobs that come one by one, as of a queue, call this for
+        each, ``calibrate_many([job], executor)``, from threads of your own. Names then need not
+        differ.
     executor : concurrent.futures.Executor, optional
         Whose workers run the jobs: of processes, of threads, Dask's (``Client.get_executor()``) or
         MPI's (``mpi4py.futures.MPIPoolExecutor()``). By default threads of this process. Each

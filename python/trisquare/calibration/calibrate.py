@@ -475,6 +475,8 @@ def _calibration(
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,
+        orthogonal=settings.orthogonal,
+        parallel=settings.parallel,
         stage=found.stage,
         alternatives=tuple(ModelAlternative(*other) for other in found.alternatives),
         coherence=coherence,

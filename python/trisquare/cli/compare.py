@@ -22,7 +22,8 @@ from trisquare.images.encoding import encode_image
 
 ASSUMED = (
     "photographs of their own for each camera, and flat targets: printed paper is not flat, and "
-    "results of one camera spread up to twice as much over it as they state"
+    "results of one camera spread up to twice as much over it as they state; between lens models "
+    "of the same photographs --model auto decides"
 )
 
 COMPARISON_FORMAT = "trisquare-comparison/1"
@@ -84,6 +85,8 @@ def _members(comparison: Comparison) -> dict[str, Any]:
         "worst_px": comparison.worst,
         "worst_at": list(comparison.worst_at),
         "worst_beyond_targets": comparison.worst_beyond_targets,
+        "rms_among_targets_px": comparison.rms_among_targets,
+        "expected_rms_among_targets_px": comparison.expected_rms_among_targets,
         "worst_in_stds": comparison.worst_in_stds,
         "expected_rms_px": comparison.expected_rms,
         "unexplained_px": comparison.unexplained,

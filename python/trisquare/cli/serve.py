@@ -120,15 +120,17 @@ def serve_command(
         defaults=REQUEST_LIMITS,
     )
 
+    chosen = secrets.token_urlsafe(TOKEN_BYTES) if fixed is None else fixed
+
     def listening(address: str) -> None:
-        answer(json, quiet, {"format": SERVICE_FORMAT, "address": address}, [address])
+        members = {"format": SERVICE_FORMAT, "address": address, "token": chosen}
+        answer(json, quiet, members, [address])
         sys.stdout.flush()
         if open_browser:
             webbrowser.open(address)
 
     if verbose:
         _log_to_standard_error()
-    chosen = secrets.token_urlsafe(TOKEN_BYTES) if fixed is None else fixed
     run_server(
         create_app(chosen, limits, jobs or usable_cores()),
         host,

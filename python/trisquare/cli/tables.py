@@ -94,7 +94,8 @@ def _summary(calibration: Calibration) -> Text:
     width, height = calibration.camera.image_size
     evidence = evidence_text(calibration.alternatives)
     chosen = f", {evidence}" if evidence else ""
-    held = f", held: {held_text(calibration)}" if calibration.fixed else ""
+    held = held_text(calibration)
+    held = f", held: {held}" if held else ""
     return line_of(
         f"{width} x {height}, model {calibration.camera.model}{chosen}, "
         f"method {calibration.method} ({calibration.stage}){held}: rms {calibration.rms:.4f} px, "

@@ -151,7 +151,8 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
         )
     return (
         "no square found: squares must be dark on a light ground (or the reverse), "
-        f"wholly visible, apart from each other, and {wide} {large}"
+        f"wholly visible, apart from each other, and {wide} {large}; boards and tags were not "
+        "looked for, as they are by targets auto"
     )
 
 

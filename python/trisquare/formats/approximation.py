@@ -47,6 +47,11 @@ class Family:
     all_coefficients: tuple[str, ...] = BROWN
     skewed: bool = False
 
+    @property
+    def is_polynomial(self) -> bool:
+        """Whether the nearest of these lenses to another one can be found."""
+        return self.all_coefficients not in (RATIONAL, THIN_PRISM)
+
     def is_of(self, camera: Camera) -> bool:
         """Return whether the camera has the coefficients of these lenses, or more."""
         return COEFFICIENTS[camera.model] == self.all_coefficients

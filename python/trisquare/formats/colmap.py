@@ -82,7 +82,9 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 def _camera(words: Sequence[str]) -> Lens:
     where = f"camera {words[0]}"
     if len(words) < 4:
-        raise ValueError(f"{where}: its line must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+        raise ValueError(
+            f"{where}: its line must be COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
+        )
     model = words[1]
     if model not in FOCALS_AND_COEFFICIENTS:
         raise ValueError(

@@ -167,8 +167,9 @@ def written(
         lens = family.exactly(camera)
         if lens is not None:
             return known.write(lens, suffix), None
-    own = [family for family in known.families if family.is_of(camera)]
-    most_general = (own or known.families)[-1]
+    fitted = [family for family in known.families if family.is_polynomial]
+    own = [family for family in fitted if family.is_of(camera)]
+    most_general = (own or fitted)[-1]
     skew = f", skew {camera.skew:.3g} px" if camera.skew else ""
     cannot = f"{known.title} cannot hold this camera (model {camera.model}{skew})"
     try:

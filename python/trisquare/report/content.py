@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from trisquare._core import __version__
-from trisquare._support.number_text import plus_minus, with_its_std
+from trisquare._support.number_text import with_its_std
 from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.comparison import two_digits
 from trisquare.analysis.plane_angle import plane_angle
@@ -128,7 +128,7 @@ def angles_between_planes(calibration: Calibration) -> str:
     if len(planes) > MOST_ANGLED or len({plane.image for _, plane in planes}) != 1:
         return ""
     angles = [
-        f"{first} and {second}: {plus_minus(*plane_angle(one, other, calibration))}\N{DEGREE SIGN}"
+        f"{first} and {second}: {plane_angle(one, other, calibration)}"
         for (first, one), (second, other) in combinations(planes, 2)
     ]
     return f"Angles between the planes {', '.join(angles)}." if angles else ""
@@ -198,7 +198,7 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
 
 
 def held_text(calibration: Calibration) -> str:
-    """Return what is held, each at its values; nothing where nothing is."""
+    """Return what is held, each at its values, and between planes; nothing where nothing is."""
     camera = calibration.camera
     coefficients = zip(COEFFICIENTS[camera.model], camera.distortion, strict=True)
     bending = [f"{name} {value:.6g}" for name, value in coefficients if value != 0.0]
@@ -208,7 +208,10 @@ def held_text(calibration: Calibration) -> str:
         "focal": f"focal length at fx {camera.fx:.6g}, fy {camera.fy:.6g}",
         "distortion": f"distortion at {', '.join(bending) or 'zero'}",
     }
-    return "; ".join(texts.get(name, name) for name in calibration.fixed)
+    held = [texts.get(name, name) for name in calibration.fixed]
+    held += [f"planes {one} and {other} orthogonal" for one, other in calibration.orthogonal]
+    held += [f"planes {one} and {other} parallel" for one, other in calibration.parallel]
+    return "; ".join(held)
 
 
 def _today() -> str:

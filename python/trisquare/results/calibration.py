@@ -51,7 +51,7 @@ from trisquare.camera.projection_uncertainty import (
     rms_displacement,
     uncertain,
 )
-from trisquare.camera.settings import FIXABLE, METHODS
+from trisquare.camera.settings import FIXABLE, METHODS, PlanePair, checked_pairs
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
 from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
 from trisquare.results.model_alternative import ModelAlternative, evidence_text
@@ -66,9 +66,9 @@ __all__ = ["Calibration", "Camera", "Plane"]
 RESULT_FORMAT = "trisquare/1"
 
 JSON_ORDER = (
-    *("software", "method", "stage", "tone", "tone_std", "fixed", "image_size", "camera"),
-    *("std", "parameters", "covariance", "rms_px", "noise_scale", "planes", "pictures"),
-    *("warnings", "lines", "alternatives", "coherence", "rejected"),
+    *("software", "method", "stage", "tone", "tone_std", "fixed", "orthogonal", "parallel"),
+    *("image_size", "camera", "std", "parameters", "covariance", "rms_px", "noise_scale"),
+    *("planes", "pictures", "warnings", "lines", "alternatives", "coherence", "rejected"),
 )
 """Members of a result; the measured edges and their residuals follow if they are asked for."""
 
@@ -95,6 +95,9 @@ def _checked_fixed(value: Any, name: str) -> tuple[str, ...]:
         if own not in FIXABLE:
             raise unknown(f"member of {name}", own, FIXABLE)
     return held
+
+
+PAIRS = Kind(lambda value, name: checked_pairs(name, value), JsonFields.pairs)
 
 
 def _checked_tone(value: Any, name: str) -> str | float | None:
@@ -164,6 +167,8 @@ class Calibration(Record):
         Names of the photographs' files, without their folders, in the order that the `image` of
         planes, lines and `rejected` counts; of a video's frame ``"frame 7 of clip.mp4"``, of what
         is no file nothing. Empty of one photograph, and if none is a file.
+    orthogonal, parallel : sequence of (int, int)
+        The pairs of `planes` that were held at a right angle, or parallel.
 
     Examples
     --------
@@ -214,6 +219,8 @@ class Calibration(Record):
     )
     lines: tuple[SceneLine, ...] = field(default=(), metadata=member(records(SceneLine)))
     pictures: tuple[str, ...] = field(default=(), metadata=member(TEXTS))
+    orthogonal: tuple[PlanePair, ...] = field(default=(), metadata=member(PAIRS))
+    parallel: tuple[PlanePair, ...] = field(default=(), metadata=member(PAIRS))
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
@@ -229,6 +236,9 @@ class Calibration(Record):
         if missing:
             raise ValueError(f"std lacks the free parameters {', '.join(missing)}")
         object.__setattr__(self, "edges", instances(self.edges, PlaneEdges, "edges"))
+        related = [plane for pair in (*self.orthogonal, *self.parallel) for plane in pair]
+        if related and max(related) >= len(self.planes):
+            raise ValueError(f"plane {max(related)} is related, but there are {len(self.planes)}")
         samples = [[len(points) for points in figure.points] for figure in self.edges]
         if samples != [[len(own) for own in figure.distances] for figure in self.residuals]:
             raise ValueError("residuals must be those of the edges: one for each sample")
@@ -260,6 +270,10 @@ class Calibration(Record):
                 lines.append(f"  {name}  {text:>12}  std {its_std}")
             elif value != 0:
                 lines.append(f"  {name}  {value:12.6g}  held")
+        for what in ("orthogonal", "parallel"):
+            if pairs := getattr(self, what):
+                held = "; ".join(f"{one} and {other}" for one, other in pairs)
+                lines.append(f"  planes held {what}: {held}")
         lines.append(
             f"  rms {self.rms:.3g} px over {sum(plane.is_used for plane in self.planes)} planes, "
             f"noise scale {self.noise_scale:.2f}"

@@ -56,7 +56,8 @@ def evidence_text(others: Sequence[ModelAlternative]) -> str:
         return ""
     odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)
     equals = [other.model for other in others if other.log_evidence > -WORTH_A_MENTION]
-    tie = f"; {' and '.join(equals)} would do as well" if equals else ""
+    models = "the model" if len(equals) == 1 else "the models"
+    tie = f"; {models} {' and '.join(equals)} would do as well" if equals else ""
     return f"by evidence (natural log odds of the other models against it: {odds}{tie})"
 
 

@@ -40,7 +40,9 @@ class Plane(Record):
     image : int
         Index of the picture it was seen in.
     corners : array_like, shape (4, 2)
-        Corners of its (first) figure in the photograph, distorted, in pixels.
+        Corners of its (first) figure in the photograph, distorted, in pixels: where the calibrated
+        camera sees them. Lengths between those of one plane are the target's own, and check
+        nothing.
     rotation, translation : array_like, shape (3, 3) and (3,)
         ``X_cam = rotation @ X_plane + translation``, in units of the square's side; of a
         rectangle's shorter side, or where its aspect was unknown of its side 1; of a facade's

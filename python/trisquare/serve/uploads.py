@@ -50,8 +50,13 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
         try:
             return Upload((), {}, _options(await request.body()))
         except ValueError as error:
-            body = f"multipart/form-data with the fields {', '.join(fields)}"
-            raise ValueError(f"send {body if known else 'a JSON object'}: {error}") from error
+            if known:
+                fields_named = ", ".join(fields)
+                raise ValueError(
+                    f"send multipart/form-data with the fields {fields_named}, not a body of "
+                    "another kind"
+                ) from error
+            raise ValueError(f"send a JSON object: {error}") from error
     photographs: list[str] = []
     files: dict[str, str] = {}
     options: dict[str, Any] | None = None

@@ -20,7 +20,7 @@ use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sor
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
 use crate::solver::step_of_some;
-use crate::uncertainty::unlikely_camera;
+use crate::uncertainty::{unlikely_camera, widen};
 
 /// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
 /// or fewer, has such a lens.
@@ -118,12 +118,14 @@ pub fn calibrate_by_family(
     let best = best_standing(edges, &wide, &plain);
     if best.odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
-        add_doubt(&mut choice.calibration, best.plain.1, -best.odds);
+        let doubt = doubt(&choice.calibration, best.plain.1, -best.odds);
+        widen(&mut choice.calibration, doubt, options.fixed);
         let rejected = rejected(best.plain, -best.odds);
         return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
     }
     let mut choice = plain.answer(edges, size, options, photographs)?;
-    add_doubt(&mut choice.calibration, best.wide.1, best.odds);
+    let doubt = doubt(&choice.calibration, best.wide.1, best.odds);
+    widen(&mut choice.calibration, doubt, options.fixed);
     let rejected = rejected(best.wide, best.odds);
     Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
@@ -401,8 +403,12 @@ fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fi
     independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
 
-/// Adds to a covariance what another family's answer is off by, times that one's probability.
-fn add_doubt<A: Lens, B: Lens>(found: &mut Calibration<A>, other: &Calibration<B>, odds: f64) {
+/// What the answer of another family adds to a covariance: what it is off by, times its probability.
+fn doubt<A: Lens, B: Lens>(
+    found: &Calibration<A>,
+    other: &Calibration<B>,
+    odds: f64,
+) -> DMatrix<f64> {
     let probability = 1.0 / (1.0 + (-odds).exp());
     let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
     let mut difference = DVector::zeros(found.parameters.len());
@@ -417,7 +423,7 @@ fn add_doubt<A: Lens, B: Lens>(found: &mut Calibration<A>, other: &Calibration<B
             difference[place] = entry;
         }
     }
-    found.covariance += &difference * difference.transpose() * probability;
+    &difference * difference.transpose() * probability
 }
 
 fn rejected<L: Lens>((model, fit): Fit<'_, L>, log_evidence: f64) -> RejectedFamily {

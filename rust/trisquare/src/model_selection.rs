@@ -23,6 +23,7 @@ use crate::observations::{FreeParameters, Method, Options, PlaneEdges};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
 use crate::solver::NestedOptima;
+use crate::uncertainty::widen;
 
 /// What a model's log evidence loses where its lens ends within the picture, which no camera's does:
 /// evidence that is not worth a mention does not choose it.
@@ -192,7 +193,7 @@ impl<L: Lens> Weighed<L> {
         let nested = self.nested.clone();
         let mut calibration = calibrate_beside(edges, size, &options, photographs, nested)?;
         if let Some(doubt) = doubt(candidates, chosen, &options.free_parameters()) {
-            calibration.covariance += doubt;
+            widen(&mut calibration, doubt, options.fixed);
         }
         // The evidence has not asked for a model that would hold the lens.
         for warning in &mut calibration.warnings {
@@ -473,6 +474,30 @@ mod tests {
         assert!(widened.iter().all(|v| *v > -rounding), "{widened}");
         assert!(found.calibration.std()[0].1 > plain.std()[0].1);
         assert_eq!(found.calibration.camera, plain.camera);
+    }
+
+    #[test]
+    fn what_the_doubt_leaves_unknown_is_warned_of() {
+        // Squares about the middle of the picture tell little of the lens beyond them.
+        let is_guess = |found: &Calibration| {
+            let mut codes = found.warnings.iter().map(Warning::code);
+            codes.any(|code| code == "lens_extrapolated")
+        };
+        for seed in [0, 2, 6, 7] {
+            let mut scene = Scene::random(seed, SceneOptions::default());
+            for pose in &mut scene.poses {
+                pose.translation.z *= 1.6;
+            }
+            let found = chosen(&scene, 0.1);
+            let options = Options {
+                model: found.model,
+                ..Options::default()
+            };
+            let edges = scene.edges(3, 0.1, 6.0);
+            let plain = crate::calibrate(&edges, scene.size, &options).unwrap();
+            assert!(!is_guess(&plain), "{seed}");
+            assert!(is_guess(&found.calibration), "{seed}");
+        }
     }
 
     #[test]

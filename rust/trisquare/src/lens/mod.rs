@@ -153,6 +153,11 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// principal point: no parameters, but they tell what the planes alone know of the camera.
     /// Empty where the law of the lens itself vouches for the principal point: where it bends
     /// directions by a law that no coefficients can take back.
+    ///
+    /// With `d` what the lens does to a point of the normalised plane, they are the derivatives by
+    /// `e`, in units of that plane, at 0 of the lens that sees the point `u` at `e + d(u - e)`.
+    /// [`line_distance_jacobian`](Self::line_distance_jacobian) has them in its `wrt_lens`, as those
+    /// of the parameters.
     fn centre_columns() -> Range<usize>;
 
     /// The lens without distortion coefficients that sees the neighbourhood of its axis as a

@@ -4,6 +4,8 @@
 //! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
 //! as a true one. Only what is known of cameras tells it.
 
+use std::cmp::Reverse;
+
 use nalgebra::{DMatrix, Vector2};
 
 use super::comparison::compare_projections;
@@ -147,6 +149,24 @@ pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warni
         limit,
         worst,
     })
+}
+
+/// Adds to the covariance of a camera what it leaves out, and warns of how well it is known then.
+pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed: Fixed) {
+    found.covariance += by;
+    found.warnings.retain(|warning| {
+        !matches!(
+            warning,
+            Warning::BarelyDetermined { .. }
+                | Warning::LensEndsInPicture { .. }
+                | Warning::LensExtrapolated { .. }
+        )
+    });
+    let known = poorly_known(found, fixed);
+    found.warnings.extend(known);
+    found.warnings.extend(extrapolated_lens(found));
+    let most_severe_first = |warning: &Warning| Reverse(warning.severity());
+    found.warnings.sort_by_key(most_severe_first);
 }
 
 /// The ratio `fy / fx` and its standard deviation, if it is free.

@@ -13,7 +13,8 @@ const LEAST_SINE: f64 = 1e-9;
 
 impl<L: Lens> ProjectionUncertainty<'_, L> {
     /// The angle between the normals of two planes of one picture, 0 to pi, and its standard
-    /// deviation, both in radians.
+    /// deviation, both in radians. Of planes of different pictures it is none: the camera may have
+    /// turned.
     ///
     /// Both poses follow the camera. A turn `w` of a plane changes its normal `n` by `w x n`, and so
     /// the angle about its axis `a`, the unit vector along `n x n'`, by `a . (w' - w)`. That of

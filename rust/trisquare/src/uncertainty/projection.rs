@@ -197,10 +197,27 @@ impl<L: Lens> Calibration<L> {
 
     /// How far, in pixels (rms), the projections of the directions seen at pixels may be off.
     ///
-    /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`].
+    /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`]. Directions are held in the camera's frame,
+    /// so that an uncertain principal point counts in full, although a turn of the camera makes up
+    /// for most of it. What is left after the rotation that fits best, which `lens_extrapolated` is
+    /// about, are the deviations of a comparison with the same camera taken as exact:
+    ///
+    /// ```
+    /// use nalgebra::{DMatrix, Vector2};
+    /// use trisquare::{Calibration, Error, ProjectionUncertainty, compare_projections};
+    ///
+    /// fn std_after_rotation(
+    ///     found: &Calibration,
+    ///     pixels: &[Vector2<f64>],
+    /// ) -> Result<Vec<Option<f64>>, Error> {
+    ///     let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0))?;
+    ///     let compared = compare_projections(&found.projection_uncertainty()?, &exact, pixels)?;
+    ///     Ok(compared.test.map_or_else(Vec::new, |test| test.std))
+    /// }
+    /// ```
     ///
     /// # Errors
-    /// [`Error::BeyondValidRadius`].
+    /// [`Error::BeyondValidRadius`]; [`Error::NotFinite`].
     pub fn projection_std(&self, pixels: &[Vector2<f64>]) -> Result<Vec<f64>, Error> {
         let found = self.projection_uncertainty()?.at_pixels(pixels)?;
         // Rounding may leave a trace that vanishes a little below zero.
