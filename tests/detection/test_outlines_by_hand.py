@@ -309,6 +309,11 @@ def test_bad_arguments_are_refused(outlines):
         ts.calibrate(PHOTO, outlines=outlines)
 
 
+def test_the_squares_of_a_file_without_the_file_are_told_apart():
+    with pytest.raises(TypeError, match=r"outlines\[0\] is a JSON object.*give that file's path"):
+        ts.calibrate(PHOTO, outlines=[{"corners": GOOD}])
+
+
 def test_a_missing_file_is_named(run, tmp_path):
     photo = tmp_path / "photo.png"
     cv2.imwrite(str(photo), PHOTO)

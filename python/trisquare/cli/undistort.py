@@ -294,8 +294,7 @@ def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Itera
             is_lost = not is_camera_kept and "projection" not in camera
             hint = " (--new-camera FILE keeps it)" if is_lost else ""
             yield f"{what}, without distortion: {width} x {height}, {numbers}{hint}"
-            yield (
-                f"no black pixel in the rectangle from ({x}, {y}) of {valid_width} x {valid_height}"
-            )
+            rectangle = f"({x}, {y}) of {valid_width} x {valid_height}"
+            yield f"no black border in the rectangle from {rectangle}"
         before = camera
         yield f"wrote {picture['output']}"

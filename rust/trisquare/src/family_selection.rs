@@ -142,6 +142,9 @@ fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     some.map(|own| own.thinned(SAMPLES_PER_LINE)).collect()
 }
 
+/// Residuals over those of other samples, from which on they may be half of those of the same.
+const MAY_BE_HALF: f64 = 0.75;
+
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
 /// better than any of its models.
 ///
@@ -167,7 +170,13 @@ pub fn heed_fisheye<L: Lens>(
     }
     let some = telling(edges);
     let wide = Weighed::of(&some, size, &of_family::<_, Fisheye>(options));
-    let own = Weighed::of(&some, size, options);
+    // None of the other models is asked where a fisheye leaves as much as the one that was taken.
+    let may_explain =
+        |fit: &Calibration<Fisheye>| is_clean(fit) || fit.rms < MAY_BE_HALF * calibration.rms;
+    let wide = wide.filter(|wide| wide.fits().any(|(_, fit)| may_explain(fit)));
+    let own = wide
+        .as_ref()
+        .and_then(|_| Weighed::of(&some, size, options));
     // Sheets that rise explain such residuals as well, and a fisheye would follow them.
     let rises = |warning: &Warning| {
         matches!(
@@ -283,17 +292,16 @@ pub fn heed_opencv_lens<L: Lens>(
         return;
     }
     let some = telling(edges);
-    // What a part of the edges does not show no lens can explain by them.
-    let own = calibrate(&some, size, options);
-    if !own.is_ok_and(|own| contradicts(&own)) {
-        return;
-    }
     let asked = (options, &calibration.parameters[..]);
     let cure = ThinPrismModel::TANGENTIAL
         .into_iter()
         .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
         .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
-    if let Some(cure) = cure {
+    // What a part of the edges does not show no lens can explain by them.
+    let is_shown = || calibrate(&some, size, options).is_ok_and(|own| contradicts(&own));
+    if let Some(cure) = cure
+        && is_shown()
+    {
         let warning = Warning::LensBeyondModel {
             certain: true,
             parameter: "fx".into(),

@@ -102,6 +102,11 @@ def _squares_of(outlines: Any) -> list[AnnotatedSquare]:
         where = f"outlines[{index}]"
         if isinstance(outline, AnnotatedSquare):
             targets.append(outline)
+        elif isinstance(outline, Mapping):
+            raise TypeError(
+                f"{where} is a JSON object, which needs the file that it is in: give that file's "
+                "path, or all of its content, or corners, four points each"
+            )
         elif _depth(outline) == 3:
             targets.append(AnnotatedSquare(AnnotatedOutline.of_sides(outline, where)))
         else:
