@@ -181,6 +181,24 @@ pub(crate) fn calibrate_agreeing<L: Lens>(
     run(edges, size, options, None, Purpose::Agreement)
 }
 
+/// Whether all planes agree with a lens, or else leave residuals (rms, in pixels) below a limit: a fit
+/// without a search for false planes. True where there is none, for that search may find one.
+pub(crate) fn may_fit<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    most_rms: f64,
+) -> Result<bool, Error> {
+    let planes = sort_by_plane(edges)?;
+    let work = Rc::new(Work::for_planes(&planes));
+    let nested = &mut NestedOptima::default();
+    let problem = JointProblem::of_planes(&planes, size, options, &work, nested);
+    let found = problem.solve(&planes);
+    Ok(found.map_or(true, |found| {
+        found.agrees(&problem) || found.refined.rms() < most_rms
+    }))
+}
+
 /// What models that are compared share, and tell beside their calibration.
 pub(crate) struct Comparison<L: Lens> {
     work: Option<Rc<Work>>,

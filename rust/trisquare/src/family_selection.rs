@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::calibrate::{calibrate, calibrate_agreeing, calibrate_photographs};
+use crate::calibrate::{calibrate, calibrate_agreeing, calibrate_photographs, may_fit};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{
@@ -169,14 +169,14 @@ pub fn heed_fisheye<L: Lens>(
         return;
     }
     let some = telling(edges);
-    let wide = Weighed::of(&some, size, &of_family::<_, Fisheye>(options));
-    // None of the other models is asked where a fisheye leaves as much as the one that was taken.
-    let may_explain =
-        |fit: &Calibration<Fisheye>| is_clean(fit) || fit.rms < MAY_BE_HALF * calibration.rms;
-    let wide = wide.filter(|wide| wide.fits().any(|(_, fit)| may_explain(fit)));
-    let own = wide
-        .as_ref()
-        .and_then(|_| Weighed::of(&some, size, options));
+    let wide_options = of_family::<_, Fisheye>(options);
+    // Real boards are never quite flat. No model is weighed where a fisheye leaves as much of that.
+    let limit = MAY_BE_HALF * calibration.rms;
+    if !may_fit(&some, size, &wide_options, limit).unwrap_or(true) {
+        return;
+    }
+    let wide = Weighed::of(&some, size, &wide_options);
+    let own = Weighed::of(&some, size, options);
     // Sheets that rise explain such residuals as well, and a fisheye would follow them.
     let rises = |warning: &Warning| {
         matches!(

@@ -116,7 +116,7 @@ pub(crate) fn agreed_by_all<L: Lens>(
     planes: &[ObservedPlane],
 ) -> Result<(Solution<L>, Vec<Warning>), Failure<L>> {
     let solution = problem.solve(planes)?;
-    if solution.misfit(problem).mean() < DOUBTED {
+    if solution.agrees(problem) {
         let warnings = warnings(&solution);
         return Ok((solution, warnings));
     }
@@ -232,6 +232,11 @@ impl<L: Lens> Solution<L> {
         self.noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(&self.planes, view, &problem.free, noise)
         })
+    }
+
+    /// Whether no plane or side of it is doubted.
+    pub(crate) fn agrees(&self, problem: &JointProblem<'_, L>) -> bool {
+        self.misfit(problem).mean() < DOUBTED
     }
 
     /// Whether the robust loss leaves every side that counts most of its weight.
