@@ -226,7 +226,7 @@ impl<'a> GreyReader<'a> {
     }
 
     /// The grey between pixels, bilinear, at continuous pixel coordinates, of all rows; `None`
-    /// outside.
+    /// outside, also where rounding alone has put a place of the border there: clamp such.
     #[must_use]
     pub fn bilinear(&self, x: f64, y: f64) -> Option<f64> {
         let (right, bottom) = (

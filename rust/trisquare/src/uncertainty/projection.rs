@@ -199,8 +199,9 @@ impl<L: Lens> Calibration<L> {
     ///
     /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`]. Directions are held in the camera's frame,
     /// so that an uncertain principal point counts in full, although a turn of the camera makes up
-    /// for most of it. What is left after the rotation that fits best, which `lens_extrapolated` is
-    /// about, are the deviations of a comparison with the same camera taken as exact:
+    /// for most of it. What is left after the rotation that fits the given pixels best (of a grid over
+    /// the picture, what `lens_extrapolated` is about) are the deviations of a comparison with the
+    /// same camera taken as exact:
     ///
     /// ```
     /// use nalgebra::{DMatrix, Vector2};
