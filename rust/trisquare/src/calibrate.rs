@@ -181,8 +181,8 @@ pub(crate) fn calibrate_agreeing<L: Lens>(
     run(edges, size, options, None, Purpose::Agreement)
 }
 
-/// Whether all planes agree with a lens, or else leave residuals (rms, in pixels) below a limit: a fit
-/// without a search for false planes. True where there is none, for that search may find one.
+/// Whether all planes agree with a lens, or leave residuals (rms, in pixels) below a limit: by one fit,
+/// without the search for false planes. True where the fit fails, for that search may mend it.
 pub(crate) fn may_fit<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

@@ -142,8 +142,9 @@ fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     some.map(|own| own.thinned(SAMPLES_PER_LINE)).collect()
 }
 
-/// Residuals over those of other samples, from which on they may be half of those of the same.
-const MAY_BE_HALF: f64 = 0.75;
+/// A fisheye that has to halve the residuals is only weighed if one fit of it leaves less than this
+/// part of the asked lens's: these are of all edges, the fit's of some.
+const WORTH_WEIGHING: f64 = 0.75;
 
 /// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
 /// better than any of its models.
@@ -170,8 +171,8 @@ pub fn heed_fisheye<L: Lens>(
     }
     let some = telling(edges);
     let wide_options = of_family::<_, Fisheye>(options);
-    // Real boards are never quite flat. No model is weighed where a fisheye leaves as much of that.
-    let limit = MAY_BE_HALF * calibration.rms;
+    // Real boards are never quite flat, which a fisheye leaves as it is.
+    let limit = WORTH_WEIGHING * calibration.rms;
     if !may_fit(&some, size, &wide_options, limit).unwrap_or(true) {
         return;
     }
