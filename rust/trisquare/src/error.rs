@@ -1,7 +1,6 @@
 //! The one error type: each variant carries the numbers a caller can act on.
 
 use crate::ill_conditioning::IllConditioning;
-use crate::image::PictureError;
 
 /// Why a calibration, or one of its steps, gives no answer.
 ///
@@ -24,10 +23,6 @@ pub enum Error {
     /// An argument that no data could make right.
     #[error("{0}")]
     InvalidArgument(String),
-
-    /// Raw pixels that are no picture.
-    #[error(transparent)]
-    Picture(#[from] PictureError),
 
     /// A coordinate, a standard deviation or a coefficient is NaN or infinite.
     #[error("{what} must be finite")]
@@ -315,7 +310,6 @@ impl Error {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Error::InvalidArgument(_)
-            | Error::Picture(_)
             | Error::NotFinite { .. }
             | Error::SampleNotFinite { .. }
             | Error::StraySample { .. }

@@ -1,5 +1,7 @@
 //! The photograph as it came: one contiguous copy of its raw pixels, read as coded grey.
 
+use crate::error::Error;
+
 /// Black and white reach this part of the scale from its ends: JPEG leaves its noise on them.
 const EXTREME_PART: u8 = 12;
 
@@ -25,6 +27,12 @@ pub enum PictureError {
         /// Values given.
         count: usize,
     },
+}
+
+impl From<PictureError> for Error {
+    fn from(error: PictureError) -> Self {
+        Self::InvalidArgument(error.to_string())
+    }
 }
 
 /// A picture: rows from the top, pixels from the left, channels of a pixel (BGR) side by side.
@@ -237,7 +245,7 @@ mod tests {
         let told = |width, height, count| {
             let refused = Picture::from_u8(width, height, 3, vec![0; count]).unwrap_err();
             let text = refused.to_string();
-            assert_eq!(crate::Error::from(refused).to_string(), text);
+            assert_eq!(Error::from(refused).to_string(), text);
             text
         };
         assert_eq!(
