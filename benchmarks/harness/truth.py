@@ -37,6 +37,15 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+MAD_TO_STD = 1.4826
+"""Of a normal distribution: the standard deviation over the median absolute deviation."""
+
+
+def robust_spread(values: Array) -> float:
+    """Return the standard deviation by the median absolute deviation from the median."""
+    return MAD_TO_STD * float(np.median(np.abs(values - np.median(values))))
+
+
 def rms_per_parameter(values: Array) -> str:
     """Return the root mean square of each column of shape (N, 6), named."""
     columns = np.sqrt(np.mean(values**2, axis=0))

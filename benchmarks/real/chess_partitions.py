@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from harness.rows import Row
-from harness.truth import PINHOLE
+from harness.truth import MAD_TO_STD, PINHOLE
 
 import trisquare as ts
 
 PARTITIONS = 100
 SEED = 11
 PICTURES_EACH = 3
-MAD_TO_STD = 1.4826
 FACTOR_TARGET = 2.0
 TOGETHER = "err together"
 """What a warning says where the stated std had to be raised for boards that are not flat."""

@@ -7,6 +7,7 @@ import json
 import cv2
 import numpy as np
 from harness.rows import NotMeasurableError, Row
+from harness.truth import robust_spread
 from real.chess_partitions import partition_row, pooled
 from real.real_pictures import CHESS
 
@@ -16,7 +17,6 @@ TRIPLES = 40
 SEED = 10
 TARGETS = "chessboard:9x6"
 SAME_MODEL = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-MAD_TO_STD = 1.4826
 KINDS = ("opencv", "edges", "edges, linear tone", "edges, tone estimated", "pictures")
 
 
@@ -49,7 +49,7 @@ def measure() -> list[Row]:
         found["edges, tone estimated"].append(as_estimated.camera.fx)
         found["pictures"].append(result.camera.fx)
         found["opencv"].append(_zhang([views[index] for index in triple], (width, height)))
-    spreads = {kind: _spread(values) for kind, values in found.items()}
+    spreads = {kind: robust_spread(values) for kind, values in found.items()}
     for kind, spread in spreads.items():
         print(f"  {kind}: spread {spread:.2f} px about {np.median(found[kind]):.2f}")
     print(f"  pictures: stage {result.stage}; {len(found['opencv'])} triples answered")
@@ -59,10 +59,6 @@ def measure() -> list[Row]:
     ratio = spreads["edges, tone estimated"] / spreads["opencv"]
     rows.append(Row('the same with tone="auto"', f"{ratio:.2f}", "aim: <= 1", ratio <= 1.0))
     return [*rows, partition_row(edges, (width, height))]
-
-
-def _spread(values: list[float]) -> float:
-    return float(MAD_TO_STD * np.median(np.abs(values - np.median(values))))
 
 
 def _zhang(views: list[dict], image_size: tuple[int, int]) -> float:

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from harness.rows import NotMeasurableError, Row
-from harness.truth import PINHOLE, rms
+from harness.truth import PINHOLE, rms, robust_spread
 from real.real_pictures import DATA
 
 import trisquare as ts
@@ -35,7 +35,7 @@ def measure() -> list[Row]:
             continue
         height, width = cv2.imread(str(paths[0]), cv2.IMREAD_GRAYSCALE).shape
         if folder == CHOSEN_ON:
-            chosen = list(_with_chosen_model(pictures, (width, height)))
+            chosen = [_with_chosen_model(pictures, (width, height))]
         half = len(pictures) // 2
         pairs = np.array(list(_pairs(pictures, (width, height), half, SPLITS)))
         ratios = _ratios(pairs)
@@ -59,18 +59,15 @@ def measure() -> list[Row]:
     ]
 
 
-def _with_chosen_model(
-    pictures: Sequence[list[ts.PlaneEdges]], size: tuple[int, int]
-) -> Iterator[Row]:
-    """Yield what the model by evidence does to the spread of small sets, and to its prediction."""
+def _with_chosen_model(pictures: Sequence[list[ts.PlaneEdges]], size: tuple[int, int]) -> Row:
+    """Return what the model by evidence does to the spread of small sets, and to its prediction."""
     told = {}
     for model in ("radial2", "auto"):
         pairs = np.array(list(_pairs(pictures, size, 3, TRIPLES, model)))
         values = pairs[:, :, 0, 0].ravel()
-        spread = 1.4826 * float(np.median(np.abs(values - np.median(values))))
-        told[model] = spread, float(np.std(values)), rms(_ratios(pairs))
+        told[model] = robust_spread(values), float(np.std(values)), rms(_ratios(pairs))
     (own, own_rms, own_ratio), (other, other_rms, other_ratio) = told["auto"], told["radial2"]
-    yield Row(
+    return Row(
         f"{TRIPLES} pairs of disjoint triples of {CHOSEN_ON}, `auto` (`radial2`): fx, robust "
         "spread and rms; difference of fx, fy, cx, cy / its stated std, rms",
         f"{own:.2f} and {own_rms:.2f} px ({other:.2f} and {other_rms:.2f}); {own_ratio:.2f} "

@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor
@@ -140,7 +141,7 @@ class Comparison(RebuiltByConstructor):
         """
         if not self.targets:
             return None
-        return any(not _is_enclosed(self.worst_at, corners) for corners in self.targets)
+        return any(not _are_enclosed(self.worst_at, corners) for corners in self.targets)
 
     @property
     def rms_among_targets(self) -> float | None:
@@ -156,11 +157,10 @@ class Comparison(RebuiltByConstructor):
         return None if self.std is None else self._rms_among_targets(self.std)
 
     def _rms_among_targets(self, values: FloatArray) -> float | None:
-        is_among = [
-            [all(_is_enclosed((x, y), corners) for corners in self.targets) for x in self.x]
-            for y in self.y
-        ]
-        known = np.isfinite(values) & is_among
+        pixels = np.stack(np.meshgrid(self.x, self.y), axis=-1)
+        known = np.isfinite(values)
+        for corners in self.targets:
+            known &= _are_enclosed(pixels, corners)
         return _rms(values[known]) if self.targets and known.any() else None
 
     @property
@@ -293,12 +293,12 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained, targets)
 
 
-def _is_enclosed(pixel: tuple[float, float], corners: FloatArray) -> bool:
-    """Whether a pixel is within the convex hull of corners: no half plane about it lacks one."""
-    x, y = (corners - pixel).T
-    angles = np.sort(np.arctan2(y, x))
-    gaps = np.diff(angles, append=angles[0] + 2.0 * np.pi)
-    return bool(gaps.max() <= np.pi)
+def _are_enclosed(pixels: npt.ArrayLike, corners: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether pixels, (..., 2), are within the convex hull of corners: no half plane lacks one."""
+    arms = corners - np.asarray(pixels)[..., None, :]
+    angles = np.sort(np.arctan2(arms[..., 1], arms[..., 0]), axis=-1)
+    gaps = np.diff(angles, append=angles[..., :1] + 2.0 * np.pi, axis=-1)
+    return np.asarray(gaps.max(axis=-1) <= np.pi)
 
 
 def _rms(values: FloatArray) -> float:

@@ -1,6 +1,5 @@
 //! The stages, in order, and nothing else.
 
-use std::cmp::Reverse;
 use std::rc::Rc;
 use std::slice;
 
@@ -17,8 +16,8 @@ use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers};
 use crate::uncertainty::{
-    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, extrapolated_lens,
-    poorly_known, unchecked_targets, unlikely_camera,
+    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, poorly_known,
+    unchecked_targets, unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -188,15 +187,17 @@ pub(crate) fn may_fit<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
     most_rms: f64,
-) -> Result<bool, Error> {
-    let planes = sort_by_plane(edges)?;
+) -> bool {
+    let Ok(planes) = sort_by_plane(edges) else {
+        return true;
+    };
     let work = Rc::new(Work::for_planes(&planes));
     let nested = &mut NestedOptima::default();
     let problem = JointProblem::of_planes(&planes, size, options, &work, nested);
     let found = problem.solve(&planes);
-    Ok(found.map_or(true, |found| {
+    found.map_or(true, |found| {
         found.agrees(&problem) || found.refined.rms() < most_rms
-    }))
+    })
 }
 
 /// What models that are compared share, and tell beside their calibration.
@@ -341,8 +342,7 @@ fn run<L: Lens>(
         let given = (edges, planes.as_slice(), size, options);
         add_doubts(given, (&problem, &solution), causes, &mut calibration);
     }
-    let most_severe_first = |warning: &Warning| Reverse(warning.severity());
-    calibration.warnings.sort_by_key(most_severe_first);
+    calibration.sort_warnings();
     Ok(calibration)
 }
 
@@ -377,7 +377,6 @@ fn add_doubts<L: Lens>(
         focal(edges, options)
     }));
     warnings.extend(poorly_known(found, options.fixed));
-    warnings.extend(extrapolated_lens(found));
     calibration.warnings = warnings;
 }
 

@@ -118,14 +118,22 @@ pub fn calibrate_by_family(
     let best = best_standing(edges, &wide, &plain);
     if best.odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
-        let doubt = doubt(&choice.calibration, best.plain.1, -best.odds);
-        widen(&mut choice.calibration, doubt, options.fixed);
+        add_doubt(
+            &mut choice.calibration,
+            best.plain.1,
+            -best.odds,
+            options.fixed,
+        );
         let rejected = rejected(best.plain, -best.odds);
         return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
     }
     let mut choice = plain.answer(edges, size, options, photographs)?;
-    let doubt = doubt(&choice.calibration, best.wide.1, best.odds);
-    widen(&mut choice.calibration, doubt, options.fixed);
+    add_doubt(
+        &mut choice.calibration,
+        best.wide.1,
+        best.odds,
+        options.fixed,
+    );
     let rejected = rejected(best.wide, best.odds);
     Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
@@ -173,7 +181,7 @@ pub fn heed_fisheye<L: Lens>(
     let wide_options = of_family::<_, Fisheye>(options);
     // Real boards are never quite flat, which a fisheye leaves as it is.
     let limit = WORTH_WEIGHING * calibration.rms;
-    if !may_fit(&some, size, &wide_options, limit).unwrap_or(true) {
+    if !may_fit(&some, size, &wide_options, limit) {
         return;
     }
     let wide = Weighed::of(&some, size, &wide_options);
@@ -412,12 +420,13 @@ fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fi
     independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
 
-/// What the answer of another family adds to a covariance: what it is off by, times its probability.
-fn doubt<A: Lens, B: Lens>(
-    found: &Calibration<A>,
+/// Adds to a covariance what another family's answer is off by, times that one's probability.
+fn add_doubt<A: Lens, B: Lens>(
+    found: &mut Calibration<A>,
     other: &Calibration<B>,
     odds: f64,
-) -> DMatrix<f64> {
+    fixed: Fixed,
+) {
     let probability = 1.0 / (1.0 + (-odds).exp());
     let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
     let mut difference = DVector::zeros(found.parameters.len());
@@ -432,7 +441,8 @@ fn doubt<A: Lens, B: Lens>(
             difference[place] = entry;
         }
     }
-    &difference * difference.transpose() * probability
+    let doubt = &difference * difference.transpose() * probability;
+    widen(found, doubt, fixed);
 }
 
 fn rejected<L: Lens>((model, fit): Fit<'_, L>, log_evidence: f64) -> RejectedFamily {

@@ -1,5 +1,7 @@
 //! What a calibration returns.
 
+use std::cmp::Reverse;
+
 use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector2};
 
 use super::residual_correlation::ResidualCorrelation;
@@ -167,6 +169,11 @@ impl<L: Lens> Calibration<L> {
     /// Where a parameter is among the free ones, if it is.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|own| *own == name)
+    }
+
+    /// Puts the most severe warnings first, and leaves those of one severity in their order.
+    pub(crate) fn sort_warnings(&mut self) {
+        self.warnings.sort_by_key(|own| Reverse(own.severity()));
     }
 
     /// The standard deviation of a free parameter.

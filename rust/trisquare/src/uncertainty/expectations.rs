@@ -4,8 +4,6 @@
 //! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
 //! as a true one. Only what is known of cameras tells it.
 
-use std::cmp::Reverse;
-
 use nalgebra::{DMatrix, Vector2};
 
 use super::comparison::compare_projections;
@@ -71,7 +69,7 @@ const KNOWN: f64 = 0.01;
 const LEAST_UNKNOWN: f64 = 0.1;
 
 /// Warns of a camera that is known worse than what is refused before the residuals are asked, and
-/// of a lens that ends within the picture.
+/// of a lens that ends within the picture, or is a guess in a part of it.
 pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
     let focal = found.camera.focal();
     let width = f64::from(found.image_size.width);
@@ -95,7 +93,8 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
     });
     let missing = missing(found);
     let ends = (missing > LEAST_MISSING).then_some(Warning::LensEndsInPicture { missing });
-    open.into_iter().chain(ends).collect()
+    let guess = extrapolated_lens(found);
+    open.into_iter().chain(ends).chain(guess).collect()
 }
 
 /// The part of the picture in which the lens has no inverse.
@@ -121,7 +120,7 @@ fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
 /// Warns of a lens that is estimated from so small a part of the picture that the rest is a guess.
 ///
 /// Where the lens ends in the picture, what lies beyond is no part of that: it is warned of by itself.
-pub(crate) fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
+fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     let is_of_lens = |name: &&str| !MATRIX.contains(name);
     if !found.parameters.iter().any(is_of_lens) {
         return None;
@@ -164,9 +163,7 @@ pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed
     });
     let known = poorly_known(found, fixed);
     found.warnings.extend(known);
-    found.warnings.extend(extrapolated_lens(found));
-    let most_severe_first = |warning: &Warning| Reverse(warning.severity());
-    found.warnings.sort_by_key(most_severe_first);
+    found.sort_warnings();
 }
 
 /// The ratio `fy / fx` and its standard deviation, if it is free.
