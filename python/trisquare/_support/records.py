@@ -28,6 +28,7 @@ from trisquare._support.arrays import (
 from trisquare._support.json_members import JsonFields
 
 R = TypeVar("R", bound="Record")
+F = TypeVar("F", bound=RebuiltByConstructor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +132,7 @@ def check_members(record: Record) -> None:
             object.__setattr__(record, own.name, kind.check(value, own.name))
 
 
-def of_core(kind: type[R], /, **members: Any) -> R:
+def of_core(kind: type[F], /, **members: Any) -> F:
     """Make a record of what the core computed: nothing is checked or copied.
 
     The arrays become read-only.

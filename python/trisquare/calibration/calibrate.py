@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -447,15 +449,18 @@ def _calibration(
         correlation.contradiction,
     )
     side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]
-    return Calibration(
-        camera=Camera(
-            found.camera_matrix,
-            found.distortion,
-            gathered.image_size,
-            settings.model_of(found.model),
-            valid_radius=found.valid_radius,
-        ),
-        std=found.std,
+    camera = of_core(
+        Camera,
+        K=found.camera_matrix,
+        distortion=found.distortion,
+        image_size=gathered.image_size,
+        model=settings.model_of(found.model),
+        valid_radius=None if found.valid_radius == math.inf else found.valid_radius,
+    )
+    return of_core(
+        Calibration,
+        camera=camera,
+        std=MappingProxyType(found.std),
         covariance=found.covariance,
         parameters=tuple(found.parameters),
         planes=tuple(

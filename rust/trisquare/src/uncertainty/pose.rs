@@ -20,7 +20,7 @@ use crate::result::{Calibration, PoseUncertainty};
 
 /// Samples of each side from which it is told how a pose follows the camera: that depends on where
 /// the sides are, and little on how densely they are sampled.
-const SAMPLES_PER_SIDE: usize = 16;
+const SAMPLES_PER_SIDE: usize = 8;
 
 /// How well what is estimated of a plane is known.
 pub(crate) struct PlaneUncertainty {
