@@ -37,6 +37,11 @@ class GridLine(NamedTuple):
     places: npt.NDArray[np.intp]
     """Of its crossings in it, in order."""
 
+    @property
+    def indices(self) -> tuple[int | npt.NDArray[np.intp], ...]:
+        """Row and column of its crossings."""
+        return (self.number, self.places) if self.is_row else (self.places, self.number)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Board:
@@ -119,18 +124,16 @@ class Board:
         # The span of the row, and of the column, through every crossing.
         through = np.full((2, *self.lattice.present.shape), -1)
         for span, line in enumerate(lines, first):
-            rows, cols = _indices(line)
-            through[0 if line.is_row else 1, rows, cols] = span
+            through[(0 if line.is_row else 1, *line.indices)] = span
         spans: list[SideSpan] = []
         for line in lines:
-            rows, cols = _indices(line)
-            others = through[1 if line.is_row else 0, rows, cols].tolist()
+            others = through[(1 if line.is_row else 0, *line.indices)].tolist()
             crossings = [
                 (other if other >= 0 else None, place)
                 for other, place in zip(others, line.places.tolist(), strict=True)
             ]
-            path = np.ascontiguousarray(self.lattice.crossings[rows, cols])
-            polarity = self._contrast_sign_of_even(line) * float(_alternation(int(line.places[0])))
+            path = np.ascontiguousarray(self.lattice.crossings[line.indices])
+            polarity = self._contrast_sign_of_even(line) * (-1.0) ** int(line.places[0])
             rims = () if self.rims is None else _rims_along(self.rims, line)
             spans.append(
                 SideSpan(
@@ -209,11 +212,11 @@ class Board:
         """Which way a line gets lighter after crossings of even number."""
         # A column's right-hand normal points the other way in the row it starts from.
         sign = self.contrast_sign if line.is_row else -self.contrast_sign
-        return sign * float(_alternation(line.number))
+        return sign * (-1.0) ** line.number
 
     def _cells(self, line: GridLine, points: FloatArray) -> npt.NDArray[np.intp]:
         """Return the number of the crossing in whose cell, after it, each sample of a line is."""
-        path = self.lattice.crossings[_indices(line)]
+        path = self.lattice.crossings[line.indices]
         along = path[-1] - path[0]
         return np.asarray(line.places[np.searchsorted(path[1:-1] @ along, points @ along)])
 
@@ -234,16 +237,10 @@ def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
         linked[:, :-1] |= together
         linked[:, 1:] |= together
         for number, row in enumerate(linked):
-            places = np.flatnonzero(row)
+            (places,) = row.nonzero()
             if places.size:
                 lines.append(GridLine(is_row, number, places))
     return lines
-
-
-def _indices(line: GridLine) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows and columns of a line's crossings."""
-    number = np.full_like(line.places, line.number)
-    return (number, line.places) if line.is_row else (line.places, number)
 
 
 def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
@@ -252,10 +249,6 @@ def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
     # Of the two cells beside a stretch one is light, and the other has no marker.
     either: list[float] = (beside[line.number] + beside[line.number + 1])[line.places + 1].tolist()
     return either
-
-
-def _alternation(number: npt.NDArray[np.intp] | int) -> FloatArray:
-    return np.asarray(1.0 - 2.0 * (np.asarray(number) % 2))
 
 
 def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
@@ -271,5 +264,5 @@ def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) * PROBE
     middle = 0.5 * (start + end)
     shades = sample(grey, np.stack([middle + normal, middle - normal], axis=1))
-    contrast = (shades[:, 0] - shades[:, 1]) * _alternation(rows + cols)
+    contrast = (shades[:, 0] - shades[:, 1]) * (-1.0) ** (rows + cols)
     return 1.0 if np.sum(contrast) >= 0.0 else -1.0

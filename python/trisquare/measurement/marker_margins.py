@@ -32,6 +32,9 @@ WIDEST = 0.4
 LEAST_MARKERS = 3
 """Cells that must show one: stains and glare seldom come by threes."""
 
+FIRST_CELLS = 12
+"""Cells all over a board that are looked at first: where none shows a marker, none has one."""
+
 SPREAD = 0.05
 """Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""
 
@@ -75,11 +78,18 @@ def marker_rims(
     if len(places) < LEAST_MARKERS:
         return None
     own = corners[places[:, 0], places[:, 1]]
-    pieces = [own[first : first + PIECE] for first in range(0, len(own), PIECE)]
+    # Of the cells around, the outer corners are a guess.
+    whole = ((places > 0) & (places < lattice.present.shape)).all(axis=1)
+    inside = own[whole]
+    if not len(inside):
+        return None
+    few = np.unique(np.linspace(0, len(inside) - 1, FIRST_CELLS, dtype=int))
+    if not _rims(_profiles(grey, inside[few])).any():
+        return None
+    pieces = [own[start : start + PIECE] for start in range(0, len(own), PIECE)]
     profiles = np.concatenate([_profiles(grey, piece) for piece in pieces])
     seen = _rims(profiles)
-    # Of the cells around, the outer corners are a guess.
-    whole = (seen > 0.0) & ((places > 0) & (places < lattice.present.shape)).all(axis=1)
+    whole &= seen > 0.0
     if not whole.any():
         return None
     rim = float(np.median(seen[whole]))

@@ -49,7 +49,7 @@ def whole_cells(lattice: Lattice) -> FloatArray:
 
 def belongs_to(lattice: Lattice, corners: FloatArray) -> bool:
     """Whether a quad, corners of shape (4, 2), is a part of a lattice or lies under it."""
-    return _is_cell(lattice, corners) or _is_under(lattice, corners)
+    return _is_under(lattice, corners) or _is_cell(lattice, corners)
 
 
 def _is_under(lattice: Lattice, corners: FloatArray) -> bool:

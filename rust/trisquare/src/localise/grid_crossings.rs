@@ -198,7 +198,9 @@ impl Between<'_> {
     /// in it that is the same on both sides of this line, and at any angle.
     fn spread(&self, point: Vector2<f64>) -> f64 {
         let crossings = self.before.into_iter().chain(self.after);
-        crossings
+        // Most lines have none.
+        let spread = crossings.filter(|crossing| crossing.spread != 0.0);
+        spread
             .map(|crossing| crossing.spread * cdf_and_pdf(crossing.blurs(point)).1)
             .sum()
     }
