@@ -33,7 +33,7 @@ LEAST_MARKERS = 3
 """Cells that must show one: stains and glare seldom come by threes."""
 
 FIRST_CELLS = 12
-"""Cells all over a board that are looked at first: where none shows a marker, none has one."""
+"""Cells all over a board that are looked at first: if none shows a marker, the board has none."""
 
 SPREAD = 0.05
 """Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""

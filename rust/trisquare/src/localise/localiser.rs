@@ -23,11 +23,11 @@ const LEAST_MARGIN_BLURS: f64 = 1.5;
 /// The first fit, which only finds curve and blur, uses about this many columns of pixels, one in
 /// an odd number: of a steep side they are rows, even and odd ones.
 const PREVIEW_COLUMNS: f64 = 50.0;
-/// Of a line that others cross fewer suffice: there are many of them, which are measured by what they
-/// have in common.
+/// Of a line that others cross, one of many, it uses fewer: with 30 as with 50 the cameras from boards
+/// and AprilGrids are equally good.
 const CROSSED_PREVIEW_COLUMNS: f64 = 30.0;
-/// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
-/// this many pixels; then on those that the result points to.
+/// The first fit is made twice: roughly, on the pixels that the coarse edge points to, until a step is
+/// below this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 /// Rounds of a crossed line's spread, and of all else with it.
