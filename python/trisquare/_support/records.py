@@ -137,12 +137,15 @@ def of_core(kind: type[F], /, **members: Any) -> F:
 
     The arrays become read-only.
     """
-    made = object.__new__(kind)
+    made, keep = object.__new__(kind), object.__setattr__
     for name, value in (_defaults_of(kind) | members).items():
-        for array in value if type(value) is tuple else (value,):
-            if type(array) is np.ndarray:
-                array.setflags(write=False)
-        object.__setattr__(made, name, value)
+        if type(value) is np.ndarray:
+            value.setflags(write=False)
+        elif type(value) is tuple:
+            for each in value:
+                if type(each) is np.ndarray:
+                    each.setflags(write=False)
+        keep(made, name, value)
     return made
 
 

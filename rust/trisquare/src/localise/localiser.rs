@@ -23,11 +23,8 @@ const LEAST_MARGIN_BLURS: f64 = 1.5;
 /// The first fit, which only finds curve and blur, uses about this many columns of pixels, one in
 /// an odd number: of a steep side they are rows, even and odd ones.
 const PREVIEW_COLUMNS: f64 = 50.0;
-/// Of a line that others cross, one of many, it uses fewer: with 30 as with 50 the cameras from boards
-/// and AprilGrids are equally good.
-const CROSSED_PREVIEW_COLUMNS: f64 = 30.0;
-/// The first fit is made twice: roughly, on the pixels that the coarse edge points to, until a step is
-/// below this many pixels; then on those that the result points to.
+/// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
+/// this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 /// Rounds of a crossed line's spread, and of all else with it.
@@ -108,10 +105,6 @@ impl<'a> Localiser<'a> {
         };
         let margin = margin(spans, index, &side);
         let within = |width: f64| margin.map(|margin| width.min(margin));
-        let columns = match is_crossed {
-            true => CROSSED_PREVIEW_COLUMNS,
-            false => PREVIEW_COLUMNS,
-        };
         let crossings = |side: &Side| {
             is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
         };
@@ -124,7 +117,7 @@ impl<'a> Localiser<'a> {
             limits: Vec::new(),
             hidden: &coarse.hidden,
             crossings,
-            stride: 2 * (0.5 * length / columns) as usize + 1,
+            stride: 2 * (0.5 * length / PREVIEW_COLUMNS) as usize + 1,
         };
         let narrow = near(&side);
         let curve = side.curve.clone();
