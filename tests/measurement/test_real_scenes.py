@@ -125,7 +125,7 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
 def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured():
     # Print beside crossings hides some of them, and blur the outer ones of the farthest boards.
     boards, whole = 0, 0
-    for index in range(4):
+    for index in range(8):
         case = real_picture(np.random.default_rng([100, index]), "charuco box")
         grey = grey_bytes(case.picture)
         found = find_lattices(grey)
