@@ -223,7 +223,7 @@ class NotEnoughPlanesError(TrisquareError):
     ...     ts.calibrate_edges([], image_size=(1280, 960))
     ... except ts.NotEnoughPlanesError as error:
     ...     print(str(error).partition(":")[0])
-    0 plane(s) given, but the free parameters of the camera (fx, fy, cx, cy) need 2
+    0 planes given, but the free parameters of the camera (fx, fy, cx, cy) need 2
     """
 
 

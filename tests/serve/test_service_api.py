@@ -266,6 +266,7 @@ def test_nothing_is_answered_without_the_token(client, path, token):
     bare = TestClient(client.app)
     answer = bare.get(path, params={} if token is None else {"token": token})
     assert error_of(answer, 401)["code"] == "TokenError"
+    assert answer.headers["WWW-Authenticate"] == "Token"
     assert error_of(bare.post("/api/find", content=PHOTO), 401)
 
 
@@ -762,6 +763,7 @@ def test_the_schema_names_the_routes_that_there_are(client):
     for path in routes:
         answer = client.get(path)
         assert (answer.status_code, answer.headers["Allow"]) == (405, "POST")
+        assert "405" in posted(client)[path]["responses"]
 
 
 def test_the_status_is_as_the_schema_says(client):

@@ -51,6 +51,11 @@ HEADERS: Mapping[str, str] = {
     "Cache-Control": "no-store",
 }
 
+HEADERS_OF_ERRORS: Mapping[str, Mapping[str, str]] = {
+    "BusyError": {"Retry-After": "5"},
+    "TokenError": {"WWW-Authenticate": "Token"},
+}
+
 MEDIA_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 
 OWN_ADDRESS = re.compile(r'(?<=")\./([\w.-]+\.(?:js|css))(?=")')
@@ -159,7 +164,7 @@ class Guard:
 
 def problem(code: str, text: str, status: int | None = None, **more: Any) -> JSONResponse:
     """Return an error with the status of its code, unless another is given."""
-    headers = {ERROR_HEADER: code} | ({"Retry-After": "5"} if code == "BusyError" else {})
+    headers = {ERROR_HEADER: code, **HEADERS_OF_ERRORS.get(code, {})}
     error = {**code_members(code, text), **more}
     return JSONResponse({"error": error}, status or http_status(code), headers)
 

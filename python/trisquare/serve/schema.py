@@ -145,6 +145,7 @@ SUMMARIES = {
 REFUSALS = {
     "400": "an argument or an option is wrong, or a file other than a picture is damaged",
     "401": "the token is missing or wrong",
+    "405": "the address takes another method",
     "408": "the request does not arrive in time",
     "409": "the format has no model for the lens",
     "413": "the request is too large",

@@ -111,8 +111,9 @@ pub enum Error {
 
     /// Fewer planes than the free parameters need.
     #[error(
-        "{found} plane(s) given, but the free parameters of the camera ({free}) need {needed}: {}, or \
-         fix parameters whose values are known",
+        "{} given, but the free parameters of the camera ({free}) need {needed}: {}, or fix parameters \
+         whose values are known",
+        counted(*found, "plane"),
         match found {
             0..3 => "show more squares in different directions (three tell them well)",
             _ => "show more, or state their shape (one of unknown aspect tells half as much as a square)",
@@ -130,8 +131,9 @@ pub enum Error {
     /// Lines of the scene, and no plane: [`fit_distortion`](crate::fit_distortion) finds what they
     /// tell.
     #[error(
-        "{lines} line(s) of the scene and no plane: lines tell of the lens's distortion alone, the \
-         rest of the camera needs squares"
+        "{} of the scene and no plane: lines tell of the lens's distortion alone, the rest of the \
+         camera needs squares",
+        counted(*lines, "line")
     )]
     LinesAlone {
         /// Lines given.
@@ -139,7 +141,10 @@ pub enum Error {
     },
 
     /// A plane is described by too few lines.
-    #[error("figure {figure} has {found} side(s) or line(s), but its homography needs {needed}")]
+    #[error(
+        "figure {figure} has {}, but its homography needs {needed}",
+        counted(*found, "line")
+    )]
     TooFewLines {
         /// Index of the figure.
         figure: usize,
@@ -151,7 +156,8 @@ pub enum Error {
 
     /// A family of parallel lines has too few.
     #[error(
-        "a family of parallel lines of figure {figure} has {found} line(s), but needs {needed}"
+        "a family of parallel lines of figure {figure} has {}, but needs {needed}",
+        counted(*found, "line")
     )]
     TooFewParallels {
         /// Index of the figure.
@@ -164,7 +170,8 @@ pub enum Error {
 
     /// A line is described by too few samples; those in one place count as one.
     #[error(
-        "line {line} of figure {figure} has {found} different sample(s), but needs at least {needed}"
+        "line {line} of figure {figure} has {}, but needs at least {needed}",
+        counted(*found, "different sample")
     )]
     TooFewSamples {
         /// Index of the figure.
@@ -261,6 +268,11 @@ pub enum Error {
 }
 
 /// What an iteration spent, and where it stood.
+/// A number of things, in words that agree with it.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 fn spent(iterations: usize, rms: f64) -> String {
     match iterations {
         0 => String::new(),

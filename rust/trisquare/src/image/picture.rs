@@ -1,6 +1,6 @@
 //! The photograph as it came: one contiguous copy of its raw pixels, read as coded grey.
 
-use crate::error::Error;
+use crate::error::{Error, counted};
 
 /// Black and white reach this part of the scale from its ends: JPEG leaves its noise on them.
 const EXTREME_PART: u8 = 12;
@@ -194,7 +194,8 @@ fn green<T: Copy>(values: &[T]) -> Vec<T> {
 
 /// What is wrong with the number of values; rows that are too long are told as padded.
 fn size_text(width: usize, height: usize, channels: usize, count: usize) -> String {
-    let picture = format!("a picture of {width} x {height} pixels with {channels} channel(s)");
+    let channels_text = counted(channels, "channel");
+    let picture = format!("a picture of {width} x {height} pixels with {channels_text}");
     let Some(row) = width
         .checked_mul(channels)
         .filter(|row| *row > 0 && height > 0)
@@ -250,7 +251,7 @@ mod tests {
         };
         assert_eq!(
             told(5, 4, 64),
-            "a picture of 5 x 4 pixels with 3 channel(s) needs 60 values, 15 a row without \
+            "a picture of 5 x 4 pixels with 3 channels needs 60 values, 15 a row without \
              padding, not 64: if each row of 16 values ends in 1 of padding, leave these out"
         );
         assert!(told(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));

@@ -91,7 +91,7 @@ impl Chessboard {
     pub fn spans(&self, first: usize) -> Vec<EdgeSpan> {
         let span = |(index, own): (usize, &GridLine)| {
             let others = if index < self.rows { self.rows } else { 0 };
-            let crossing = |place| (Some(first + others + place), place);
+            let crossing = |place| (Some(first.saturating_add(others + place)), place);
             EdgeSpan {
                 crossings: (0..own.path.len()).map(crossing).collect(),
                 ..EdgeSpan::new(own.path.clone(), own.polarity)

@@ -348,7 +348,7 @@ mod tests {
         let place = Vector2::new(100.0, 100.0);
         let mut edges = PlaneEdges::square(sides()).unwrap();
         edges.points[3] = vec![place; 9];
-        let told = "line 3 of figure 0 has 1 different sample(s), but needs at least 2";
+        let told = "line 3 of figure 0 has 1 different sample, but needs at least 2";
         for refused in [
             edges.check(0).unwrap_err(),
             PlaneEdges::square(edges.points).unwrap_err(),

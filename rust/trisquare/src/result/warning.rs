@@ -8,6 +8,7 @@ use super::warning_words::{
     part_of_whole, planes_in_directions, raised, signed_two_digits, times, two_digits,
     with_its_std, without_it,
 };
+use crate::error::counted;
 
 /// A text of the crate, or one that was read back.
 type Text = Cow<'static, str>;
@@ -310,9 +311,10 @@ pub enum Warning {
     },
     /// Samples that the picture cannot show.
     #[error(
-        "{samples} sample(s) of figure {figure}, the first at ({:.1}, {:.1}), lie outside the \
-         picture of {} x {} pixels: is that its size, width before height?",
-        .first[0], .first[1], .size[0], .size[1]
+        "{} of figure {figure} outside the picture of {} x {} pixels, the first at \
+         ({:.1}, {:.1}): is that its size, width before height?",
+        counted(*samples, "sample"),
+        .size[0], .size[1], .first[0], .first[1]
     )]
     OutsidePicture {
         /// Index among the edges of the first figure that has such samples.
