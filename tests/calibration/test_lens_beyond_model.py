@@ -118,7 +118,7 @@ def test_pictures_that_disagree_raise_the_deviations(seed):
     assert np.all(np.linalg.eigvalsh(apart.covariance) > 0.0)
 
 
-@pytest.mark.parametrize("seed", first_quick([8, 1, 4, 9, 21]))
+@pytest.mark.parametrize("seed", first_quick([34, 8, 1, 4, 9, 21]))
 def test_twisted_squares_are_no_fisheye_and_are_named_before_what_they_come_to(seed):
     rng, scene = np.random.default_rng(seed), squares(seed)
     targets = tuple(twisted(rng, target) for target in scene.targets)
@@ -137,7 +137,7 @@ def test_no_side_is_to_blame_where_the_others_disagree_without_it():
     assert "side_rejected" not in codes(result)
 
 
-@pytest.mark.parametrize("seed", [108, 120])
+@pytest.mark.parametrize("seed", [108, 109])
 def test_a_lens_is_named_before_squares_that_explain_it_less_well(seed):
     lens = decentred(np.random.default_rng(seed), squares(seed).camera)
     scene = squares(seed, lens)
@@ -146,14 +146,21 @@ def test_a_lens_is_named_before_squares_that_explain_it_less_well(seed):
 
 
 @pytest.mark.parametrize("seed", first_quick([3, 5, 16, 20]))
-def test_a_lens_whose_prism_leaves_nothing_to_explain_comes_before_squares_that_are_none(seed):
+def test_a_lens_whose_prism_leaves_nothing_to_explain_is_named_with_its_model(seed):
     pictures, focal = KINDS["thin prism lens"].draw(np.random.default_rng([1206, 10, seed]), True)
-    result = ts.calibrate(pictures)
-    assert {"lens_beyond_model", "planes_contradict"} <= set(codes(result))
-    first = result.warnings[0]
+    first = ts.calibrate(pictures).warnings[0]
     assert first.code == "lens_beyond_model"
     advised = float(re.search(r'With model="brown_prism" fx is ([0-9.]+)', first)[1])
     assert advised == pytest.approx(focal, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", first_quick([0, 2, 6]))
+def test_squares_are_true_where_a_prism_explains_them(seed):
+    """Squares that are none left fx open by half of it."""
+    pictures, focal = KINDS["thin prism lens"].draw(np.random.default_rng([1206, 10, seed]), True)
+    result = ts.calibrate(pictures)
+    assert codes(result)[0] == "lens_beyond_model"
+    assert abs(result.camera.fx - focal) < 4.0 * result.std["fx"] < 0.15 * focal
 
 
 @pytest.mark.parametrize("seed", first_quick(range(4)))

@@ -150,7 +150,14 @@ fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     some.map(|own| own.thinned(SAMPLES_PER_LINE)).collect()
 }
 
-/// A fisheye that has to halve the residuals is only weighed if one fit of it leaves less than this
+/// Where sides err together under a fisheye as well, it leaves at most this part of the residuals of
+/// every distorted pinhole: of the many lines of boards, ...
+const MOST_LEFT_OF_BOARDS: f64 = 0.5;
+
+/// ... and of squares, whose few sides its coefficients follow more easily.
+const MOST_LEFT_OF_SQUARES: f64 = 0.25;
+
+/// A fisheye that has to leave much less is only weighed if one fit of it leaves less than this
 /// part of the asked lens's: these are of all edges, the fit's of some.
 const WORTH_WEIGHING: f64 = 0.75;
 
@@ -244,8 +251,8 @@ fn best_standing<'a, A: Lens, B: Lens>(
 }
 
 /// One fisheye against every distorted pinhole: the odds are less the preference and what is unlikely
-/// of it beforehand. Where sides err together under it as well (targets that are not flat), it has to
-/// halve the residuals of every one: its coefficients follow these.
+/// of it beforehand. Where sides err together under it as well (targets that are not flat), its
+/// coefficients follow these, and it has to leave much less than every one.
 ///
 /// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
 /// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
@@ -262,9 +269,14 @@ fn standing<'a, A: Lens, B: Lens>(
     let against = against.unwrap_or(plain.chosen());
     let odds = odds(against) - PREFERENCE - improbability(fit);
     let least = plain.fits().map(|(_, other)| other.rms);
-    let explains = is_clean(fit) || fit.rms < 0.5 * least.fold(f64::INFINITY, f64::min);
+    let has_boards = have_boards(edges);
+    let most_left = match has_boards {
+        true => MOST_LEFT_OF_BOARDS,
+        false => MOST_LEFT_OF_SQUARES,
+    };
+    let explains = is_clean(fit) || fit.rms < most_left * least.fold(f64::INFINITY, f64::min);
     let follows_targets =
-        || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !have_boards(edges);
+        || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !has_boards;
     let odds = match explains && !follows_targets() {
         true => odds,
         false => odds.min(0.0),
@@ -282,12 +294,12 @@ const OF_PLACES: &str = "lens_extrapolated";
 /// How often noise alone shows so much of the coefficients that a model has beyond the asked ones.
 const CHANCE: f64 = 1e-4;
 
-/// Warns first of all of the lens where planes contradict each other under the asked model, and one
-/// of OpenCV's models leaves nothing to warn of.
+/// Warns first of all of the lens where planes contradict each other under the asked model, or no
+/// richer one holds the lens, and one of OpenCV's models leaves nothing to warn of.
 ///
 /// Targets that are no squares hardly ever let that happen: a few coefficients more make them no
 /// squares of a usual camera, with sides that show noise alone. Call this after [`heed_fisheye`],
-/// with the same edges, size and options. Where no planes contradict each other it costs nothing.
+/// with the same edges, size and options. Without such warnings it costs nothing.
 pub fn heed_opencv_lens<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -295,8 +307,9 @@ pub fn heed_opencv_lens<L: Lens>(
     calibration: &mut Calibration<L>,
 ) {
     let is_fisheye = L::centre_columns().is_empty();
-    let first = calibration.warnings.first().map(Warning::code);
-    let is_suspect = contradicts(calibration) && first != Some("lens_beyond_model");
+    let first = calibration.warnings.first();
+    let is_cured = first.is_some_and(|first| is_beyond(first) && first.alternative().is_some());
+    let is_suspect = fits_badly(calibration) && !is_cured;
     if is_fisheye || !is_suspect || check_comparable(options).is_err() {
         return;
     }
@@ -307,24 +320,41 @@ pub fn heed_opencv_lens<L: Lens>(
         .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
         .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
     // What a part of the edges does not show no lens can explain by them.
-    let is_shown = || calibrate(&some, size, options).is_ok_and(|own| contradicts(&own));
-    if let Some(cure) = cure
-        && is_shown()
-    {
-        let warning = Warning::LensBeyondModel {
+    let is_shown = || calibrate(&some, size, options).is_ok_and(|own| fits_badly(&own));
+    if cure.is_none() || !is_shown() {
+        return;
+    }
+    let known = calibration.warnings.iter().position(is_beyond);
+    let mut warning = match known {
+        Some(place) => calibration.warnings.remove(place),
+        None => Warning::LensBeyondModel {
             certain: true,
             parameter: "fx".into(),
             factor: 1.0,
-            cure: Some(cure),
+            cure: None,
             held: options.fixed.names().into_iter().map(Into::into).collect(),
-        };
-        calibration.warnings.insert(0, warning);
+        },
+    };
+    if let Warning::LensBeyondModel {
+        certain,
+        cure: known,
+        ..
+    } = &mut warning
+    {
+        (*certain, *known) = (true, cure);
     }
+    calibration.warnings.insert(0, warning);
 }
 
-fn contradicts<L: Lens>(found: &Calibration<L>) -> bool {
-    let mut codes = found.warnings.iter().map(Warning::code);
-    codes.any(|code| code == "planes_contradict")
+/// Whether planes contradict each other, or the lens comes first of what is warned of.
+fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
+    let mut warnings = found.warnings.iter();
+    found.warnings.first().is_some_and(is_beyond)
+        || warnings.any(|warning| warning.code() == "planes_contradict")
+}
+
+fn is_beyond(warning: &Warning) -> bool {
+    warning.code() == "lens_beyond_model"
 }
 
 /// The name of a model and `fx` with it, if it leaves nothing to warn of by coefficients that are

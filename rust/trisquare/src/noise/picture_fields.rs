@@ -1,9 +1,11 @@
 //! Smooth displacements of the whole picture: what a lens does beyond any model of it.
 //!
 //! With `q` the place of a pixel from the principal point, in units of the distance `R` of the
-//! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, and the two of a lens out of
+//! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, the two of a lens out of
 //! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not. R.
-//! Astron. Soc. 79 (1919) 384-390). Those that the model has are left to it.
+//! Astron. Soc. 79 (1919) 384-390), and the four of a thin prism, `R |q|^2` and `R |q|^4` along
+//! either axis (J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992) 965-980). Those that the model
+//! has are left to it.
 
 use nalgebra::Vector2;
 
@@ -12,18 +14,16 @@ use crate::lens::Lens;
 use crate::observations::FreeParameters;
 
 /// Number of fields.
-pub(crate) const FIELDS: usize = 6;
-
-/// Radial fields: those of `k1` to `k4`.
-const RADIAL: usize = 4;
+pub(crate) const FIELDS: usize = 10;
 
 /// The coefficients of whose terms they are.
-const COEFFICIENTS: [&str; FIELDS] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+const COEFFICIENTS: [&str; FIELDS] = ["k1", "k2", "k3", "k4", "p1", "p2", "s1", "s2", "s3", "s4"];
 
 /// How strong each may be beforehand, as a part of the radius at the picture's corner: three times
 /// what lenses have of a coefficient beyond the usual ones.
-const RADIAL_STD: f64 = 0.15;
-const TANGENTIAL_STD: f64 = 0.006;
+const DEVIATIONS: [f64; FIELDS] = [
+    0.15, 0.15, 0.15, 0.15, 0.006, 0.006, 0.003, 0.0015, 0.003, 0.0015,
+];
 
 /// What counts as none.
 const NOTHING: f64 = 1e-7;
@@ -47,29 +47,30 @@ impl PictureFields {
     /// How far (px) each field displaces a pixel along a direction.
     pub fn along(&self, pixel: &Vector2<f64>, direction: &Vector2<f64>) -> [f64; FIELDS] {
         let place = (pixel - self.centre) / self.radius;
-        let square = place.norm_squared();
-        let outward = direction.dot(&place) * self.radius;
-        let mut values = [0.0; FIELDS];
-        let mut power = 1.0;
-        for value in &mut values[..RADIAL] {
-            power *= square;
-            *value = outward * power;
-        }
-        let (x, y) = (place.x, place.y);
-        let down = Vector2::new(2.0 * x * y, square + 2.0 * y * y);
-        let right = Vector2::new(square + 2.0 * x * x, 2.0 * x * y);
-        values[RADIAL] = direction.dot(&down) * self.radius;
-        values[RADIAL + 1] = direction.dot(&right) * self.radius;
-        values
+        let (x, y, square) = (place.x, place.y, place.norm_squared());
+        let along = |x, y| self.radius * direction.dot(&Vector2::new(x, y));
+        let (outward, right, down) = (along(x, y), along(1.0, 0.0), along(0.0, 1.0));
+        let fourth = square * square;
+        [
+            outward * square,
+            outward * fourth,
+            outward * square * fourth,
+            outward * fourth * fourth,
+            along(2.0 * x * y, square + 2.0 * y * y),
+            along(square + 2.0 * x * x, 2.0 * x * y),
+            right * square,
+            right * fourth,
+            down * square,
+            down * fourth,
+        ]
     }
 
     /// Standard deviations beforehand; next to none where the lens is taken to have no fields, and
     /// of those whose coefficients are free: two columns that are alike leave only rounding.
     pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
-        std::array::from_fn(|field| match field < RADIAL {
-            _ if !any || is_modelled(free, field) => NOTHING,
-            true => RADIAL_STD,
-            false => TANGENTIAL_STD,
+        std::array::from_fn(|field| match any && !is_modelled(free, field) {
+            true => DEVIATIONS[field],
+            false => NOTHING,
         })
     }
 
