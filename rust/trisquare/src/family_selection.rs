@@ -242,8 +242,9 @@ fn best_standing<'a, A: Lens, B: Lens>(
     wide: &'a Weighed<A>,
     plain: &'a Weighed<B>,
 ) -> Standing<'a, A, B> {
-    let start = standing(edges, wide.chosen(), plain);
-    let of_all = wide.fits().map(|own| standing(edges, own, plain));
+    let has_boards = have_boards(edges);
+    let start = standing(has_boards, wide.chosen(), plain);
+    let of_all = wide.fits().map(|own| standing(has_boards, own, plain));
     of_all.fold(start, |best, next| match next.odds > best.odds {
         true => next,
         false => best,
@@ -258,7 +259,7 @@ fn best_standing<'a, A: Lens, B: Lens>(
 /// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
 /// their shape.
 fn standing<'a, A: Lens, B: Lens>(
-    edges: &[PlaneEdges],
+    has_boards: bool,
     wide: Fit<'a, A>,
     plain: &'a Weighed<B>,
 ) -> Standing<'a, A, B> {
@@ -269,7 +270,6 @@ fn standing<'a, A: Lens, B: Lens>(
     let against = against.unwrap_or(plain.chosen());
     let odds = odds(against) - PREFERENCE - improbability(fit);
     let least = plain.fits().map(|(_, other)| other.rms);
-    let has_boards = have_boards(edges);
     let most_left = match has_boards {
         true => MOST_LEFT_OF_BOARDS,
         false => MOST_LEFT_OF_SQUARES,
@@ -324,33 +324,28 @@ pub fn heed_opencv_lens<L: Lens>(
     if cure.is_none() || !is_shown() {
         return;
     }
-    let known = calibration.warnings.iter().position(is_beyond);
-    let mut warning = match known {
-        Some(place) => calibration.warnings.remove(place),
-        None => Warning::LensBeyondModel {
-            certain: true,
-            parameter: "fx".into(),
-            factor: 1.0,
-            cure: None,
-            held: options.fixed.names().into_iter().map(Into::into).collect(),
-        },
+    let place = calibration.warnings.iter().position(is_beyond);
+    let known = place.map(|place| calibration.warnings.remove(place));
+    let (parameter, factor) = match known {
+        Some(Warning::LensBeyondModel {
+            parameter, factor, ..
+        }) => (parameter, factor),
+        _ => ("fx".into(), 1.0),
     };
-    if let Warning::LensBeyondModel {
-        certain,
-        cure: known,
-        ..
-    } = &mut warning
-    {
-        (*certain, *known) = (true, cure);
-    }
+    let warning = Warning::LensBeyondModel {
+        certain: true,
+        parameter,
+        factor,
+        cure,
+        held: options.fixed.names().into_iter().map(Into::into).collect(),
+    };
     calibration.warnings.insert(0, warning);
 }
 
 /// Whether planes contradict each other, or the lens comes first of what is warned of.
 fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
-    let mut warnings = found.warnings.iter();
-    found.warnings.first().is_some_and(is_beyond)
-        || warnings.any(|warning| warning.code() == "planes_contradict")
+    let contradicts = |warning: &Warning| warning.code() == "planes_contradict";
+    found.warnings.first().is_some_and(is_beyond) || found.warnings.iter().any(contradicts)
 }
 
 fn is_beyond(warning: &Warning) -> bool {
