@@ -40,6 +40,14 @@ of a plane that is not flat, as if some 40 of them were one."""
 LEAST_RMS = 0.02
 """Working pixels: lines may be straighter by chance."""
 
+SHARED_POINTS = 12.0
+"""Points that err together at least, by the rms of all: lines of one plane bend alike, which the
+scatter between lines does not show."""
+CLEARLY_BETTER = 4.0
+"""Cost, in squared errors of as many points, by which the division model has to be better than the
+polynomial: where the lines hardly tell, chance would choose, and the polynomial is what most lenses
+are described by."""
+
 MOST_STEPS = 30
 LAST_DECREASE = 1e-7
 """Relative decrease of the cost with which a fit ends."""
@@ -97,9 +105,12 @@ def fit_lens(problem: Problem) -> Fit:
     def cost(fit: Fit) -> float:
         lenses = [refine(problem, bundle, fit.lens, tolerance) for bundle in bundles]
         pairs = zip(lenses, bundles, strict=True)
-        return sum(problem.cost(lens, bundle.measure(lens), tolerance) for lens, bundle in pairs)
+        costs = [problem.cost(lens, bundle.measure(lens), tolerance) for lens, bundle in pairs]
+        return sum(costs) / len(costs)
 
-    return min((division, polynomial), key=cost)
+    better = cost(polynomial) - cost(division)
+    chance = CLEARLY_BETTER * SHARED_POINTS * max(first.rms(), LEAST_RMS * problem.pixel) ** 2
+    return division if better > chance else polynomial
 
 
 def with_shared_errors(problem: Problem, fit: Fit) -> Problem:

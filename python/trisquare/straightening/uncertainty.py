@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.straightening.fit import LEAST_RMS, ROUND_TOLERANCES, Fit, Problem, line_weights
-
-SHARED_POINTS = 12.0
-"""Points that err together at least, by the rms of all: lines of one plane bend alike, which the
-scatter between lines does not show."""
+from trisquare.straightening.fit import (
+    LEAST_RMS,
+    ROUND_TOLERANCES,
+    SHARED_POINTS,
+    Fit,
+    Problem,
+    line_weights,
+)
 
 
 @dataclass(frozen=True, slots=True)
