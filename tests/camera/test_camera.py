@@ -50,6 +50,14 @@ def test_maps_agree_with_opencv(model):
     assert np.abs(lens.undistort_points(seen.reshape(-1, 2)) - back.reshape(-1, 2)).max() < 1e-9
 
 
+def test_points_as_opencv_has_them_are_taken():
+    lens = camera("brown")
+    points = pixel_grid()[:, None]
+    wanted = lens.undistort_points(points[:, 0])
+    np.testing.assert_array_equal(lens.undistort_points(points), wanted)
+    np.testing.assert_array_equal(lens.unproject(points.tolist()), lens.unproject(points[:, 0]))
+
+
 @pytest.mark.parametrize("model", LENSES)
 def test_maps_are_each_others_inverse(model):
     lens, pixels = camera(model), pixel_grid(margin=20)

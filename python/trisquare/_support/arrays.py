@@ -36,7 +36,8 @@ def real_array(
     name : str
         What the caller calls it; the errors begin with it.
     shape : tuple of int or None
-        The required shape; None stands for any length.
+        The required shape; None stands for any length. Of points as OpenCV has them, (N, 1, D), the
+        middle axis is left out.
     advice : str
         What the error on values that are not finite ends with.
 
@@ -55,6 +56,8 @@ def real_array(
     given = value if isinstance(value, np.ndarray) else _of_leaves(value, name)
     if given.dtype.kind not in "iuf":
         raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
+    if len(shape) == 2 and given.ndim == 3 and given.shape[1] == 1:
+        given = given[:, 0]
     if given.shape != shape and not _fits(given.shape, shape):
         wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
         raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")

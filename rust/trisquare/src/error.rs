@@ -267,12 +267,12 @@ pub enum Error {
     },
 }
 
-/// What an iteration spent, and where it stood.
 /// A number of things, in words that agree with it.
 pub(crate) fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
+/// What an iteration spent, and where it stood.
 fn spent(iterations: usize, rms: f64) -> String {
     match iterations {
         0 => String::new(),

@@ -4,18 +4,14 @@
 //! by one against those of the other, by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
 //! on the edge samples, which count as so many independent ones as their correlation leaves.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-use crate::calibrate::{calibrate, calibrate_agreeing, calibrate_photographs, may_fit};
+use crate::calibrate::{calibrate_photographs, may_fit};
 use crate::error::Error;
 use crate::image_size::ImageSize;
-use crate::lens::{
-    DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, Rational, RationalModel, SKEW,
-    ThinPrism, ThinPrismModel,
-};
+use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
 use crate::model_selection::{ModelChoice, Weighed, check_comparable};
 use crate::noise::ORDERS;
-use crate::numeric::chi_square_tail;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
 use crate::result::{Calibration, Warning};
@@ -143,7 +139,7 @@ const SAMPLES_PER_LINE: usize = 100;
 
 /// Edges that tell one family from another: of many figures some, unless their numbers stand in
 /// relations.
-fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
+pub(crate) fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     let is_related = edges.iter().any(|own| !own.relations.is_empty());
     let step = step_of_some(edges.len()).filter(|_| !is_related);
     let some = edges.iter().step_by(step.unwrap_or(1));
@@ -288,108 +284,6 @@ fn standing<'a, A: Lens, B: Lens>(
     }
 }
 
-/// A warning that only tells where targets are missing in the picture.
-const OF_PLACES: &str = "lens_extrapolated";
-
-/// How often noise alone shows so much of the coefficients that a model has beyond the asked ones.
-const CHANCE: f64 = 1e-4;
-
-/// Warns first of all of the lens where planes contradict each other under the asked model, or no
-/// richer one holds the lens, and one of OpenCV's models leaves nothing to warn of.
-///
-/// Targets that are no squares hardly ever let that happen: a few coefficients more make them no
-/// squares of a usual camera, with sides that show noise alone. Call this after [`heed_fisheye`],
-/// with the same edges, size and options. Without such warnings it costs nothing.
-pub fn heed_opencv_lens<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    calibration: &mut Calibration<L>,
-) {
-    let is_fisheye = L::centre_columns().is_empty();
-    let first = calibration.warnings.first();
-    let is_cured = first.is_some_and(|first| is_beyond(first) && first.alternative().is_some());
-    let is_suspect = fits_badly(calibration) && !is_cured;
-    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
-        return;
-    }
-    let some = telling(edges);
-    let asked = (options, &calibration.parameters[..]);
-    let cure = ThinPrismModel::TANGENTIAL
-        .into_iter()
-        .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
-        .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
-    // What a part of the edges does not show no lens can explain by them.
-    let is_shown = || calibrate(&some, size, options).is_ok_and(|own| fits_badly(&own));
-    if cure.is_none() || !is_shown() {
-        return;
-    }
-    let place = calibration.warnings.iter().position(is_beyond);
-    let known = place.map(|place| calibration.warnings.remove(place));
-    let (parameter, factor) = match known {
-        Some(Warning::LensBeyondModel {
-            parameter, factor, ..
-        }) => (parameter, factor),
-        _ => ("fx".into(), 1.0),
-    };
-    let warning = Warning::LensBeyondModel {
-        certain: true,
-        parameter,
-        factor,
-        cure,
-        held: options.fixed.names().into_iter().map(Into::into).collect(),
-    };
-    calibration.warnings.insert(0, warning);
-}
-
-/// Whether planes contradict each other, or the lens comes first of what is warned of.
-fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
-    let contradicts = |warning: &Warning| warning.code() == "planes_contradict";
-    found.warnings.first().is_some_and(is_beyond) || found.warnings.iter().any(contradicts)
-}
-
-fn is_beyond(warning: &Warning) -> bool {
-    warning.code() == "lens_beyond_model"
-}
-
-/// The name of a model and `fx` with it, if it leaves nothing to warn of by coefficients that are
-/// not asked for.
-fn of_lens<A: Lens, B: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    (options, asked): (&Options<A>, &[&str]),
-    model: B::Model,
-) -> Option<(String, f64)> {
-    let options = Options {
-        model,
-        ..of_family::<A, B>(options)
-    };
-    let found = calibrate_agreeing(edges, size, &options).ok()?;
-    let mut codes = found.warnings.iter().map(Warning::code);
-    (codes.all(|code| code == OF_PLACES) && has_other_coefficients(&found, asked))
-        .then(|| (model.name(), found.camera.focal().x))
-}
-
-/// Whether the coefficients beyond the asked parameters are other than zero: if not, the lens is no
-/// other, and the search for the asked one has gone astray.
-fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bool {
-    let free = found.parameters.iter().enumerate();
-    let others: Vec<_> = free.filter(|(_, name)| !asked.contains(name)).collect();
-    let estimates = found.estimates();
-    let value = |name: &str| estimates.iter().find(|own| own.name == name);
-    let values = others
-        .iter()
-        .filter_map(|(_, name)| Some(value(name)?.value));
-    let values = DVector::from_iterator(others.len(), values);
-    let covariance = DMatrix::from_fn(others.len(), others.len(), |i, j| {
-        found.covariance[(others[i].0, others[j].0)]
-    });
-    let square = covariance
-        .cholesky()
-        .map(|own| values.dot(&own.solve(&values)));
-    square.is_some_and(|square| chi_square_tail(square, others.len() as f64) < CHANCE)
-}
-
 fn have_boards(edges: &[PlaneEdges]) -> bool {
     let planes = sort_by_plane(edges).unwrap_or_default();
     planes.iter().flat_map(|plane| &plane.figures).any(has_grid)
@@ -412,7 +306,7 @@ fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
 }
 
 /// The same wishes for a lens of another family.
-fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
+pub(crate) fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
     Options {
         method: options.method,
         fixed: options.fixed,

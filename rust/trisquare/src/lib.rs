@@ -64,6 +64,7 @@ mod model_selection;
 mod noise;
 mod numeric;
 mod observations;
+mod opencv_cure;
 mod photometric;
 mod planning;
 mod refine;
@@ -81,9 +82,7 @@ pub use nalgebra;
 
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
-pub use family_selection::{
-    FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye, heed_opencv_lens,
-};
+pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{
@@ -107,6 +106,7 @@ pub use observations::{
     CellSample, Chessboard, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity,
     Relation, relate_planes, remove_edge_shift,
 };
+pub use opencv_cure::heed_opencv_lens;
 pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{

@@ -6,7 +6,8 @@ use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
 /// From the top to the bottom; rooms of one row do not import each other.
-const ROWS: [&[&str]; 13] = [
+const ROWS: [&[&str]; 14] = [
+    &["opencv_cure"],
     &["family_selection"],
     &["model_selection"],
     &["calibrate"],
