@@ -100,6 +100,7 @@ def load_text(folder, name, text, **options):
         ("cameras.txt", " 1280 ", " 12.5 ", "camera 1: WIDTH must be a whole number"),
         ("cameras.txt", " 1280 ", " -1280 ", "camera 1: WIDTH must be a whole number"),
         ("cameras.txt", "OPENCV", "CLOSEDCV", "the model 'CLOSEDCV' cannot be read"),
+        ("cameras.txt", "\n1 OPENCV", "\nhello OPENCV", "no line is a camera of COLMAP's"),
         ("transforms.json", '"fl_x": 1000.5', '"fl_x": null', '"fl_x"'),
         ("transforms.json", '"w": 1280', '"w": 1280.5', '"w" and "h" must be whole numbers'),
         ("transforms.json", '"OPENCV"', '"EQUIRECTANGULAR"', "'EQUIRECTANGULAR'; of nerfstudio"),

@@ -55,6 +55,7 @@ FAMILIES = (
     Family("FULL_OPENCV", ("k1", "k2", "p1", "p2", "k3")),
 )
 
+LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
 # Blanks only, as white space at large would run on through a file of empty lines from each of them.
 CAMERA_LINE = re.compile(
     r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$", re.MULTILINE
@@ -74,17 +75,15 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
         for words in lines
         if words and not words[0].startswith("#")
     }
-    if not cameras:
-        raise ValueError("there is no line with a camera")
+    if not any(number.isdigit() for number in cameras):
+        raise ValueError(f"no line is a camera of COLMAP's, {LINE}")
     return cameras
 
 
 def _camera(words: Sequence[str]) -> Lens:
     where = f"camera {words[0]}"
     if len(words) < 4:
-        raise ValueError(
-            f"{where}: its line must be COLMAP's CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
-        )
+        raise ValueError(f"{where}: its line must be {LINE}")
     model = words[1]
     if model not in FOCALS_AND_COEFFICIENTS:
         raise ValueError(
