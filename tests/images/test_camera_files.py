@@ -15,8 +15,9 @@ from scenes import assert_within
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.images.drawn_mark import encode_drawn
 from trisquare.images.foreign import foreign_kind
-from trisquare.images.reading import load_picture
+from trisquare.images.reading import load_picture, read_image
 from trisquare.images.sources import sources_of
 
 SIZE = (640, 480)
@@ -163,6 +164,19 @@ def test_numbers_in_names_are_numbers(tmp_path, monkeypatch, named):
     for name in reversed(ordered):
         Path("order", name).touch()
     assert [Path(str(path)).name for path in sources_of(named)] == ordered
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_what_trisquare_has_drawn_on_is_no_picture_of_a_folder(tmp_path, suffix):
+    photograph, overlay = tmp_path / "photo.png", tmp_path / f"overlay{suffix}"
+    photograph.write_bytes(encoded())
+    overlay.write_bytes(encode_drawn(PHOTO, overlay))
+    assert sources_of(tmp_path) == sources_of(str(tmp_path / "*.*")) == [photograph]
+    assert sources_of(overlay) == [overlay]
+    assert read_image(overlay).shape == PHOTO.shape
+    photograph.unlink()
+    with pytest.raises(ts.ImageError, match="has drawn on all pictures there"):
+        sources_of(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -92,10 +92,10 @@ def calibrate(
         Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
         BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
         ``"frames/*.png"`` for the files that match, in the order of their names (``2.jpg`` before
-        ``10.jpg``), bytes for a file's content. Several photographs
-        must be of one camera and size; their planes are pooled. One in which nothing is found is
-        named in `warnings` and left out, as is one that is given twice. A file's orientation tag
-        is ignored, with a warning: the result refers to the picture as it is stored.
+        ``10.jpg``), both but for what trisquare has drawn on; bytes for a file's content. Several
+        photographs must be of one camera and size; their planes are pooled. One in which nothing
+        is found is named in `warnings` and left out, as is one that is given twice. A file's
+        orientation tag is ignored, with a warning: the result refers to the picture as stored.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of

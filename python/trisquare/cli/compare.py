@@ -18,7 +18,7 @@ from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_outputs
 from trisquare.drawing.difference_map import draw_comparison
-from trisquare.images.encoding import encode_image
+from trisquare.images.drawn_mark import encode_drawn
 
 ASSUMED = (
     "photographs of their own for each camera, and flat targets: printed paper is not flat, and "
@@ -71,7 +71,7 @@ def compare_command(
     other = of_size(read_camera(second), lens.image_size, rescale, both)
     comparison = compare(known, other)
     if map_file is not None:
-        write_atomically({map_file: encode_image(draw_comparison(comparison), map_file)})
+        write_atomically({map_file: encode_drawn(draw_comparison(comparison), map_file)})
     written = [] if map_file is None else [f"wrote {map_file}"]
     members = _members(comparison) | (_grid_members(comparison) if grid else {})
     answer(json, quiet, members, [*_lines(comparison), *written])

@@ -16,7 +16,7 @@ from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.options import JSON, QUIET, option
 from trisquare.cli.tables import comparison_report, warning_lines
 from trisquare.drawing.overlay import draw_overlay
-from trisquare.images.encoding import encode_image
+from trisquare.images.drawn_mark import encode_drawn
 from trisquare.images.photographs import Photographs
 from trisquare.report import check_extra, report_page
 from trisquare.results.plane import Plane
@@ -51,7 +51,7 @@ def demo_command(
         calibration = calibrate(photograph.pixels)
     files: dict[PathLike, bytes] = {
         camera: calibration.to_json().encode(),
-        overlay: encode_image(draw_overlay(photograph.pixels, calibration), overlay),
+        overlay: encode_drawn(draw_overlay(photograph.pixels, calibration), overlay),
     }
     notes = []
     try:

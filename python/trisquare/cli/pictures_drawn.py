@@ -11,7 +11,8 @@ from typing import Any
 from trisquare._support.writing import PathLike, check_writable, write_atomically
 from trisquare.drawing.detections import draw_detections
 from trisquare.errors import ImageError, TrisquareError
-from trisquare.images.encoding import check_picture_name, encode_image
+from trisquare.images.drawn_mark import encode_drawn
+from trisquare.images.encoding import check_picture_name
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import Image
 
@@ -63,7 +64,7 @@ def drawn(
 ) -> dict[PathLike, bytes]:
     """Draw `what` over each photograph that a path is given for."""
     return {
-        path: encode_image(draw(photograph.pixels, *what, index=photograph.index), path)
+        path: encode_drawn(draw(photograph.pixels, *what, index=photograph.index), path)
         for path, photograph in zip(paths, photographs, strict=False)
     }
 

@@ -16,7 +16,8 @@ from trisquare.cli.console import answer
 from trisquare.cli.options import BALANCE, JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
-from trisquare.images.encoding import encode_image, encode_turned
+from trisquare.images.drawn_mark import encode_drawn
+from trisquare.images.encoding import encode_turned
 from trisquare.images.reading import read_photograph
 from trisquare.straightening.straighten import Straightened, straighten
 from trisquare.undistortion.undistort import INTERPOLATIONS
@@ -82,7 +83,7 @@ def straighten_command(
     files: dict[PathLike, bytes] = {output: encoded}
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
-        files[overlay] = encode_image(drawn, overlay)
+        files[overlay] = encode_drawn(drawn, overlay)
     models: dict[PathLike, str] = {}
     if save_camera is not None and focal is not None:
         camera = found.camera.camera(focal)

@@ -12,6 +12,7 @@ import numpy as np
 
 from trisquare._support.natural_order import natural_order
 from trisquare.errors import ImageError, MissingImageError
+from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.pixels import ImageSource, PillowImage
 
 PICTURE_SUFFIXES = frozenset(
@@ -39,9 +40,9 @@ def sources_of(
     """Return the pictures, one or several, as a list.
 
     A folder stands for the pictures directly in it, and `with_videos` for its videos as well; a
-    pattern such as ``frame-*.png`` for the files that match. Both are in the order of their names,
-    in which numbers count: ``2.jpg`` comes before ``10.jpg``. Open files are read, since that can
-    be done only once.
+    pattern such as ``frame-*.png`` for the files that match: both but for those that trisquare has
+    drawn on. They are in the order of their names, in which numbers count: ``2.jpg`` comes before
+    ``10.jpg``. Open files are read, since that can be done only once.
 
     Raises
     ------
@@ -106,13 +107,20 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         if not found:
             other = f"; name its video itself, as {videos[0]}" if videos else ""
             raise ImageError(f"{name}: the folder holds no picture{other}")
-        return found
+        return _not_drawn(found, name)
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
-        matching = [Path(each) for each in names]
-        if not matching:
+        if not names:
             raise MissingImageError(f"{name}: no file matches")
-        return matching
+        return _not_drawn([Path(each) for each in names], name)
     if not os.path.exists(name):  # before what else may be wrong: a video is known by its content
         raise MissingImageError(f"{name}: No such file or directory")
     return [path]
+
+
+def _not_drawn(found: list[Path], name: str) -> list[Path]:
+    """Leave out what trisquare has drawn on: an overlay beside its photograph."""
+    left = [each for each in found if not is_drawn(each)]
+    if not left:
+        raise ImageError(f"{name}: trisquare has drawn on all pictures there: name a photograph")
+    return left
