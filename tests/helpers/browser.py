@@ -98,6 +98,16 @@ class Browser:
             time.sleep(0.05)
         return value
 
+    def forget_refusals(self, count=1):
+        """Forget that the server refused so many requests, which the log says a little later."""
+        end = time.monotonic() + PATIENCE
+        while len(self.complaints) < count:
+            assert time.monotonic() < end, "no request was refused"
+            self.evaluate("0")  # receives what has come
+            time.sleep(0.05)
+        assert all("status of 4" in each["text"] for each in self.complaints), self.complaints
+        self.complaints.clear()
+
     def press_key(self, key, *, ctrl=False, shift=False):
         modifiers = 2 * ctrl + 8 * shift
         for kind in ("keyDown", "keyUp"):

@@ -258,7 +258,7 @@ def test_a_rejected_square_is_not_used(page, photo):
     press(page, "calibrate")
     page.wait_for(SHOWN.format("problem"))
     assert "plane" in page.evaluate(TEXT.format("problem"))
-    page.complaints.clear()  # the browser logs that the server has refused
+    page.forget_refusals()
     page.evaluate("document.querySelectorAll('#squares input')[0].focus()")
     page.press_key(" ")
     assert len(calibrated(page)) == 6
@@ -417,7 +417,7 @@ def test_a_file_that_is_no_picture_is_told(page, tmp_path):
     page.wait_for(SHOWN.format("problem"))
     assert page.evaluate(TEXT.format("problem")).startswith("broken.png")
     assert page.evaluate("document.getElementById('problem').getAttribute('role')") == "alert"
-    page.complaints.clear()  # the browser logs that the server has refused
+    page.forget_refusals()
 
 
 @pytest.mark.slow
@@ -455,7 +455,7 @@ def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, ph
     press(page, "close-problem")
     assert page.evaluate(SHOWN.format("problem")) is False
     assert page.evaluate("document.getElementById('close-problem').checkVisibility()") is False
-    page.complaints.clear()  # the browser logs that the server has refused
+    page.forget_refusals(2)
     own = ts.calibrate([clip, photo], frames=10)
     assert calibrated(page)["fx"][0] == pytest.approx(own.camera.fx, abs=own.std["fx"] / 5)
 
@@ -474,7 +474,7 @@ def test_names_of_files_are_text_on_the_page(page, photo, tmp_path, is_whole):
     else:
         page.choose_files("#files", path)
         page.wait_for(SHOWN.format("problem"))
-        page.complaints.clear()  # the browser logs that the server has refused
+        page.forget_refusals()
     assert page.evaluate("document.querySelectorAll('img, b').length") == before
     assert page.evaluate("document.title") != "run"
 
