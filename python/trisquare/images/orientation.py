@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from trisquare.images.boxes import FILE_TYPE, stated_turn
-from trisquare.images.exif import EXIF_IN_JPEG, START_OF_JPEG, ExifBlock
+from trisquare.images.exif import EXIF_IN_JPEG, ExifBlock
+from trisquare.images.metadata import with_metadata
 from trisquare.images.pixels import Image
 
 UPRIGHT = 1
@@ -90,17 +90,7 @@ def with_orientation(encoded: bytes, value: int) -> bytes | None:
     """
     entry = struct.pack(">HHIHH", ORIENTATION, SHORT, 1, value, 0)
     block = b"MM\0*" + struct.pack(">IH", 8, 1) + entry + bytes(4)
-    if encoded[:2] == START_OF_JPEG:
-        content = EXIF_IN_JPEG + block
-        segment = b"\xff\xe1" + struct.pack(">H", len(content) + 2) + content
-        return START_OF_JPEG + segment + encoded[2:]
-    if encoded[:4] == b"\x89PNG":
-        (length,) = struct.unpack_from(">I", encoded, 8)
-        after_header = 8 + 12 + length
-        chunk = struct.pack(">I", len(block)) + b"eXIf" + block
-        checked = chunk + struct.pack(">I", zlib.crc32(chunk[4:]))
-        return encoded[:after_header] + checked + encoded[after_header:]
-    return None
+    return with_metadata(encoded, (b"\xff\xe1", EXIF_IN_JPEG + block), (b"eXIf", block))
 
 
 def find_orientation(encoded: bytes) -> OrientationTag | None:

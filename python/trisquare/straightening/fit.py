@@ -109,8 +109,12 @@ def fit_lens(problem: Problem) -> Fit:
         return sum(costs) / len(costs)
 
     better = cost(polynomial) - cost(division)
-    chance = CLEARLY_BETTER * SHARED_POINTS * max(first.rms(), LEAST_RMS * problem.pixel) ** 2
-    return division if better > chance else polynomial
+    return division if better > CLEARLY_BETTER * shared_error(problem, first) else polynomial
+
+
+def shared_error(problem: Problem, fit: Fit) -> float:
+    """Return the least square of the error, px^2, of points that err together."""
+    return SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2
 
 
 def with_shared_errors(problem: Problem, fit: Fit) -> Problem:

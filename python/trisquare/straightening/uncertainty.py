@@ -8,12 +8,11 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.fit import (
-    LEAST_RMS,
     ROUND_TOLERANCES,
-    SHARED_POINTS,
     Fit,
     Problem,
     line_weights,
+    shared_error,
 )
 
 
@@ -58,7 +57,7 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / count
     effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
     spread *= effective / max(effective - count, 1.0)
-    spread = max(spread, SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2)
+    spread = max(spread, shared_error(problem, fit))
     covariance = np.linalg.inv(information / spread + np.eye(count)) * unit[:, None] * unit
     alone = np.diag(inverse)[-2:] * spread
     return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone))

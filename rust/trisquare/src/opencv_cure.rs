@@ -21,8 +21,9 @@ const CHANCE: f64 = 1e-4;
 /// richer one holds the lens, and one of OpenCV's models leaves nothing to warn of.
 ///
 /// Targets that are no squares hardly ever let that happen: a few coefficients more make them no
-/// squares of a usual camera, with sides that show noise alone. Call this after [`heed_fisheye`](crate::heed_fisheye),
-/// with the same edges, size and options. Without such warnings it costs nothing.
+/// squares of a usual camera, with sides that show noise alone. Call this after
+/// [`heed_fisheye`](crate::heed_fisheye), with the same edges, size and options. Without such warnings
+/// it costs nothing.
 pub fn heed_opencv_lens<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
