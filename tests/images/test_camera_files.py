@@ -15,6 +15,7 @@ from scenes import assert_within
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.cli.input_files import photographs_named
 from trisquare.images.drawn_mark import encode_drawn
 from trisquare.images.foreign import foreign_kind
 from trisquare.images.reading import load_picture, read_image
@@ -177,6 +178,14 @@ def test_what_trisquare_has_drawn_on_is_no_picture_of_a_folder(tmp_path, suffix)
     photograph.unlink()
     with pytest.raises(ts.ImageError, match="has drawn on all pictures there"):
         sources_of(tmp_path)
+
+
+def test_nor_of_a_pattern_that_the_shell_has_written_out(tmp_path):
+    photograph, overlay = Path(tmp_path, "photo.png"), Path(tmp_path, "overlay.png")
+    photograph.write_bytes(encoded())
+    overlay.write_bytes(encode_drawn(PHOTO, overlay))
+    assert photographs_named([overlay, photograph]) == [photograph]
+    assert photographs_named([overlay]) == [overlay]
 
 
 @pytest.mark.parametrize(

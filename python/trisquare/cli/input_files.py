@@ -16,6 +16,7 @@ from trisquare.camera.camera_of import camera_of
 from trisquare.cli.framework import reading
 from trisquare.errors import MissingImageError
 from trisquare.formats import load_camera
+from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
 
@@ -35,7 +36,8 @@ def camera_alone(path: Path) -> Camera:
 def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> list[Path]:
     """Return the photographs that arguments name: files, those in folders, those of patterns.
 
-    The videos in folders are among them `with_videos`.
+    The videos in folders are among them `with_videos`. What trisquare has drawn on is left out
+    beside photographs: shells write out patterns themselves.
 
     Raises
     ------
@@ -51,7 +53,8 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
                 "are joined by commas (--fix aspect,principal_point), and a value holds no space "
                 "(--side 84mm)"
             )
-    return [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
+    named = [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
+    return [path for path in named if not is_drawn(path)] or named
 
 
 def of_size(
