@@ -14,7 +14,9 @@ use crate::observations::{
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
-use crate::solver::{JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers};
+use crate::solver::{
+    Failure, JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers,
+};
 use crate::uncertainty::{
     LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, poorly_known,
     unchecked_targets, unlikely_camera,
@@ -171,7 +173,7 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
 /// As [`calibrate`], of planes and sides of which none has to be rejected.
 ///
 /// # Errors
-/// As [`calibrate`], and if one has to be.
+/// As [`calibrate`], without what would help, and if one has to be.
 pub(crate) fn calibrate_agreeing<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -279,7 +281,11 @@ fn run<L: Lens>(
     let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
     check_plane_equations(&planes, &problem.free)?;
 
-    let advised = |failure| problem.advised(&planes, failure);
+    // Nobody asks what would help planes to agree: that takes longer than to see that they do not.
+    let advised = |failure: Failure<L>| match rejecting {
+        true => problem.advised(&planes, failure),
+        false => failure.into_error(),
+    };
     let (stage, found) = match options.method {
         Method::Linear => (
             Stage::Linear,

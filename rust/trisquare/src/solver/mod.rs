@@ -16,6 +16,6 @@ mod work;
 pub(crate) use many::step_of_some;
 pub(crate) use nested_models::NestedOptima;
 pub(crate) use outliers::{agreed_by_all, reject_outliers};
-pub(crate) use problem::JointProblem;
+pub(crate) use problem::{Failure, JointProblem};
 pub(crate) use solve::Solution;
 pub(crate) use work::Work;

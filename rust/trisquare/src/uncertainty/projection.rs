@@ -11,6 +11,7 @@ use nalgebra::{
 
 use crate::error::Error;
 use crate::lens::{DefaultLens, Lens, of_all};
+use crate::numeric::is_covariance;
 use crate::result::{Calibration, PoseUncertainty};
 
 /// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
@@ -40,7 +41,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] for a name that is none or is given twice, or a covariance of
-    /// another size;
+    /// another size or with a negative variance;
     /// [`Error::NotFinite`].
     pub fn new(
         camera: &'a L,
@@ -73,6 +74,11 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
             return Err(Error::NotFinite {
                 what: "the covariance",
             });
+        }
+        if !is_covariance(&covariance) {
+            return Err(Error::InvalidArgument(
+                "the covariance is not symmetric and positive semidefinite".into(),
+            ));
         }
         let focal = camera.focal();
         Ok(Self {
@@ -256,6 +262,7 @@ mod tests {
             (vec!["f"], 1, 1.0),
             (vec!["fx"], 2, 1.0),
             (vec!["fx"], 1, f64::NAN),
+            (vec!["fx"], 1, -1.0),
             (vec!["fx", "cx", "fx"], 3, 0.0),
         ] {
             let covariance = DMatrix::from_element(rows, rows, value);
