@@ -54,6 +54,21 @@ def test_a_result_from_json_has_the_same_diagnosis():
     assert "fy" not in diagnose(read)
 
 
+def test_a_rejected_plane_is_no_part_of_what_is_compared():
+    result = result_of(squares(1))
+    first = replace(result.planes[0], rejection="its side 2 bends")
+    rejected = replace(result, planes=(first, *result.planes[1:]))
+    assert len(planes_of(rejected)) == len(result.planes) - 1
+    moved = [
+        change.change
+        for change in changes_of(rejected, planes_of(rejected))
+        if change.change.startswith("moving plane")
+    ]
+    assert [text.split()[2] for text in moved] == ["1", "2"]
+    used = sum(plane.samples for plane in result.planes[1:])
+    assert f"in {used} edge samples" in str(diagnose(rejected))
+
+
 @pytest.mark.parametrize("seed", [3, 8])
 def test_what_square_pixels_would_bring_is_told_wherever_they_help(seed):
     scene = of_aspect(squares(seed), 1.0)

@@ -136,6 +136,15 @@ def test_bad_plans(change, error, message):
         ts.predict(given.pop("camera"), given.pop("planes"), given.pop("sigma"), **given)
 
 
+def test_no_square_stands_beside_or_behind_a_fisheye():
+    lens = [0.0, 0.0, 0.0, 0.0]
+    camera = ts.Camera([[380, 0, 640], [0, 380, 480], [0, 0, 1]], lens, (1280, 960), "fisheye")
+    turned = {"tilt": 20.0, "direction": 0.0}
+    assert ts.PlannedSquare.at(camera, (1200, 480), 20, **turned).translation[2] > 0
+    with pytest.raises(ValueError, match=r"the ray at \(1260, 480\) is 90 degrees or more"):
+        ts.PlannedSquare.at(camera, (1260, 480), 20, **turned)
+
+
 def test_a_plan_of_parallel_squares_is_refused_like_its_photograph():
     scene = parallel_squares(simulate.TrueCamera(1000.0, 1000.0, 639.5, 479.5))
     with pytest.raises(ts.DegenerateGeometryError, match="parallel") as refused:

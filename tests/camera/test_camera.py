@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from trisquare import Camera, fit_distortion
 from trisquare.calibration.linear_steps import Straightening
+from trisquare.camera.angles_of_view import angles_of_view
 
 SIZE = (1280, 960)
 K = np.array([[900.0, 0.0, 652.0], [0.0, 907.0, 471.0], [0.0, 0.0, 1.0]])
@@ -48,6 +49,15 @@ def test_maps_agree_with_opencv(model):
     iterate = getattr(cv2, "undistortPointsIter", None) or cv2.undistortPoints
     back = iterate(seen, K, lens.distortion.copy(), R=np.eye(3), P=K, criteria=criteria)
     assert np.abs(lens.undistort_points(seen.reshape(-1, 2)) - back.reshape(-1, 2)).max() < 1e-9
+
+
+def test_a_fisheye_sees_more_than_half_of_all():
+    focal = 1280 / np.radians(200.0)  # the angle grows with the distance from the middle
+    lens = Camera([[focal, 0, 639.5], [0, focal, 479.5], [0, 0, 1]], np.zeros(4), SIZE, "fisheye")
+    assert angles_of_view(lens) == pytest.approx((200.0, 150.0))
+    assert angles_of_view(camera("none"))[0] == pytest.approx(
+        math.degrees(math.atan(652.5 / 900.0) + math.atan(627.5 / 900.0)), abs=1e-2
+    )
 
 
 def test_points_as_opencv_has_them_are_taken():

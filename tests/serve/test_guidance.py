@@ -124,6 +124,26 @@ def test_a_known_camera_is_taken_and_scaled():
     assert found.focal == pytest.approx(scene.camera.fx, rel=1e-9)
 
 
+def test_a_known_fisheye_is_guided_too():
+    """Squares whose sides bend: no pinhole would place them."""
+    camera = Camera([[380, 0, 640], [0, 380, 480], [0, 0, 1]], [0.02, 0, 0, 0], SIZE, "fisheye")
+    places = [((350, 300), 260, 35, 100), ((930, 330), 260, 35, 220), ((640, 740), 260, 35, 340)]
+    plans = [
+        ts.PlannedSquare.at(camera, centre, side, tilt=tilt, direction=direction)
+        for centre, side, tilt, direction in places
+    ]
+    shares = np.linspace(0.0, 1.0, 9)[:, None]
+    outlines = []
+    for plan in plans:
+        ends = zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True)
+        flat = [np.pad(a + shares * (b - a), ((0, 0), (0, 1))) for a, b in ends]
+        sides = [camera.project(side @ plan.rotation.T + plan.translation) for side in flat]
+        outlines.append(OutlinedSquare(np.array([side[0] for side in sides]), None, sides))
+    found = guide(outlines, SIZE, camera)
+    stated = ts.predict(camera, plans, guidance.SIGMA).std
+    assert found.std == pytest.approx(stated, rel=0.05)
+
+
 def test_outlines_that_no_squares_have_are_no_failure():
     """A live picture shows anything for a moment."""
     rng = np.random.default_rng(0)

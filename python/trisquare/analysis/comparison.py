@@ -285,11 +285,12 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     difference = difference.reshape(len(y), len(x), 2)
     if std is not None:
         std = std.reshape(len(y), len(x))
-    targets = tuple(
-        np.concatenate([plane.corners for plane in camera.planes])
+    corners = [
+        [plane.corners for plane in camera.planes if plane.is_used]
         for camera in (first, second)
-        if isinstance(camera, Calibration) and camera.planes
-    )
+        if isinstance(camera, Calibration)
+    ]
+    targets = tuple(np.concatenate(own) for own in corners if own)
     return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained, targets)
 
 

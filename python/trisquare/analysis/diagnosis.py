@@ -162,7 +162,7 @@ def _diagnose(
     strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
         limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
-    samples = sum(plane.samples for plane in calibration.planes)
+    samples = sum(plane.samples for plane in calibration.planes if plane.is_used)
     limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
     unit = " px" if name in ("fx", "fy", "cx", "cy", "skew") else ""
     shown = helpful[:MOST_REMEDIES]

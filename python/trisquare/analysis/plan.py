@@ -198,9 +198,13 @@ def ray_at(camera: Camera, pixel: FloatArray) -> FloatArray:
     Raises
     ------
     ValueError
-        If the camera's distortion is not invertible there.
+        If the camera's distortion is not invertible there, or the ray is at right angles to the
+        optical axis or beyond, as a fisheye's may be.
     """
     (ray,) = camera.unproject(pixel[None])
+    if not ray[2] > 0.0:
+        x, y = pixel
+        raise ValueError(f"the ray at ({x:g}, {y:g}) is 90 degrees or more from the optical axis")
     return np.asarray(ray / ray[2])
 
 

@@ -22,9 +22,11 @@ from trisquare.analysis.plan import (
     predicted,
     ray_at,
 )
+from trisquare.camera.camera import Camera
 from trisquare.camera.settings import FREEABLE
 from trisquare.errors import TrisquareError
 from trisquare.results.calibration import Calibration
+from trisquare.results.plane import Plane
 
 MORE_TILT = 10.0  # degrees
 # Squares tilted by these angles (degrees) are tilted enough: less is little, and none is tilted
@@ -64,22 +66,23 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
     try:
         planes = planes_of(calibration)
         before = predicted(camera, planes, calibration.fixed, free=free).std
+        # Planes of several pictures may well lie over one another.
+        apart = not _collide(camera, planes)
     except (TrisquareError, ValueError):
         return []  # what was photographed is no plan that could be compared with
     found: list[tuple[WhatIf, Mapping[str, float]]] = []
-    apart = not _collide(planes)  # planes of several pictures may well lie over one another
     for what_if in changes_of(calibration, planes):
-        if apart and _collide(what_if.planes):
-            continue
         # One that would leave the picture is no plan either.
         with suppress(TrisquareError, ValueError):
+            if apart and _collide(camera, what_if.planes):
+                continue
             after = predicted(camera, what_if.planes, what_if.fixed, free=free).std
             found.append((what_if, {name: after[name] / before[name] for name in after}))
     return found
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
-    """Return the planes as they were found; a lattice by the rectangle of its outermost corners."""
+    """Return the planes that are used; a lattice by the rectangle of its outermost corners."""
     return tuple(
         posed(plane)
         if plane.kind in OUTLINED
@@ -88,8 +91,13 @@ def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
             plane.translation,
             [onto_plane(plane.corners, calibration.camera, plane)],
         )
-        for plane in calibration.planes
+        for plane in _used(calibration).values()
     )
+
+
+def _used(calibration: Calibration) -> dict[int, Plane]:
+    """Return the planes that the camera follows, by their indices."""
+    return {at: plane for at, plane in enumerate(calibration.planes) if plane.is_used}
 
 
 def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iterator[WhatIf]:
@@ -111,14 +119,14 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
         tuple(plane._replace(translation=plane.translation / LARGER) for plane in planes),
         fixed,
     )
-    for number, plane in enumerate(planes):
+    for at, (number, plane) in enumerate(zip(_used(calibration), planes, strict=True)):
         x, y, z = plane.translation
         dx, dy = np.sign([x, y]) * NEARER * camera.image_size / [camera.fx, camera.fy]
         moved = plane._replace(translation=np.array([x + dx * z, y + dy * z, z]))
         yield WhatIf(
             f"moving plane {number} nearer to the corner of the picture",
             "the squares leave the picture's corners empty",
-            (*planes[:number], moved, *planes[number + 1 :]),
+            (*planes[:at], moved, *planes[at + 1 :]),
             fixed,
         )
     for where, place in ADDED_PLACES.items():
@@ -132,7 +140,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
             (*planes, _added_square(planes, ray)),
             fixed,
         )
-    if all(plane.kind in ("square", "tag") for plane in calibration.planes):
+    if all(plane.kind in ("square", "tag") for plane in _used(calibration).values()):
         frames = tuple(plane._replace(outlines=outlines_of("frame")) for plane in planes)
         yield WhatIf("frames instead of solid squares", "", frames, fixed)
     for name, words in _known_of_cameras(calibration).items():
@@ -142,7 +150,8 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
 
 def _smallness(calibration: Calibration) -> str:
     """Return how much of the picture the squares span, if that is little."""
-    sides = [np.roll(plane.corners, -1, axis=0) - plane.corners for plane in calibration.planes]
+    corners = [plane.corners for plane in _used(calibration).values()]
+    sides = [np.roll(own, -1, axis=0) - own for own in corners]
     spans = np.array([np.linalg.norm(own, axis=1).max() for own in sides])
     parts = spans / calibration.camera.image_size[1]
     if parts.max() >= ENOUGH_SPAN:
@@ -187,13 +196,10 @@ def _covariance_of(calibration: Calibration, *names: str) -> FloatArray | None:
     return calibration.covariance[np.ix_(places, places)]
 
 
-def _collide(planes: tuple[PosedPlane, ...]) -> bool:
-    """Whether two planes' outlines would meet in the picture."""
-    quads = []
-    for plane in planes:
-        points = plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation
-        quads.append(points[:, :2] / points[:, 2:])
-    return any_meet(quads)
+def _collide(camera: Camera, planes: tuple[PosedPlane, ...]) -> bool:
+    """Whether two planes' outlines would meet in the picture; ValueError if one leaves the lens."""
+    points = [plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation for plane in planes]
+    return any_meet([camera.project(corners) for corners in points])
 
 
 def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:

@@ -13,8 +13,9 @@ def angles_of_view(camera: Camera) -> tuple[float, float] | None:
     x, y = (width - 1) / 2.0, (height - 1) / 2.0
     ends = [[-0.5, y], [width - 0.5, y], [x, -0.5], [x, height - 0.5]]
     try:
-        left, right, top, bottom = camera.unproject(ends)
+        middle, *rays = camera.unproject([[x, y], *ends])
     except ValueError:
         return None
-    across, down = (float(np.clip(a @ b, -1.0, 1.0)) for a, b in ((left, right), (top, bottom)))
-    return float(np.degrees(np.arccos(across))), float(np.degrees(np.arccos(down)))
+    # From the middle on, since two rays are never more than 180 degrees apart.
+    left, right, top, bottom = np.degrees(np.arccos(np.clip(np.array(rays) @ middle, -1.0, 1.0)))
+    return float(left + right), float(top + bottom)

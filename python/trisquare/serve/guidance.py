@@ -22,6 +22,7 @@ from trisquare.analysis.plan import PlannedSquare, posed, predicted
 from trisquare.analysis.predict import predict
 from trisquare.calibration.calibrate import calibrate_edges
 from trisquare.camera.camera import Camera, centred_pinhole
+from trisquare.camera.lens_models import is_fisheye
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DegenerateGeometryError, NotEnoughPlanesError, TrisquareError
 from trisquare.results.calibration import Calibration
@@ -138,7 +139,7 @@ def guide(
         advice = f"{what}: show {more}, tilted in different directions"
         return Guidance(None, guess.fx, advice[0].upper() + advice[1:] + ".", False)
     try:
-        found = predict(guess, planes, sigma, model="radial2")
+        found = predict(guess, planes, sigma, model=_estimated(guess))
     except (DegenerateGeometryError, NotEnoughPlanesError):
         found = None
     except ValueError:  # the guessed camera sees one not wholly
@@ -240,10 +241,16 @@ def _best_change(
 def _spread(camera: Camera, planes: Sequence[PlannedSquare]) -> float | None:
     """Return the geometric mean of the std of fx and cx, up to a factor."""
     try:
-        std = predicted(camera, map(posed, planes), (), spacing=COARSE, model="radial2").std
+        model = _estimated(camera)
+        std = predicted(camera, map(posed, planes), (), spacing=COARSE, model=model).std
     except (TrisquareError, ValueError):
         return None  # one of them leaves the picture
     return math.sqrt(std["fx"] * std["cx"])
+
+
+def _estimated(camera: Camera) -> str:
+    """Return the model whose coefficients a photograph of squares is to tell."""
+    return camera.model if is_fisheye(camera.model) else "radial2"
 
 
 def _changes(
