@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from quick import first_quick
-from scenes import edges_of, squares
+from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
 from trisquare_scenes.broken_assumptions import KINDS, decentred, twisted
@@ -104,6 +104,18 @@ def test_what_is_held_is_not_blamed_on_the_lens():
     for fix in ("focal", "distortion", "principal_point"):
         result = ts.calibrate_edges(boards(3), SIZE, fix=[fix], initial=true)
         assert "lens_beyond_model" not in codes(result)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_distortion_that_is_held_at_zero_is_seen(count):
+    """One or two squares of a usual camera, of which only the focal length is asked."""
+    scene = squares(1)
+    fix = ("principal_point", "aspect", "distortion")
+    result = ts.calibrate_edges(edges_of(scene, 0.05)[:count], IMAGE_SIZE, fix=fix)
+    first = result.warnings[0]
+    assert (first.code, first.severity) == ("lens_beyond_model", "high")
+    assert "or what is held (principal point, aspect, distortion) is wrong" in first
+    assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"]
 
 
 @pytest.mark.slow

@@ -160,6 +160,21 @@ def test_floats_that_hold_integers_are_taken_as_these(whole):
     np.testing.assert_array_equal(*(figure.points[0] for figure in figures))
 
 
+@pytest.mark.parametrize("tone", [None, "srgb"])
+def test_sixteen_bits_may_hold_fewer(tone):
+    photo = simulate.render(SCENE, np.random.default_rng(39), tone="srgb")
+    expected = ts.calibrate(photo, tone=tone)
+    assert ts.calibrate(photo.astype(np.uint16), tone=tone) == expected
+    for bits in (10, 12):
+        deep = np.rint(photo / 255 * (2**bits - 1)).astype(np.uint16)
+        result = ts.calibrate(deep, tone=tone)
+        assert result.warnings == expected.warnings
+        for name in ("fx", "fy", "cx", "cy"):
+            difference = getattr(result.camera, name) - getattr(expected.camera, name)
+            assert abs(difference) < expected.std[name]
+            assert result.std[name] == pytest.approx(expected.std[name], rel=0.1)
+
+
 @pytest.mark.parametrize(("tone", "gamma"), [("linear", 1.0), ("srgb", SRGB_GAMMA)])
 def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
     photo = simulate.render(SCENE, np.random.default_rng(39), dtype=np.uint16, tone=tone)

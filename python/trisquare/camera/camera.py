@@ -285,8 +285,8 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a pixel lies beyond the valid radius; the message says how many do, and the first
-            one's index.
+            If a pixel lies beyond the valid radius, or shows what is 90 degrees or more from the
+            axis, which no pinhole sees; the message says how many do, and the first one's index.
 
         Examples
         --------

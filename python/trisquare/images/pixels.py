@@ -77,13 +77,18 @@ INTEGER_SLACK = 0.02
 
 ROWS_AT_ONCE = 256
 
+NARROW_BITS = (8, 10, 12)
+"""Of integers that 16 bits hold as they are: what cameras of machines write."""
+
 
 def as_recorded(picture: Image) -> Image:
-    """Return floats that hold integers of 8 or 16 bits, or their parts of white, as integers.
+    """Return a picture of integers as those of 8 or 16 bits, of which the largest is white.
 
-    Programs make floats of integers and leave their coding as it was. Other pictures are returned
-    as they are.
+    Programs make floats of integers, whole or as parts of white, and leave their coding as it was;
+    16 bits may hold the values of fewer. Other pictures are returned as they are.
     """
+    if picture.dtype == np.uint16:
+        return _of_all_bits(picture)
     if picture.dtype != np.float32:
         return picture
     blocks = [picture[i : i + ROWS_AT_ONCE] for i in range(0, len(picture), ROWS_AT_ONCE)]
@@ -96,8 +101,20 @@ def as_recorded(picture: Image) -> Image:
                     break
                 integers.append(found)
             else:
-                return np.concatenate(integers)
+                return as_recorded(np.concatenate(integers))
     return picture
+
+
+def _of_all_bits(picture: Image) -> Image:
+    """Return the integers of fewer bits that 16 hold as those of 8 or 16; a picture of 16 as it is."""
+    most = picture.max()
+    bits = next((bits for bits in NARROW_BITS if most < 1 << bits), None)
+    if bits is None:
+        return picture
+    if bits == 8:
+        return picture.astype(np.uint8)
+    # The first bits are repeated at the end: white stays white.
+    return (picture << (16 - bits)) | (picture >> (2 * bits - 16))
 
 
 def _integers(picture: Image, factor: int, kind: type[np.unsignedinteger[Any]]) -> Image | None:

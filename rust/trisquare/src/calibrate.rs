@@ -379,7 +379,7 @@ fn add_doubts<L: Lens>(
         focal(edges, &Options { fixed, ..*options })
     }));
     warnings.extend(found.warnings.iter().cloned());
-    warnings.extend(unchecked_targets(edges, planes, found, |edges| {
+    warnings.extend(unchecked_targets(edges, &solution.planes, found, |edges| {
         focal(edges, options)
     }));
     warnings.extend(poorly_known(found, options.fixed));

@@ -48,7 +48,8 @@ pub enum Error {
     #[error(
         "{count} point(s), the first of index {first}, lie beyond the valid radius: the \
          distortion is monotonic and invertible only up to a radius of {radius:.6}, {degrees:.2} \
-         degrees from the axis"
+         degrees from the axis{}",
+        if *degrees > 90.0 { ", and a pinhole sees less than 90" } else { "" }
     )]
     BeyondValidRadius {
         /// How many there are.

@@ -4,6 +4,8 @@
 //! by one against those of the other, by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464)
 //! on the edge samples, which count as so many independent ones as their correlation leaves.
 
+use std::collections::HashMap;
+
 use nalgebra::DVector;
 
 use crate::calibrate::{calibrate_photographs, may_fit};
@@ -137,13 +139,28 @@ pub fn calibrate_by_family(
 /// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
 const SAMPLES_PER_LINE: usize = 100;
 
-/// Edges that tell one family from another: of many figures some, unless their numbers stand in
-/// relations.
+/// Edges that tell one family from another: of many planes some, unless they stand in relations.
 pub(crate) fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
+    let mut planes = HashMap::new();
+    let mut count = 0;
+    let mut number = |own: &PlaneEdges| {
+        let mut new = || {
+            count += 1;
+            count - 1
+        };
+        match own.plane {
+            Some(key) => *planes.entry(key).or_insert_with(new),
+            None => new(),
+        }
+    };
+    let numbers: Vec<usize> = edges.iter().map(&mut number).collect();
     let is_related = edges.iter().any(|own| !own.relations.is_empty());
-    let step = step_of_some(edges.len()).filter(|_| !is_related);
-    let some = edges.iter().step_by(step.unwrap_or(1));
-    some.map(|own| own.thinned(SAMPLES_PER_LINE)).collect()
+    let step = step_of_some(count).filter(|_| !is_related).unwrap_or(1);
+    let some = edges
+        .iter()
+        .zip(numbers)
+        .filter(|(_, plane)| plane % step == 0);
+    some.map(|(own, _)| own.thinned(SAMPLES_PER_LINE)).collect()
 }
 
 /// Where sides err together under a fisheye as well, it leaves at most this part of the residuals of

@@ -101,10 +101,10 @@ fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bo
     let others: Vec<_> = free.filter(|(_, name)| !asked.contains(name)).collect();
     let estimates = found.estimates();
     let value = |name: &str| estimates.iter().find(|own| own.name == name);
-    let values = others
-        .iter()
-        .filter_map(|(_, name)| Some(value(name)?.value));
-    let values = DVector::from_iterator(others.len(), values);
+    let values = others.iter().map(|(_, name)| Some(value(name)?.value));
+    let Some(values) = values.collect::<Option<Vec<f64>>>().map(DVector::from_vec) else {
+        return false;
+    };
     let covariance = DMatrix::from_fn(others.len(), others.len(), |i, j| {
         found.covariance[(others[i].0, others[j].0)]
     });

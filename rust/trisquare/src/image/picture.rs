@@ -180,12 +180,16 @@ impl Pixels {
     }
 }
 
+/// Whether all values are near either end, and some near both: 12 bits in 16 are all near one.
 fn all_extreme<T>(values: &[T], most: T, margin: T) -> bool
 where
     T: PartialOrd + Copy + std::ops::Sub<Output = T>,
 {
-    let mut values = values.iter();
-    values.all(|&value| value <= margin || value >= most - margin)
+    let is_low = |value: &T| *value <= margin;
+    let is_high = |value: &T| *value >= most - margin;
+    values.iter().all(|value| is_low(value) || is_high(value))
+        && values.iter().any(is_low)
+        && values.iter().any(is_high)
 }
 
 fn green<T: Copy>(values: &[T]) -> Vec<T> {
@@ -259,5 +263,14 @@ mod tests {
         assert!(told(usize::MAX, 1, 1).ends_with("is none: 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
+    }
+
+    #[test]
+    fn a_picture_of_two_levels_has_both() {
+        let of = |values: [u16; 3]| Picture::from_u16(3, 1, 1, values.into()).unwrap();
+        assert!(of([0, 65_535, 100]).has_two_levels());
+        assert!(!of([0, 65_535, 30_000]).has_two_levels());
+        assert!(!of([0, 4095, 1000]).has_two_levels());
+        assert!(!of([65_535, 65_000, 65_300]).has_two_levels());
     }
 }

@@ -55,14 +55,15 @@ pub(crate) fn add_lines<L: Lens>(
         Some((_, sigmas)) => Err(Warning::LinesNotUsed { sigmas }),
     };
     let moved = accepted.and_then(|found| {
-        let own = &fitted.unwrap_or(solution).refined.view;
-        let view = planes.and_then(|planes| moved_view(&planes, own, found.lens));
-        view.map(|view| (found, view))
+        let optimum = fitted.unwrap_or(solution);
+        let moved = planes.and_then(|planes| moved(&planes, optimum, found.lens));
+        moved
+            .map(|moved| (found, moved))
             .ok_or(Warning::LinesNotUsed { sigmas: None })
     });
     let is_used = match moved {
-        Ok((found, view)) => {
-            take(problem, fitted.unwrap_or(solution), view, calibration);
+        Ok((found, moved)) => {
+            take(problem, &moved, calibration);
             calibration.covariance = found.covariance;
             found.is_used
         }
@@ -213,8 +214,9 @@ fn smoothed(
         .collect()
 }
 
-/// The view of a calibration with its planes moved to where they stand under another lens.
-fn moved_view<L: Lens>(planes: &Planes<'_, L>, own: &View<L>, lens: L) -> Option<View<L>> {
+/// An optimum with its planes moved to where they stand under another lens.
+fn moved<L: Lens>(planes: &Planes<'_, L>, optimum: &Solution<L>, lens: L) -> Option<Solution<L>> {
+    let own = &optimum.refined.view;
     let (before, after) = (planes.under(planes.lens)?, planes.under(lens)?);
     let moves = own.planes.iter().zip(before.iter().zip(&after));
     let mut view = View {
@@ -224,29 +226,27 @@ fn moved_view<L: Lens>(planes: &Planes<'_, L>, own: &View<L>, lens: L) -> Option
             .collect(),
         relations: own.relations.clone(),
     };
-    view.hold_relations();
-    Some(view)
-}
-
-/// Puts a moved view in a calibration; how well the poses are known beside the camera stays.
-fn take<L: Lens>(
-    problem: &JointProblem<'_, L>,
-    optimum: &Solution<L>,
-    view: View<L>,
-    calibration: &mut Calibration<L>,
-) {
-    let Some(residuals) = residuals(&optimum.planes, &view) else {
-        return;
-    };
-    let moved = Solution {
+    if !view.hold_relations() {
+        return None;
+    }
+    let residuals = residuals(&optimum.planes, &view)?;
+    Some(Solution {
         refined: Refined {
             view,
             residuals,
             ..optimum.refined.clone()
         },
         ..optimum.clone()
-    };
-    let found = Calibration::assemble(problem, &moved, calibration.stage);
+    })
+}
+
+/// Puts a moved optimum in a calibration; how well the poses are known beside the camera stays.
+fn take<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    moved: &Solution<L>,
+    calibration: &mut Calibration<L>,
+) {
+    let found = Calibration::assemble(problem, moved, calibration.stage);
     let states = &moved.refined.view.planes;
     for ((plane, found), state) in calibration.planes.iter_mut().zip(found.planes).zip(states) {
         let first = &state.figures[0];

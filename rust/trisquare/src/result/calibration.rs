@@ -233,7 +233,7 @@ pub(crate) fn deviations(
 ) -> Vec<(&'static str, f64)> {
     let mut all = Vec::with_capacity(parameters.len() + 1);
     for (i, name) in parameters.iter().enumerate() {
-        let std = covariance[(i, i)].sqrt();
+        let std = covariance[(i, i)].max(0.0).sqrt();
         all.push((*name, std));
         if let (&"fx", Some(aspect)) = (name, aspect) {
             all.push(("fy", std * aspect));

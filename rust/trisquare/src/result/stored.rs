@@ -98,7 +98,7 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
     None
 }
 
-/// The first of the numbers that none can be negative, and is; and its name.
+/// The first of the numbers that none can be negative, and is, or is none; and its name.
 fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
     let own = [("rms", read.rms), ("noise_scale", read.noise_scale)];
     let own = own.map(|(name, value)| (name.to_owned(), value));
@@ -107,7 +107,7 @@ fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
     let lines = read.lines.iter().enumerate();
     let lines = lines.filter_map(|(i, line)| Some((format!("lines[{i}].rms"), line.rms?)));
     let mut all = own.into_iter().chain(planes).chain(lines);
-    all.find(|(_, value)| *value < 0.0)
+    all.find(|(_, value)| !(*value >= 0.0))
 }
 
 /// Reads the names of some of a lens's parameters.

@@ -22,14 +22,9 @@ struct LensDoubt {
 }
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// What the residuals say of the lens. Where its focal lengths or principal point are held, they
-    /// may be what is wrong.
+    /// What the residuals say of the lens.
     pub fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
-        let fixed = &self.options.fixed;
         let noise = solution.noise.as_ref()?;
-        if fixed.focal || fixed.principal_point {
-            return None;
-        }
         let refined = &solution.refined;
         let fields = PictureFields::of(&refined.view.lens, self.size);
         let verdict = beyond_lens(&solution.planes, (&self.free, fields), refined, noise);

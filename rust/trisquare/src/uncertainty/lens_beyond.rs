@@ -159,14 +159,13 @@ impl Explanation {
         let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(under).collect();
         let found = errors.likeliest_under(&tried, None);
         let mut likeliest = |own: usize| {
-            let found = found.iter().skip(own).step_by(fields.len());
+            let mut found = found.iter().skip(own).step_by(fields.len()).peekable();
+            let (_, flat) = (**found.peek()?)?; // FLAT comes first
             let criteria = RELIEFS.into_iter().zip(found);
             let criteria = criteria.filter_map(|(relief, found)| Some((relief, (*found)?)));
-            let criteria: Vec<(f64, (f64, f64))> = criteria.collect();
-            let (_, (_, flat)) = *criteria.first()?;
             let by_criterion =
                 |a: &(f64, (f64, f64)), b: &(f64, (f64, f64))| a.1.1.total_cmp(&b.1.1);
-            let (relief, common) = criteria.into_iter().min_by(by_criterion)?;
+            let (relief, common) = criteria.min_by(by_criterion)?;
             let fields = fields[own];
             errors.hold_fields(&fields);
             errors.set_relief(relief);

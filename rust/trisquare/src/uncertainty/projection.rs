@@ -122,10 +122,10 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         uncertainty: &PoseUncertainty,
     ) -> Result<Matrix6xX<f64>, Error> {
         let (columns, parameters) = (uncertainty.by_camera.ncols(), L::parameter_names().len());
-        if columns < parameters {
+        if columns != parameters {
             return Err(Error::InvalidArgument(format!(
-                "the pose's derivative by the camera has {columns} columns, but the lens \
-                 {parameters} parameters"
+                "the pose's uncertainty is that of another lens: its derivative by the camera has \
+                 {columns} columns, but the lens {parameters} parameters"
             )));
         }
         Ok(self.free.of(&uncertainty.by_camera))

@@ -27,7 +27,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     found: &Calibration<L>,
     focal: impl Fn(&[PlaneEdges]) -> Option<f64>,
 ) -> Option<Warning> {
-    let is_used = |plane: &usize| found.planes[*plane].samples > 0;
+    let is_used = |plane: &usize| !planes[*plane].is_outlier();
     let used: Vec<usize> = (0..planes.len()).filter(is_used).collect();
     let equations = |plane: &usize| planes[*plane].equations();
     let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
