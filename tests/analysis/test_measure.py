@@ -40,6 +40,14 @@ def exact(scene):
     return ts.calibrate_edges(edges_of(scene), IMAGE_SIZE)
 
 
+@pytest.mark.parametrize(("order", "area"), [((0, 1, 2, 3), 1.0), ((0, 2, 1, 3), None)])
+def test_only_a_polygon_has_an_area(order, area):
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[list(order)]
+    found = ts.Measurement(corners, np.zeros((8, 8)))
+    assert found.area == area
+    assert found.area_std == (None if area is None else 0.0)
+
+
 def test_lengths_angles_and_areas_are_those_of_the_plane(scene, exact):
     found = ts.measure(exact.planes[0], seen(scene, TRIANGLE), exact, side=50)
     assert np.allclose(found.lengths, 50 * np.hypot([0.3, 0.4], [1.3, 0.2]), rtol=1e-7)

@@ -115,7 +115,7 @@ def test_predictions_and_plans_are_frozen_and_readable():
         ({"planes": [ts.PlannedSquare(np.eye(3), [0, 0, -3])] * 3}, ValueError, "square 0"),
         ({"planes": []}, ts.NotEnoughPlanesError, "0 plane"),
         ({"planes": good_plan()[:1]}, ts.NotEnoughPlanesError, "1 plane"),
-        ({"planes": [*good_plan()[:2], 3]}, AttributeError, "rotation"),
+        ({"planes": [*good_plan()[:2], 3]}, TypeError, "planes must hold PlannedSquare"),
         (
             {"planes": [simulate.Target(np.eye(3), np.array([0, 0, 30.0]), kind="chessboard")]},
             ValueError,

@@ -51,6 +51,15 @@ def test_right_angles_are_held_and_tell_of_the_camera_as_the_intervals_say():
     assert np.median(gain) > 1.2
 
 
+def test_an_angle_is_held_between_planes_of_another_copy_of_the_result():
+    scene, edges = corner(0)
+    result = ts.calibrate_edges(edges, scene.camera.image_size, orthogonal=[(1, 0)])
+    first, second, third = ts.Calibration.from_json(result.to_json()).planes
+    assert ts.plane_angle(first, second, result).std == 0.0
+    assert ts.plane_angle(second, first, result).std == 0.0
+    assert ts.plane_angle(first, third, result).std > 0.0
+
+
 def test_parallel_planes_turn_alike_and_the_pose_s_own_covariance_allows_for_it():
     scene = squares(3)
     first, second, *others = scene.targets

@@ -60,6 +60,23 @@ def test_a_fisheye_sees_more_than_half_of_all():
     )
 
 
+def test_masked_points_are_refused():
+    points = np.ma.array(pixel_grid(), mask=False)
+    camera().undistort_points(points)
+    points[3, 1] = np.ma.masked
+    with pytest.raises(ValueError, match="observed holds masked values: leave them out"):
+        camera().undistort_points(points)
+
+
+def test_a_model_is_looked_up_and_coefficients_may_be_a_list_of_opencv_s():
+    with pytest.raises(ValueError, match="did you mean 'radial2'"):
+        Camera(K, LENSES["radial2"], SIZE, "Radial2")
+    with pytest.raises(TypeError, match="a model must be a name, not list"):
+        Camera(K, LENSES["radial2"], SIZE, ["radial2"])
+    rows = np.reshape(LENSES["brown"], (1, 5)).tolist()
+    assert Camera(K, rows, SIZE, "brown") == camera("brown")
+
+
 def test_points_as_opencv_has_them_are_taken():
     lens = camera("brown")
     points = pixel_grid()[:, None]

@@ -54,6 +54,8 @@ def real_array(
         If the shape differs, rows have different lengths, or a value is NaN or infinite.
     """
     given = value if isinstance(value, np.ndarray) else _of_leaves(value, name)
+    if np.ma.is_masked(given):
+        raise ValueError(f"{name} holds masked values: leave them out")
     if given.dtype.kind not in "iuf":
         raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
     if len(shape) == 2 and given.ndim == 3 and given.shape[1] == 1:

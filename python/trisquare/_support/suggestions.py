@@ -23,8 +23,10 @@ def unknown(
     known: Iterable[str],
     choose: str | None = None,
     other_names: Mapping[str, str] = NO_OTHERS,
-) -> ValueError:
+) -> TypeError | ValueError:
     """Return the error for a name that is not known: the nearest of those known, and all of them.
+
+    A TypeError for what is no name.
 
     Parameters
     ----------
@@ -39,6 +41,8 @@ def unknown(
     other_names : mapping, optional
         Names that others have for those that are known.
     """
+    if not isinstance(value, str):
+        return TypeError(f"a {what} must be a name, not {type(value).__name__}")
     if len(value) > LONGEST_NAME:
         value = f"{value[:LONGEST_NAME]}..."
     names = list(known)

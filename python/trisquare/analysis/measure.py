@@ -123,13 +123,13 @@ class Measurement(RebuiltByConstructor):
 
     @property
     def area(self) -> float | None:
-        """Of the polygon with these corners; None for fewer than three."""
-        return abs(float(_signed_area(self.points)[0])) if len(self.points) > 2 else None
+        """Of the polygon with these corners; None for fewer than three, or if its sides cross."""
+        return abs(float(_signed_area(self.points)[0])) if _is_polygon(self.points) else None
 
     @property
     def area_std(self) -> float | None:
         """One standard deviation of the area."""
-        return float(self._std(_signed_area)[0]) if len(self.points) > 2 else None
+        return float(self._std(_signed_area)[0]) if _is_polygon(self.points) else None
 
     def _std(
         self, of_points: Callable[[FloatArray], FloatArray], period: float | None = None
@@ -319,8 +319,20 @@ def _lengths(points: FloatArray) -> FloatArray:
 def _turns(points: FloatArray) -> FloatArray:
     """Return the angles with their sense: smooth where the three points are in line, too."""
     before, after = points[:-2] - points[1:-1], points[2:] - points[1:-1]
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return np.asarray(np.degrees(np.arctan2(cross, (before * after).sum(axis=1))))
+    return np.asarray(np.degrees(np.arctan2(_cross(before, after), (before * after).sum(axis=1))))
+
+
+def _is_polygon(points: FloatArray) -> bool:
+    """Whether these are the corners of a polygon none of whose sides cross each other."""
+    ends = np.roll(points, -1, axis=0)
+    # From where each side begins (rows) the other sides' beginnings lie to its left or right.
+    sides = np.sign(_cross((ends - points)[:, None], points[None] - points[:, None]))
+    parts = sides * np.roll(sides, -1, axis=1) < 0.0
+    return len(points) > 2 and not (parts & parts.T).any()
+
+
+def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def _signed_area(points: FloatArray) -> FloatArray:

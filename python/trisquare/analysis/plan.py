@@ -151,6 +151,8 @@ def posed(plane: StandingPlane) -> PosedPlane:
     TypeError, ValueError
         If it is neither, or as `PlannedSquare`.
     """
+    if not hasattr(plane, "rotation"):
+        raise TypeError(f"planes must hold PlannedSquare, Plane or Target, not {plane!r:.80}")
     inner = getattr(plane, "inner", None)
     kind = getattr(plane, "kind", "square" if inner is None else "frame")
     square = PlannedSquare(plane.rotation, plane.translation, inner)

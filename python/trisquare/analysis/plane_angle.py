@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 import trisquare._core as _core
 from trisquare._support.number_text import plus_minus
 from trisquare._support.suggestions import advising
@@ -103,6 +105,13 @@ def _are_held(one: Plane, other: Plane, calibration: Calibration) -> bool:
     """Whether the angle between two planes of a calibration was held."""
     planes = calibration.planes
     return any(
-        {id(planes[first]), id(planes[second])} == {id(one), id(other)}
+        _is_same(planes[first], a) and _is_same(planes[second], b)
         for first, second in (*calibration.orthogonal, *calibration.parallel)
+        for a, b in ((one, other), (other, one))
     )
+
+
+def _is_same(plane: Plane, other: Plane) -> bool:
+    """Whether one stands where the other does: it may be read from another copy of a result."""
+    is_turned = np.array_equal(plane.rotation, other.rotation)
+    return is_turned and np.array_equal(plane.translation, other.translation)

@@ -143,7 +143,7 @@ def fit_distortion(
     ]
     size = size_of_image(image_size)
     count = whole_number(coefficients, "coefficients")
-    if count < 1:
+    if not 1 <= count <= 3:
         raise ValueError(f"a straightening has 1 to 3 coefficients, not {count}")
     held = None
     if centre is not None:

@@ -20,6 +20,7 @@ from trisquare._support.arrays import (
     real_number,
     size_of_image,
 )
+from trisquare._support.suggestions import unknown
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
 from trisquare.camera.lens_models import (
@@ -519,9 +520,11 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
         If they are no model's, or not those of the model that is given.
     """
     if model is not None and model not in MODELS:
-        raise ValueError(f"model must be one of {MODELS}, not {model!r}")
+        raise unknown("model", model, MODELS)
     if isinstance(distortion, np.ndarray) and distortion.ndim == 2 and 1 in distortion.shape:
-        distortion = distortion.ravel()  # OpenCV's shape
+        distortion = distortion.ravel()  # OpenCV's shape, ...
+    elif isinstance(distortion, list) and len(distortion) == 1 and isinstance(distortion[0], list):
+        (distortion,) = distortion  # ... and that of its tolist()
     values = real_array(distortion, "distortion", (None,))
     if model is None:
         return _told_by(values)

@@ -53,6 +53,7 @@ from trisquare.camera.projection_uncertainty import (
 )
 from trisquare.camera.settings import FIXABLE, METHODS, PlanePair, checked_pairs
 from trisquare.edges import PlaneEdges, edges_from_members, edges_members
+from trisquare.errors import NotEnoughDataError
 from trisquare.results.calibration_warning import WARNINGS, CalibrationWarning
 from trisquare.results.model_alternative import ModelAlternative, evidence_text
 from trisquare.results.plane import Plane
@@ -229,6 +230,8 @@ class Calibration(Record):
         size = len(self.parameters)
         covariance = real_array(self.covariance, "covariance", (size, size))
         object.__setattr__(self, "covariance", covariance)
+        if (covariance.diagonal() < 0.0).any():
+            raise ValueError("covariance holds a negative variance")
         twice = [name for name in self.parameters if self.parameters.count(name) > 1]
         if twice:
             raise ValueError(f"parameters has {twice[0]} twice")
@@ -484,11 +487,15 @@ class Calibration(Record):
         if not _core.is_covariance(covariance):
             raise ValueError('"covariance" must be symmetric and positive semidefinite')
         image_size = members.integers("image_size")
-        edges = members.objects("edges") if members.has("edges") else ()
+        figures = members.objects("edges") if members.has("edges") else ()
+        try:
+            edges = tuple(edges_from_members(figure) for figure in figures)
+        except NotEnoughDataError as error:
+            raise ValueError(f'"edges": {error}') from error
         return record_from_members(
             cls,
             members,
             camera=camera_from_members(members.object("camera"), image_size),
             covariance=covariance,
-            edges=tuple(edges_from_members(figure) for figure in edges),
+            edges=edges,
         )
