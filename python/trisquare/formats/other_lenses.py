@@ -26,7 +26,7 @@ class ForeignLens:
     Parameters
     ----------
     title : str
-        What it is, for messages: ``"OpenCV's rational model"``.
+        What it is, for messages: ``"OpenCV's tilted-sensor model"``.
     K : ndarray, shape (3, 3)
         As `Camera.K`; ``(0, 0)`` is the centre of the top-left pixel.
     image_size : (int, int)

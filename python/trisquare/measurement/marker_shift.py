@@ -1,4 +1,4 @@
-"""The shift of markers' borders toward their dark side, which all markers of a sheet have.
+"""The shift of markers' borders toward the light, which all markers of a sheet have.
 
 A lens displaces the markers smoothly, but a wrong tone curve moves their borders inward or outward:
 so no calibration is needed to measure the shift.

@@ -68,4 +68,7 @@ class DetectedTarget(Protocol):
         """Spans to measure, the first of which gets the number `first`."""
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
-        """Edges from its measured spans, or why each gave none; empty if they are too few."""
+        """Edges from its measured spans, each of them samples or why there are none.
+
+        Empty if too few have samples.
+        """

@@ -14,6 +14,7 @@ from trisquare._core import __version__
 from trisquare._support.arrays import Frozen
 from trisquare._support.lengths import length_in
 from trisquare._support.suggestions import unknown
+from trisquare._support.writing import check_writable, write_atomically
 from trisquare.printing.layout import (
     PAGES,
     PrintedBoard,
@@ -88,8 +89,6 @@ class PrintedTarget(Frozen):
         --------
         >>> ts.printed_target().save("target.pdf")
         """
-        from trisquare._support.writing import check_writable, write_atomically  # imports OpenCV
-
         if not os.fspath(path).lower().endswith(".pdf"):
             raise ValueError(f"{os.fspath(path)}: a target is written as PDF: name a .pdf file")
         check_writable(path)

@@ -46,12 +46,12 @@ MAX_UNEVENNESS = 0.2
 MAX_UNEVEN_SHARE = 0.03
 """Share of the inside that may differ from its plane of light by this part of the step ..."""
 
-MIN_RING_SHARE = 0.85
-"""Of the points around a frame's hole, those that must be on its ring, two sides in part hidden."""
-
 UNEVEN_PER_HIDDEN = 0.35
 """... and what may be added to it per part of a side without an edge of its own: a finger or glare
 over a quarter of a side covers up to 8 % of the inside."""
+
+MIN_RING_SHARE = 0.85
+"""Of the points around a frame's hole, those that must be on its ring, two sides in part hidden."""
 
 FRAME_TOLERANCE = 0.03
 FRAME_TOLERANCE_PIXELS = 2.0

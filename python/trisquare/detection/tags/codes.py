@@ -30,7 +30,7 @@ class Dictionary:
     Attributes
     ----------
     name : str
-        One of `tag_names.DICTIONARIES`.
+        One of `families.DICTIONARIES`.
     codes : ndarray of bool, shape (N, n, n)
         By number; True is white; without the border.
     """
