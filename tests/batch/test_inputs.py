@@ -32,6 +32,33 @@ def found(folder, *inputs, **options):
     }
 
 
+def test_a_folder_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    touch(tmp_path, "in/ok/p.jpg", "in/locked/p.jpg")
+    scandir = os.scandir
+
+    def some(path):
+        if str(path).endswith("locked"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", some)
+    assert found(tmp_path, "in") == {"ok": ["in/ok/p.jpg"], "in/locked": "Permission denied"}
+
+
+@pytest.mark.parametrize("name", ["m.csv", "m.jsonl"])
+def test_a_manifest_that_is_not_utf8_is_told_once(tmp_path, name):
+    (tmp_path / name).write_bytes("name,photographs\ncaméra,p.jpg\n".encode("latin-1"))
+    (fault,) = found(tmp_path, name).values()
+    assert "not UTF-8" in fault
+
+
+def test_a_manifest_may_begin_with_a_byte_order_mark(tmp_path):
+    touch(tmp_path, "p.jpg")
+    record = json.dumps({"name": "a", "photographs": "p.jpg"})
+    (tmp_path / "m.jsonl").write_text(record, encoding="utf-8-sig")
+    assert found(tmp_path, "m.jsonl") == {"a": ["p.jpg"]}
+
+
 def test_cameras_whose_parts_join_to_one_name_stay_two(tmp_path):
     touch(tmp_path, "in/a_b/c_1.jpg", "in/a_b/c_2.jpg", "in/a/b_c_1.jpg", "in/d/e_1.jpg")
     assert found(tmp_path, "in", camera="{site}/{serial}_?.jpg") == {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 from trisquare._support.natural_order import natural_order
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
+from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.sources import PICTURE_SUFFIXES, VIDEO_SUFFIXES
 
 FIELD = re.compile(r"\\\{(\w+)\\\}|(\\\*)|(\\\?)")
@@ -100,36 +102,49 @@ def camera_pattern(text: str) -> re.Pattern[str]:
 
 
 def _matching(given: str) -> list[str]:
-    if os.path.exists(given):
-        return [given]
-    import glob  # needed for patterns alone
+    try:
+        mode = os.stat(given).st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        import glob  # needed for patterns alone
 
-    found = glob.glob(given, recursive=True) if glob.has_magic(given) else []
-    if not found:
-        raise FileNotFoundError(f"{given}: there is no such file or folder")
-    return sorted(found, key=natural_order)
+        matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
+        if not matching:
+            raise FileNotFoundError(f"{given}: there is no such file or folder") from error
+        named = [path for path in matching if not is_drawn(path)]
+        return sorted(named or matching, key=natural_order)
+    except OSError as error:
+        raise type(error)(f"{given}: {error.strerror or error}") from error
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise ValueError(f"{given}: a batch's workers cannot read a pipe or device: name a file")
+    return [given]
 
 
-def _photographs(folder: str, options: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+def _photographs(
+    folder: str, options: Mapping[str, Any], unread: list[OSError] | None = None
+) -> Iterator[tuple[str, list[str]]]:
     """Yield a folder and those below it, each with the photographs directly in it.
 
-    Videos are among them where the options ask for frames: else they would be failures.
+    Videos are among them where the options ask for frames: else they would be failures. What
+    trisquare has drawn on is not. Why a folder cannot be read is added to `unread`.
     """
+    failed = None if unread is None else unread.append
     suffixes = PICTURE_SUFFIXES
     if options.get("frames") is not None:
         suffixes |= VIDEO_SUFFIXES
-    for path, folders, files in os.walk(folder):
+    for path, folders, files in os.walk(folder, onerror=failed):
         folders[:] = (name for name in folders if not name.startswith("."))
         folders.sort(key=natural_order)
         shown = (name for name in files if not name.startswith("."))
         names = sorted(shown, key=natural_order)
         pictures = [name for name in names if Path(name).suffix.lower() in suffixes]
-        yield path, [os.path.join(path, name) for name in pictures]
+        paths = (os.path.join(path, name) for name in pictures)
+        yield path, [path for path in paths if not is_drawn(path)]
 
 
 def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
     is_empty = True
-    for path, pictures in _photographs(folder, options):
+    unread: list[OSError] = []
+    for path, pictures in _photographs(folder, options, unread):
         if not pictures:
             continue
         is_empty = False
@@ -138,7 +153,9 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
         else:
             name = Path(path).relative_to(folder).as_posix()
             yield Job(name, tuple(pictures), options, path)
-    if is_empty:
+    for error in unread:
+        yield faulty_job(error.filename, error.strerror or str(error), error.filename)
+    if is_empty and not unread:
         text = "no photograph is in this folder"
         if any(videos for _, videos in _photographs(folder, {**options, "frames": 1})):
             text += ", but videos are: --frames 10 (frames=10) takes photographs out of them"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from trisquare._support.json_members import parse_json
 from trisquare._support.paths import open_at_once
@@ -64,6 +64,7 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
                 yield faulty_job(origin, str(error), origin)
     except UnicodeDecodeError as error:
         yield faulty_job(path, f"after {count} records: not UTF-8: {error}", path)
+        return
     if not count:
         yield faulty_job(path, "no record is in this manifest", path)
 
@@ -95,8 +96,15 @@ def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> J
     )
 
 
+def _opened(path: str, newline: str | None = None) -> TextIO:
+    try:
+        return open(path, encoding="utf-8-sig", newline=newline, opener=open_at_once)
+    except OSError as error:
+        raise type(error)(f"{path}: {error.strerror or error}") from error
+
+
 def _json_records(path: str) -> Iterator[tuple[int, Any]]:
-    with open(path, encoding="utf-8", opener=open_at_once) as file:
+    with _opened(path) as file:
         number = 0
         while line := file.readline(LONGEST_LINE):
             number += 1
@@ -113,7 +121,7 @@ def _json_records(path: str) -> Iterator[tuple[int, Any]]:
 def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
     import csv  # needed for these alone
 
-    with open(path, encoding="utf-8-sig", newline="", opener=open_at_once) as file:
+    with _opened(path, newline="") as file:
         rows = csv.reader(file, strict=True)
         try:
             columns = [name.strip() for name in next(rows, [])]

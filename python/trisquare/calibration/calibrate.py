@@ -244,7 +244,7 @@ def calibrate_photographs(
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
-    if not isinstance(lines, bool):
+    if not isinstance(lines, bool | np.bool_):
         raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
     if lines and settings.method == "linear":
         raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
@@ -419,15 +419,14 @@ def _calibration(
     if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
         text = contradiction_text(contradicting)
         warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
+    # A picture that nothing was measured in, such as a repeated one, has no faults and no curve.
+    measured = {figure.image for figure in gathered.figures}
     faults = dict(zip(images, gathered.faults, strict=True))
+    faults = {image: own for image, own in faults.items() if image in measured}
     warnings += [
         CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image, gathered.names)
     ]
-    # Of a picture that nothing was measured in, such as a repeated one, there is no curve to tell.
-    measured = {figure.image for figure in gathered.figures}
-    untold = {
-        i: own for i, own in tone_of_image.items() if i in measured and not faults[i].is_shifted
-    }
+    untold = {i: tone_of_image[i] for i, own in faults.items() if not own.is_shifted}
     if shifted := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     kinds = {figure.kind for figure in gathered.figures}

@@ -90,6 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     _let_output_show_any_name()
     words = sys.argv[1:] if arguments is None else arguments
     fail = _fail_in_json if "--json" in words else _fail
+    if "" in words:
+        fail("UsageError", "an argument is empty: is a variable of the shell not set?", USAGE_EXIT)
     try:
         code = typer.main.get_command(app).main(words, prog_name="trisquare", standalone_mode=False)
         _flush_output()

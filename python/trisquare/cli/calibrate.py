@@ -63,6 +63,8 @@ EXAMPLES = (
 )
 
 
+REPORT_ENDINGS = ("", ".html", ".htm", ".xhtml")
+
 OTHER_ENDING = f"let it end with .json for all of the result, or with one of {', '.join(ENDINGS)}"
 
 
@@ -183,6 +185,8 @@ def calibrate_command(
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
     if report is not None:
+        if report.suffix.lower() not in REPORT_ENDINGS:
+            raise ValueError(f"{report}: a report is a page: let its name end in .html")
         check_extra()
     if board is not None:
         if targets != "auto":

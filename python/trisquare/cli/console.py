@@ -17,6 +17,9 @@ from rich.text import Text
 from trisquare._support.terminal_text import printable
 from trisquare.cli.options import as_options
 
+LEAST_WIDTH = 80
+"""Columns: tables cut numbers to get into fewer, where a terminal goes on in the next line."""
+
 BLANK_END = re.compile(" +$", re.MULTILINE)
 
 
@@ -38,6 +41,7 @@ def answer(
         print(members)
     elif not quiet:
         console = Console()
+        console.width = max(console.width, LEAST_WIDTH)
         with nullcontext() if console.is_terminal else _without_blank_ends(console):
             for part in parts:
                 line = line_of(as_options(part)) if isinstance(part, str) else part

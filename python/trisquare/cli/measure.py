@@ -30,7 +30,7 @@ from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
-from trisquare.cli.pictures_drawn import check_outputs
+from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
@@ -119,11 +119,15 @@ def measure_command(
     pixels = _pixels(points or [])
     if len(pixels) == 1 or (not len(pixels) and rectify is None):
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
+    if resolution is not None and rectify is None:
+        raise ValueError("--resolution is of the view from above: give --rectify FILE as well")
     given = None if side is None else Length.with_unit(side, "--side")
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
     stated, of_rectangles = _stated_side(known), _are_rectangles(known)
     picture, tag = read_photograph(photo)
+    if rectify is not None:
+        check_depth(picture, rectify)
     size = picture_size(picture)
     known = of_size(known, size, rescale, str(photo))
     warnings: list[str] = []
@@ -313,6 +317,8 @@ def _lines(measured: Measurement, length: Length) -> Iterator[str]:
         yield f"angle at {i + 2}: {plus_minus(value, std)} degrees"
     if measured.area is not None and measured.area_std is not None:
         yield f"area: {length.after(plus_minus(measured.area, measured.area_std), '^2')}"
+    elif len(measured.points) > 2:
+        yield "area: none, for the polygon's sides cross: give its corners in order round it"
 
 
 def _share_of_points(measured: Measurement, exact: Measurement, point_std: float) -> str:

@@ -21,7 +21,8 @@ NAME_ALONE = re.compile(r"\b(fix|free|initial|orthogonal|parallel|targets|tone)=
 
 def argument(default: Any, metavar: str, text: str) -> Any:
     """Describe an argument, as the default of the parameter that takes it; ``...`` for none."""
-    return typer.Argument(default, metavar=metavar, help=text)
+    # What cannot be read is an error of the input, not of the command line.
+    return typer.Argument(default, metavar=metavar, help=text, readable=False)
 
 
 def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[str] = ()) -> Any:
@@ -31,7 +32,9 @@ def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[s
     def offered(incomplete: str) -> list[str]:
         return [value for value in known if value.startswith(incomplete)]
 
-    return typer.Option(default, *names, metavar=metavar, help=text, autocompletion=offered)
+    return typer.Option(
+        default, *names, metavar=metavar, help=text, autocompletion=offered, readable=False
+    )
 
 
 def flag(text: str, *names: str, **more: Any) -> Any:

@@ -77,5 +77,9 @@ def drawn_on_failure(photographs: Photographs, paths: Sequence[Path]) -> Iterato
     except ImageError:
         raise  # there was no picture to search
     except TrisquareError as error:
-        write_atomically(drawn(draw_detections, photographs, paths, error.found, error.rejected))
+        try:
+            pictures = drawn(draw_detections, photographs, paths, error.found, error.rejected)
+            write_atomically(pictures)
+        except OSError as fault:  # it must not hide why the calibration failed
+            error.args = (f"{error}; the debug picture: {fault}",)
         raise

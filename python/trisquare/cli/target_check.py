@@ -13,6 +13,7 @@ from trisquare.analysis.sheet_check import Finding, SheetCheck, check_sheet
 from trisquare.calibration.calibrate import calibrate
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, reading
+from trisquare.cli.input_files import photographs_named
 from trisquare.cli.tables import warning_lines
 from trisquare.errors import NotEnoughPlanesError
 from trisquare.printing.target import TargetKind, printed_target
@@ -40,6 +41,8 @@ def check_photograph(
         If something is not ok.
     """
     printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
+    if (count := len(photographs_named([photo]))) != 1:
+        raise ValueError(f"{photo}: --check takes one photograph of the sheet, not {count}")
     length = length_in("m", ruler, "--ruler")
     with progress_bar("measuring", quiet, then="fitting") as progress, reading():
         try:

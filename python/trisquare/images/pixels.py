@@ -106,7 +106,7 @@ def as_recorded(picture: Image) -> Image:
 
 
 def _of_all_bits(picture: Image) -> Image:
-    """Return the integers of fewer bits that 16 hold as those of 8 or 16; a picture of 16 as it is."""
+    """Return integers that fill fewer bits as those of 8 or 16; those of 16 as they are."""
     most = picture.max()
     bits = next((bits for bits in NARROW_BITS if most < 1 << bits), None)
     if bits is None:

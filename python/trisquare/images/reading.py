@@ -191,6 +191,8 @@ def _checked_array(source: object) -> Image:
             "a picture is a path, an array, bytes, a binary file or a Pillow image, not "
             f"{type(source).__name__}"
         )
+    if np.ma.is_masked(source):
+        raise ValueError("a picture must have no masked pixels: set them to the grey around them")
     if source.dtype not in PIXEL_TYPES:
         raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}")
     if source.ndim not in (2, 3) or source.shape[2:] not in SHAPES or source.size == 0:

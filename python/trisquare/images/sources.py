@@ -39,10 +39,10 @@ def sources_of(
 ) -> list[ImageSource]:
     """Return the pictures, one or several, as a list.
 
-    A folder stands for the pictures directly in it, and `with_videos` for its videos as well; a
-    pattern such as ``frame-*.png`` for the files that match: both but for those that trisquare has
-    drawn on. They are in the order of their names, in which numbers count: ``2.jpg`` comes before
-    ``10.jpg``. Open files are read, since that can be done only once.
+    A folder stands for the pictures directly in it that are not hidden, and `with_videos` for its
+    videos as well; a pattern such as ``frame-*.png`` for the files that match: both but for those
+    that trisquare has drawn on. They are in the order of their names, in which numbers count:
+    ``2.jpg`` comes before ``10.jpg``. Open files are read, since that can be done only once.
 
     Raises
     ------
@@ -100,7 +100,8 @@ def _meant(source: Any, with_videos: bool) -> list[ImageSource]:
 def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os.PathLike[str]]:
     name = os.fspath(path)
     if os.path.isdir(name):
-        files = sorted(Path(name).iterdir(), key=natural_order)
+        shown = (each for each in Path(name).iterdir() if not each.name.startswith("."))
+        files = sorted(shown, key=natural_order)
         videos = [each for each in files if each.suffix.lower() in VIDEO_SUFFIXES]
         wanted = PICTURE_SUFFIXES | VIDEO_SUFFIXES if with_videos else PICTURE_SUFFIXES
         found = [each for each in files if each.suffix.lower() in wanted]
@@ -113,8 +114,12 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         if not names:
             raise MissingImageError(f"{name}: no file matches")
         return _not_drawn([Path(each) for each in names], name)
-    if not os.path.exists(name):  # before what else may be wrong: a video is known by its content
-        raise MissingImageError(f"{name}: No such file or directory")
+    try:  # before what else may be wrong: a video is known by its content
+        os.stat(name)
+    except (FileNotFoundError, NotADirectoryError, ValueError) as error:
+        raise MissingImageError(f"{name}: No such file or directory") from error
+    except OSError as error:
+        raise ImageError(f"{name}: {error.strerror or error}") from error
     return [path]
 
 

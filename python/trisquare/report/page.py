@@ -116,7 +116,7 @@ def _pictures(
                 f"{own[1]}: is it one of them?"
             )
         names[index] = f"picture {index}" if path is None else os.path.basename(path)
-        if path is None:
+        if path is None or not os.path.isfile(path):  # a pipe can be read only once
             files.append((names[index], "no file"))
         else:
             encoded = read_bytes(path)

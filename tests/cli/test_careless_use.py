@@ -1,0 +1,145 @@
+"""What careless use of the command line gets: each line with its exit code and sentence."""
+
+import json
+import os
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scenes import edges_of, squares
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.cli import pictures_drawn
+from trisquare.images.drawn_mark import encode_drawn
+from trisquare.images.sources import sources_of
+
+SIZE = (640, 480)
+SCENE = squares(11, image_size=SIZE)
+PHOTO = simulate.render(SCENE, np.random.default_rng(12))
+CALIBRATION = ts.calibrate_edges(edges_of(SCENE), SIZE)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("photo.png", PHOTO)
+    cv2.imwrite("deep.png", PHOTO.astype(np.uint16) * 257)
+    cv2.imwrite("black.png", np.zeros_like(PHOTO))
+    CALIBRATION.save("camera.json")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("calibrate", ""), 2, "an argument is empty: is a variable of the shell not set?"),
+        (("demo", "-o", ""), 2, "an argument is empty"),
+        (("calibrate", "photo.png", "--report", "a.pdf"), 2, "let its name end in .html"),
+        (("measure", "photo.png", "--camera", "camera.json", "--resolution", "5"), 2, "--rectify"),
+        (
+            ("measure", "deep.png", "--camera", "camera.json", "--rectify", "above.jpg"),
+            2,
+            "above.jpg: this format does not hold uint16 pixels",
+        ),
+        (("target", "--check", "several"), 2, "--check takes one photograph of the sheet, not 2"),
+        (("batch", os.devnull, "-o", "out"), 2, "cannot read a pipe or device"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(run, folder, words, code, said):
+    Path("several").mkdir()
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(f"several/{name}", PHOTO)
+    before = sorted(Path().rglob("*"))
+    found, out, err = run(*words)
+    assert (found, out) == (code, "")
+    assert said in err
+    assert sorted(Path().rglob("*")) == before
+
+
+def test_what_may_not_be_looked_at_is_not_called_missing(folder, monkeypatch):
+    def denied(name):
+        raise PermissionError(13, "Permission denied", name)
+
+    monkeypatch.setattr(os, "stat", denied)
+    with pytest.raises(ts.ImageError, match=r"inside/photo\.png: Permission denied") as error:
+        sources_of("inside/photo.png")
+    assert not isinstance(error.value, ts.MissingImageError)
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may read all files")
+@pytest.mark.parametrize("name", ["locked.png", "inside/photo.png"])
+def test_a_photograph_that_may_not_be_read_is_an_error_of_the_input(run, folder, name):
+    Path("inside").mkdir()
+    cv2.imwrite("locked.png", PHOTO)
+    cv2.imwrite("inside/photo.png", PHOTO)
+    Path("locked.png").chmod(0)
+    Path("inside").chmod(0)
+    code, _, err = run("calibrate", name)
+    Path("inside").chmod(0o700)
+    assert (code, err) == (5, f"trisquare: error: {name}: Permission denied\n")
+
+
+def test_hidden_files_of_a_folder_are_no_photographs(run, folder):
+    Path("card").mkdir()
+    cv2.imwrite("card/photo.png", PHOTO)
+    Path("card/._photo.png").write_bytes(b"\0\5\26\7")
+    assert run("calibrate", "card", "--quiet")[0] == 0
+
+
+def test_a_batch_leaves_overlays_out(run, folder):
+    Path("mixed").mkdir()
+    cv2.imwrite("mixed/photo.png", PHOTO)
+    Path("mixed/overlay.png").write_bytes(encode_drawn(PHOTO, "overlay.png"))
+    for number, named in enumerate(("mixed", "mixed/*.png")):
+        code, out, _ = run("batch", named, "-o", f"out{number}", "--json")
+        assert code == 0
+        assert json.loads(out)["cameras"] == 1
+
+
+def test_a_debug_picture_that_fails_does_not_hide_why_the_calibration_did(run, folder, monkeypatch):
+    def full(_):
+        raise OSError("debug.png: cannot be written: No space left on device")
+
+    monkeypatch.setattr(pictures_drawn, "write_atomically", full)
+    code, _, err = run("calibrate", "black.png", "--debug-image", "debug.png")
+    assert code == 3
+    assert "; the debug picture: debug.png: cannot be written: No space left" in err
+
+
+@pytest.mark.parametrize("columns", ["20", "0"])
+def test_no_terminal_is_too_narrow_for_numbers(run, folder, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    _, out, _ = run("calibrate", "photo.png")
+    assert "…" not in out
+    assert f"{ts.calibrate('photo.png').camera.fx:.1f}"[:5] in out
+
+
+def test_a_picture_without_targets_has_no_faults(folder):
+    result = ts.calibrate(["photo.png", "black.png"])
+    codes = [warning.code for warning in result.warnings]
+    assert "nothing_found" in codes
+    assert "thresholded" not in codes
+
+
+def test_a_report_is_made_of_a_photograph_from_a_pipe(run, folder):
+    read, write = os.pipe()
+    with os.fdopen(write, "wb") as pipe:
+        content = Path("photo.png").read_bytes()
+        writing = threading.Thread(target=lambda: (pipe.write(content), pipe.close()))
+        writing.start()
+        code, _, err = run("calibrate", f"/dev/fd/{read}", "--report", "r.html", "--quiet")
+        writing.join()
+    os.close(read)
+    assert (code, err) == (0, "")
+    assert Path("r.html").stat().st_size > 10_000
+
+
+def test_a_polygon_that_crosses_itself_has_no_area(run, folder):
+    quad = CALIBRATION.planes[0].corners
+    crossed = [f"{x:.1f},{y:.1f}" for x, y in quad[[0, 2, 1, 3]]]
+    code, out, _ = run("measure", "photo.png", "--camera", "camera.json", *crossed)
+    assert code == 0
+    assert "area: none, for the polygon's sides cross" in out
