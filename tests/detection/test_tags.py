@@ -406,6 +406,7 @@ def test_a_bad_layout_file_is_refused(tmp_path, content):
         ("aruco:5x5:0.3:0.3", "RATIO"),
         ("aprilgrid:6x6", "aprilgrid:COLSxROWS:GAP"),
         ("aprilgrid:30x30:0.3", "needs 900"),
+        ("aprilgrid:6x6:0.05", "give from 0.1 to 1"),
         ("apriltag:6x6:99999", "gap"),
         ("tags:", "choose among"),
         ("tags:nonsense", "choose among"),

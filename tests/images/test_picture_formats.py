@@ -1,10 +1,12 @@
 """What is read of the formats that photographs come in, and which way up."""
 
+import io
 import struct
 import zlib
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 
 import trisquare as ts
@@ -106,6 +108,14 @@ def test_a_tiff_comes_as_it_is_stored(tmp_path, image, orientation, order):
     found = read(tmp_path, tiff(image, orientation, order=order))
     assert found.dtype == image.dtype
     np.testing.assert_array_equal(found, image)
+
+
+def test_what_a_file_holds_is_read_like_the_file(tmp_path):
+    content = cv2.imencode(".png", COLOUR)[1].tobytes()
+    (tmp_path / "a.png").write_bytes(content)
+    expected = ts.read_image(tmp_path / "a.png")
+    for source in (content, io.BytesIO(content), PIL.Image.open(io.BytesIO(content))):
+        np.testing.assert_array_equal(ts.read_image(source), expected)
 
 
 def test_two_levels_and_palettes_become_grey_levels_and_colours(tmp_path):

@@ -27,17 +27,17 @@ SHAPES = ((), (1,), (3,), (4,))
 """Of a pixel."""
 
 
-def read_image(path: PathLike) -> Image:
+def read_image(path: ImageSource) -> Image:
     """Read a photograph as it was recorded, refusing files that are not whole.
 
     Parameters
     ----------
-    path : str or path
-        Any format that OpenCV reads: PNG and TIFF of 8 and 16 bits, TIFF of 32-bit floats, JPEG
-        (progressive and CMYK too), palettes and two levels; with ``trisquare[heif]`` HEIC, with
-        ``trisquare[raw]`` raw pictures. An orientation tag is ignored: the
-        result belongs to the sensor's picture, rows and columns as they are stored. So are the
-        boxes that turn a HEIC picture.
+    path : str, path, bytes, binary file or PIL.Image.Image
+        A file, or what it holds, in any format that OpenCV reads: PNG and TIFF of 8 and 16 bits,
+        TIFF of 32-bit floats, JPEG (progressive and CMYK too), palettes and two levels; with
+        ``trisquare[heif]`` HEIC, with ``trisquare[raw]`` raw pictures. An orientation tag is
+        ignored: the result belongs to the sensor's picture, rows and columns as they are stored.
+        So are the boxes that turn a HEIC picture.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def read_image(path: PathLike) -> Image:
     >>> picture.shape[1::-1] == result.camera.image_size
     True
     """
-    return read_photograph(path)[0]
+    return load_picture(path)
 
 
 def read_photograph(

@@ -60,7 +60,17 @@ TARGET = _object(
     sides={"type": "array", "items": POINTS},
     inner=POINTS,
 )
-REJECTED = _object(("kind", "image", "corners", "reason"), kind=TEXT, corners=POINTS, reason=TEXT)
+REJECTED = _object(
+    ("kind", "image", "corners", "reason"),
+    kind=TEXT,
+    image=OPTIONS["index"],
+    corners=POINTS,
+    reason=TEXT,
+    residual_px=MAYBE_NUMBER,
+)
+WARNING = _object(
+    ("code", "severity", "text"), code=TEXT, severity=TEXT, plane=OPTIONS["index"], text=TEXT
+)
 GUIDANCE = _all(
     std={"type": ["object", "null"], "additionalProperties": NUMBER},
     focal=NUMBER,
@@ -91,7 +101,7 @@ ANSWERS: dict[str, dict[str, Any]] = {
             "type": "array",
             "items": _all(name=TEXT, value=NUMBER, std=MAYBE_NUMBER),
         },
-        warnings={"type": "array", "items": _all(code=TEXT, severity=TEXT, text=TEXT)},
+        warnings={"type": "array", "items": WARNING},
         diagnosis={
             "type": "object",
             "additionalProperties": _all(limits=TEXT, remedy=TEXT),

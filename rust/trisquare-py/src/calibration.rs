@@ -68,7 +68,6 @@ pub struct Solution {
     residuals: Vec<Py<FigureResiduals>>,
     rms: f64,
     noise_scale: f64,
-    iterations: usize,
     /// Text, code, severity, and the plane or the picture that it is about.
     warnings: Vec<WarningMembers>,
     stage: &'static str,
@@ -421,7 +420,6 @@ fn solution<L: Lens>(
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
         noise_scale: found.noise_scale,
-        iterations: found.iterations,
         warnings: found.warnings.iter().map(warning).collect(),
         stage: match found.stage {
             Stage::Linear => "linear",

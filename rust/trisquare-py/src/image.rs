@@ -53,12 +53,6 @@ impl Picture {
         })?;
         Ok(KeptPixels { pixels })
     }
-
-    /// `(width, height)` in pixels.
-    #[getter]
-    fn size(&self) -> (usize, usize) {
-        (self.picture.width(), self.picture.height())
-    }
 }
 
 /// The pixels of a picture near the outlines that were measured in it.
@@ -171,8 +165,6 @@ pub struct ToneEstimate {
     toe: f64,
     effective_gamma: f64,
     std: f64,
-    sides: usize,
-    misfit: f64,
     misfit_shift: f64,
     shift_std: Option<f64>,
     /// How far a stated curve is from this one, in standard deviations.
@@ -296,8 +288,6 @@ fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneE
         toe: found.curve.toe,
         effective_gamma: found.curve.effective_gamma(),
         std: found.effective_gamma_std(),
-        sides: found.sides,
-        misfit: found.misfit,
         misfit_shift: found.misfit_shift,
         shift_std: found.shift_std,
     }

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.sampling import homographies_from_unit_square
+from trisquare.detection.sheets.layout import GRID_GAPS
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import WIDE_BORDER, agreement
 from trisquare.detection.tags.families import WIDE_BORDERED
@@ -48,9 +49,6 @@ LEAST_ROBUST = 3
 OFF_SURFACE = 0.06
 """Of a tag's shortest side, by which a corner may be off what the tags around tell. Where a blurred
 tag is slanted, something else than its corner may look more like a saddle."""
-
-GAPS = (0.1, 1.0)
-"""Gap over tag that is looked for."""
 
 OFF_AXIS = 0.15
 """Of a tag's side, by which a neighbour may seem to lie off its row, as it is small and blurred."""
@@ -193,7 +191,7 @@ def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
         for second, (x, y) in enumerate(middles.tolist()):
             more = numbers[second] - numbers[first]
             far, off = max(abs(x), abs(y)), min(abs(x), abs(y))
-            if more > 0 and 1.0 + GAPS[0] < far < 1.0 + GAPS[1] and off < OFF_AXIS:
+            if more > 0 and 1.0 + GRID_GAPS[0] < far < 1.0 + GRID_GAPS[1] and off < OFF_AXIS:
                 turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
                 yield Pair(first, second, more, turn, far - 1.0)
 

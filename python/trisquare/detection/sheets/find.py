@@ -109,7 +109,6 @@ def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
     for grid in find_aprilgrids(grey):
         sheet = PrintedSheet(
             "sheet",
-            "sheet",
             (Arrangement(grid.model),),
             gap=grid.gap,
             touching=True,

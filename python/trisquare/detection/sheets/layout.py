@@ -43,7 +43,10 @@ RATIOS = (0.1, 0.99)
 """Marker over square: below it nothing could be read, above it no white would be left."""
 
 GAPS = (0.01, 10.0)
-"""Gap over marker."""
+"""Gap over marker; of an AprilGrid ..."""
+
+GRID_GAPS = (0.1, 1.0)
+"""... that which is looked for: beyond, its tags are no neighbours."""
 
 MOST_FILE_BYTES = 10_000_000
 
@@ -82,8 +85,6 @@ class PrintedSheet:
     ----------
     kind : str
         ``"charuco"`` or ``"sheet"``.
-    name : str
-        For messages.
     arrangements : tuple of Arrangement
         Those that go by the same name; the picture tells which it is.
     squares : tuple of int or None
@@ -99,7 +100,6 @@ class PrintedSheet:
     """
 
     kind: str
-    name: str
     arrangements: tuple[Arrangement, ...]
     squares: tuple[int, int] | None = None
     rim: float = 0.0
@@ -168,7 +168,10 @@ def parse_layout(text: str) -> Layout:
         raise ValueError(
             f"a board of {cols} x {rows} in {text!r}: give from {least} to {MOST_ACROSS} each way"
         )
-    what, (low, high) = ("marker over square", RATIOS) if kind == "charuco" else ("gap", GAPS)
+    if kind == "charuco":
+        what, (low, high) = "marker over square", RATIOS
+    else:
+        what, (low, high) = "gap", GRID_GAPS if kind == "aprilgrid" else GAPS
     if not low <= size <= high:
         raise ValueError(f"{what} {size:g} in {text!r}: give from {low:g} to {high:g}")
     if kind == "charuco":
@@ -200,7 +203,7 @@ def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
         ]
         corners = 0.5 + ratio * (UNIT_SQUARE - 0.5) - middle + np.array(white)[:, None]
         arrangements.append(Arrangement(corners, dark_corner))
-    return PrintedSheet("charuco", "board", tuple(arrangements), (cols, rows), rim, rim / ratio)
+    return PrintedSheet("charuco", tuple(arrangements), (cols, rows), rim, rim / ratio)
 
 
 def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
@@ -214,7 +217,7 @@ def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
         if touching
         else (Arrangement(corners), Arrangement(from_bottom))
     )
-    return PrintedSheet("sheet", "sheet", ways, gap=gap, touching=touching)
+    return PrintedSheet("sheet", ways, gap=gap, touching=touching)
 
 
 def _from_file(path: Path) -> Layout:
@@ -271,14 +274,13 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict
             raise ValueError(
                 f"{path}: marker {key} must be a square, its corners clockwise (x right, y down)"
             )
-    name = member.get("name", f"sheet {index}")
-    if not isinstance(name, str):
+    if not isinstance(member.get("name", ""), str):
         raise ValueError(f"{path}: the name of sheet {index} must be a string")
     # About the middle, in sides: the coordinates then neither lose digits nor condition badly.
     all_corners = np.array(corners)
     middle = 0.5 * (all_corners.min(axis=(0, 1)) + all_corners.max(axis=(0, 1)))
     side = float(np.linalg.norm(all_corners[0, 1] - all_corners[0, 0]))
-    return PrintedSheet("sheet", name, (Arrangement((all_corners - middle) / side),)), places
+    return PrintedSheet("sheet", (Arrangement((all_corners - middle) / side),)), places
 
 
 def _is_clockwise_square(corners: FloatArray) -> bool:
