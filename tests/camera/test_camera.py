@@ -77,14 +77,6 @@ def test_a_model_is_looked_up_and_coefficients_may_be_a_list_of_opencv_s():
     assert Camera(K, rows, SIZE, "brown") == camera("brown")
 
 
-@pytest.mark.parametrize("given", [100.0, math.inf, 0.7])
-def test_a_lens_is_trusted_no_farther_than_it_increases(given):
-    bent = Camera(K, [-0.9, 0, 0, 0, 0], SIZE, "radial1")
-    assert Camera(K, bent.distortion, SIZE, "radial1", given) == bent
-    assert Camera(K, bent.distortion, SIZE, "radial1", 0.3).valid_radius == 0.3
-    assert camera("none", valid_radius=math.inf).valid_radius is None
-
-
 def test_points_as_opencv_has_them_are_taken():
     lens = camera("brown")
     points = pixel_grid()[:, None]

@@ -149,6 +149,22 @@ def test_floats_are_linear_by_default():
     assert_within(result, SCENE, 4.5)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lens_that_darkens_the_corners_biases_nothing(seed):
+    """By a quarter, as usual ones do: light that is linear along sides left fx off by 0.1 %."""
+    rng = np.random.default_rng([77, seed])
+    scene = simulate.random_scene(rng)
+    light = simulate.render(scene, rng, noise=0.0, blur=1.2, dtype=np.float32)
+    y, x = np.mgrid[: light.shape[0], : light.shape[1]] - np.reshape(light.shape, (2, 1, 1)) / 2
+    light *= 1.0 - 0.25 * (x**2 + y**2) / (x**2 + y**2).max()
+    photo = (light + rng.normal(0.0, 5e-4, light.shape)).astype(np.float32)
+    result = ts.calibrate(photo)
+    edges = ts.calibrate_edges(ts.detect(photo), result.camera.image_size)
+    for found in (result, edges):
+        assert abs(found.camera.fx / scene.camera.fx - 1.0) < 1e-4
+        assert abs(found.camera.fx - scene.camera.fx) < 4.0 * found.std["fx"]
+
+
 @pytest.mark.parametrize("whole", [255, 65535])
 def test_floats_that_hold_integers_are_taken_as_these(whole):
     kind = np.uint8 if whole == 255 else np.uint16

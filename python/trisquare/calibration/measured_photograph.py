@@ -80,9 +80,9 @@ class Sought:
         ValueError
             If it is not stated, and the pictures before have pixels of another type.
         """
-        if self.tone is None and photograph.has_other_depth:
+        if self.tone is None and photograph.other_type is not None:
             raise ValueError(
-                f"{photograph.name} has {photograph.pixels.dtype} pixels, unlike the pictures "
+                f"{photograph.name} has {photograph.other_type} pixels, unlike the pictures "
                 "before it, and their tone curves probably differ: give one tone curve for all "
                 "(srgb, linear, auto or a gamma)"
             )

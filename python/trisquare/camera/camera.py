@@ -76,8 +76,8 @@ class Camera(RebuiltByConstructor):
     valid_radius : float, optional
         Up to which the distortion is monotonic, hence invertible: the ideal normalised radius
         (tangent of the angle from the axis), of a fisheye the angle itself, in radians; None if
-        there is no limit. Computed; a smaller one that is given is kept in its place. Beyond
-        it every map raises ValueError.
+        there is no limit. Computed unless given. Beyond it, or beyond a smaller one that was
+        given, every map raises ValueError.
 
     Raises
     ------
@@ -117,11 +117,13 @@ class Camera(RebuiltByConstructor):
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "distortion", distortion)
         object.__setattr__(self, "image_size", size_of_image(self.image_size))
-        given = math.inf if self.valid_radius is None else self.valid_radius
-        if given != math.inf and real_number(given, "valid_radius") <= 0:
-            raise ValueError(f"valid_radius must be positive, not {given}")
-        object.__setattr__(self, "valid_radius", None)
-        radius = min(float(given), _core.valid_radius(camera_for_core(self)))
+        radius = self.valid_radius
+        if radius is None:
+            radius = _core.valid_radius(camera_for_core(self))
+        elif radius != math.inf:
+            radius = real_number(radius, "valid_radius")
+            if radius <= 0:
+                raise ValueError(f"valid_radius must be positive, not {radius}")
         object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
         if not _core.valid_pixel_radius(camera_for_core(self)) > 0:
             raise ValueError(

@@ -50,7 +50,8 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
             raise MissingImageError(
                 f"{path}: No such file or directory. If it is meant for an option: several values "
-                "are joined by commas (aspect,principal_point), and a value holds no space (84mm)"
+                "are joined by commas (--fix aspect,principal_point), and a value holds no space "
+                "(--side 84mm)"
             )
     named = [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
     return [path for path in named if not is_drawn(path)] or named

@@ -32,8 +32,8 @@ class Photograph:
         What its user should know of it, each beginning with its name, by a code.
     repeats : bool
         Whether an earlier picture is the same.
-    has_other_depth : bool
-        Whether not all pictures up to this one have pixels of one type.
+    other_type : str or None
+        The type of its pixels as they were given, if not all pictures up to this one have that.
     path : str or None
         Of its file, if it was read from one.
     """
@@ -43,7 +43,7 @@ class Photograph:
     pixels: Image
     remarks: Mapping[str, str]
     repeats: bool
-    has_other_depth: bool
+    other_type: str | None
     path: str | None = None
 
 
@@ -125,7 +125,7 @@ class _Earlier(NamedTuple):
 
     turns: Turns
     names: dict[int, str]
-    depths: set[str]
+    types: set[str]
 
 
 def _load(
@@ -139,15 +139,17 @@ def _load(
     name = _name(index, source)
     key: int | None = None
     try:
-        pixels, tag = load_photograph(source, limits)
-        pixels = as_recorded(pixels)
+        given, tag = load_photograph(source, limits)
+        pixels = as_recorded(given)
+        # Floats of integers are these, but 16 bits are no 8, however dark.
+        type_name = (pixels if given.dtype == np.float32 else given).dtype.name
         key = 0 if is_alone else _fingerprint(pixels)
     finally:
         with earlier.turns.turn(index):
             if key is not None:
                 twin = earlier.names.setdefault(key, name)
-                earlier.depths.add(pixels.dtype.name)
-                has_other_depth = len(earlier.depths) > 1
+                earlier.types.add(type_name)
+                other_type = type_name if len(earlier.types) > 1 else None
     remarks = {}
     if tag is not None:
         ignored = tag.ignored("the result refers", picture_size(pixels))
@@ -155,7 +157,7 @@ def _load(
     if twin != name:
         remarks["repeated_picture"] = f"{name} is the same picture as {twin}: it is counted once"
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
-    return Photograph(index, name, pixels, remarks, twin != name, has_other_depth, path)
+    return Photograph(index, name, pixels, remarks, twin != name, other_type, path)
 
 
 def _name(index: int, source: ImageSource) -> str:

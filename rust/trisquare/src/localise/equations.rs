@@ -8,10 +8,12 @@ use super::pixel_noise::{robust_cost, robust_weight};
 use super::prediction::Prediction;
 use super::side_sums::{BIN_LENGTH, SideSums};
 
+/// Powers of `s` by which the light along a side changes.
+pub(super) const LIGHT: usize = 3;
 /// The first parameters of base, contrast and blur, and how many there are.
 pub(super) const BASE: usize = COEFFICIENTS;
-pub(super) const CONTRAST: usize = BASE + 2;
-pub(super) const BLUR: usize = CONTRAST + 2;
+pub(super) const CONTRAST: usize = BASE + LIGHT;
+pub(super) const BLUR: usize = CONTRAST + LIGHT;
 pub(super) const PARAMETERS: usize = BLUR + 1;
 
 /// Columns of a pixel's row: derivatives by height, base, contrast and blur, and the residual.

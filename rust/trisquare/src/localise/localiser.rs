@@ -273,8 +273,8 @@ impl<'a> Localiser<'a> {
         let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
         Side {
             curve: coarse.curve.clone(),
-            base: [before, 0.0],
-            contrast: [after - before, 0.0],
+            base: [before, 0.0, 0.0],
+            contrast: [after - before, 0.0, 0.0],
             blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
             shape: BlurShape::NORMAL,
             blur_slope: 0.0,

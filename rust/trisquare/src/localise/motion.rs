@@ -80,8 +80,8 @@ mod tests {
                 side: Side {
                     blur: square.sqrt() * (1.0 + 0.01 * f64::from(index % 3 - 1)),
                     curve,
-                    base: [0.0; 2],
-                    contrast: [1.0, 0.0],
+                    base: [0.0; 3],
+                    contrast: [1.0, 0.0, 0.0],
                     shape: BlurShape::NORMAL,
                     blur_slope: 0.0,
                     spread: None,

@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::curve::COEFFICIENTS;
+use super::equations::LIGHT;
 use crate::numeric::add_rank_one;
 
 /// Length of a bin along a side, pixels.
@@ -13,7 +14,7 @@ const POWERS: usize = 2 * COEFFICIENTS - 1;
 const fn degree(column: usize) -> usize {
     match column {
         0 => COEFFICIENTS - 1,
-        1 | 2 => 1,
+        1 | 2 => LIGHT - 1,
         _ => 0,
     }
 }
@@ -126,7 +127,7 @@ mod tests {
 
     #[test]
     fn the_sums_are_those_of_each_parameter_s_derivative() {
-        const PARAMETERS: usize = 11;
+        const PARAMETERS: usize = 13;
         let mut pixels = Vec::new();
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         let mut right = SVector::<f64, PARAMETERS>::zeros();
@@ -143,8 +144,10 @@ mod tests {
             all[COEFFICIENTS..].copy_from_slice(&[
                 base,
                 base * s,
+                base * s * s,
                 contrast,
                 contrast * s,
+                contrast * s * s,
                 blur,
                 other,
             ]);

@@ -8,12 +8,12 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
-use super::equations::{BASE, BLUR, PARAMETERS};
+use super::equations::{BASE, BLUR, LIGHT, PARAMETERS};
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::Side;
+use super::side::{Side, polynomial};
 use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
@@ -418,6 +418,12 @@ fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
     }
 }
 
+/// The polynomial through values at -1, 0 and 1.
+fn through([before, middle, after]: [f64; LIGHT]) -> [f64; LIGHT] {
+    let (mean, half) = (0.5 * (before + after), 0.5 * (after - before));
+    [middle, half, mean - middle]
+}
+
 impl Side {
     /// The side's own step, given the tone curve's.
     ///
@@ -431,20 +437,14 @@ impl Side {
         self.advance(&own.fixed_rows::<PARAMETERS>(0).into_owned());
         self.spread = self.spread.map(|spread| spread + own[SPREAD]);
         let translated = |light: f64| new.decode(old.encode(light));
-        // At both ends of the side, on both of its sides.
-        let base = [-1.0, 1.0].map(|s| self.base[0] + s * self.base[1]);
-        let other = [-1.0, 1.0].map(|s| self.contrast[0] + s * self.contrast[1]);
-        let lit = [
-            translated(base[0] + other[0]),
-            translated(base[1] + other[1]),
-        ];
+        // At both ends of the side and in its middle, on both of its sides.
+        let places = [-1.0, 0.0, 1.0];
+        let base = places.map(|s| polynomial(&self.base, s));
+        let lit =
+            places.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));
         let base = base.map(translated);
-        let contrast = [lit[0] - base[0], lit[1] - base[1]];
-        self.base = [0.5 * (base[0] + base[1]), 0.5 * (base[1] - base[0])];
-        self.contrast = [
-            0.5 * (contrast[0] + contrast[1]),
-            0.5 * (contrast[1] - contrast[0]),
-        ];
+        self.base = through(base);
+        self.contrast = through([0, 1, 2].map(|i| lit[i] - base[i]));
     }
 }
 
@@ -460,8 +460,8 @@ mod tests {
             Ok(Preview {
                 side: Side {
                     curve: Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap(),
-                    base: [0.1, 0.0],
-                    contrast: [0.7, 0.0],
+                    base: [0.1, 0.0, 0.0],
+                    contrast: [0.7, 0.0, 0.0],
                     blur: 0.9,
                     shape: BlurShape::NORMAL,
                     blur_slope: 0.0,

@@ -5,8 +5,9 @@ use nalgebra::Vector2;
 use super::band_pixels::PixelFigure;
 use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
-/// Parameters of an exposure: ground, contrast, the light's gradient in x and y, blur.
-pub(crate) const EXPOSURE_PARAMETERS: usize = 5;
+/// Parameters of an exposure: ground, contrast, the light's gradient in x and y and its curvature,
+/// blur.
+pub(crate) const EXPOSURE_PARAMETERS: usize = 6;
 
 /// Blur (px) from which the fit starts: that of a sharp lens with its pixels' own box.
 const FIRST_BLUR: f64 = 0.8;
@@ -17,10 +18,11 @@ const LEAST_BLUR: f64 = 0.2;
 /// Contrast (coded, 1 being white) below which there is no figure.
 const MIN_CONTRAST: f64 = 0.02;
 
-/// Ground and figure under light that changes linearly over them, and the blur.
+/// Ground and figure under light that changes over them, and the blur.
 ///
 /// One gradient serves both, since what falls on the paper falls on the ink: two of them cost some
-/// 5 % of the accuracy.
+/// 5 % of the accuracy. So does one curvature: a lens darkens its picture by the square of the
+/// distance from the middle, alike in all directions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Exposure {
     /// `b` at the figure's middle.
@@ -29,6 +31,8 @@ pub(crate) struct Exposure {
     pub contrast: f64,
     /// Relative change of the light over the figure's size, in x and y.
     pub gradient: [f64; 2],
+    /// The same with the square of the distance from the figure's middle.
+    pub curvature: f64,
     /// `w`, the pixel's own box included, px.
     pub blur: f64,
 }
@@ -57,13 +61,15 @@ impl Exposure {
             ground,
             contrast: within - ground,
             gradient: [0.0; 2],
+            curvature: 0.0,
             blur: FIRST_BLUR,
         })
     }
 
     /// How much light falls on a place of the figure, 1 at its middle.
     pub fn light(&self, place: &Vector2<f64>) -> f64 {
-        1.0 + self.gradient[0] * place.x + self.gradient[1] * place.y
+        let linear = self.gradient[0] * place.x + self.gradient[1] * place.y;
+        1.0 + linear + self.curvature * place.norm_squared()
     }
 
     /// The exposure after a step.
@@ -72,7 +78,8 @@ impl Exposure {
             ground: self.ground + step[0],
             contrast: self.contrast + step[1],
             gradient: [self.gradient[0] + step[2], self.gradient[1] + step[3]],
-            blur: self.blur + step[4],
+            curvature: self.curvature + step[4],
+            blur: self.blur + step[5],
         }
     }
 

@@ -365,6 +365,7 @@ mod tests {
                     ground: 0.7,
                     contrast: -0.6,
                     gradient: [0.05, -0.03],
+                    curvature: -0.04,
                     blur: 0.9,
                 };
                 3

@@ -101,7 +101,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         })
     }
 
-    /// Place in the figure, from -1/2 to 1/2: the variables of its linear shading.
+    /// Place in the figure, from -1/2 to 1/2: the variables of its shading.
     #[inline]
     fn shading_place(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
         (pixel - self.figure.centre) * self.per_size
@@ -252,6 +252,7 @@ impl<'a, L: Lens> Scene<'a, L> {
             slope * light * coverage.value,
             slope * reflected * place.x,
             slope * reflected * place.y,
+            slope * reflected * place.norm_squared(),
             -by_blur,
         ]
     }
