@@ -113,3 +113,16 @@ def test_motion_keeps_the_light_and_refuses_nonsense():
     for length, direction in ((-1.0, 0.0), (np.nan, 0.0), (np.inf, 0.0), (3.0, np.nan)):
         with pytest.raises(ValueError, match="motion"):
             simulate.Motion(length, direction)
+
+
+def test_sides_that_bound_no_figure_are_left_out(monkeypatch):
+    def refused(*_):
+        raise ValueError("the sides of figure 0 are not in order round it")
+
+    photo = simulate.render(
+        simulate.random_scene(np.random.default_rng(3)), np.random.default_rng(0)
+    )
+    assert len(ts.detect(photo)) == 3
+    monkeypatch.setattr("trisquare.measurement.squares.rectangle_lines", refused)
+    with pytest.raises(ts.DetectionError):
+        ts.detect(photo)

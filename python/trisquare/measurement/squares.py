@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from trisquare.detection.candidates import Outline, SquareOutline
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import BORDER
 from trisquare.edges import PlaneEdges, unchecked_edges
+from trisquare.errors import TrisquareError
 from trisquare.measurement.marker_margins import side_margins
 from trisquare.measurement.side_spans import SideSpan
 
@@ -55,7 +57,8 @@ class Square:
             # An outline with a side that is no edge is no square; without its outer outline, a
             # frame's inner one is a square of its own.
             if len(samples) == 4:
-                figures.append(self._edges(outline, samples, plane))
+                with suppress(TrisquareError, ValueError):  # four lines that bound no figure
+                    figures.append(self._edges(outline, samples, plane))
         return figures
 
     def _edges(self, outline: Outline, sides: list[SideSamples], plane: int) -> PlaneEdges:

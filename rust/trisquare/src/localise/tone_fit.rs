@@ -63,6 +63,8 @@ const MAX_MISFIT: f64 = 1.5e-3;
 /// off by 1.5 to 2.5 standard deviations for shifts of 0 and 15, by 0.9 to 1.2 for this one.
 const SHIFT_PER_MISFIT: f64 = 15.0;
 const SHIFT_PER_FITTED_MISFIT: f64 = 40.0;
+/// It is no more than this: whatever the profiles are, the edges are seen within their blur.
+const MOST_SHIFT: f64 = 1.0;
 /// The shift (px) that must be reckoned with where no side tells anything: that of taking sRGB for
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
@@ -284,7 +286,7 @@ pub(super) fn pool<'a>(
     let mut profile = Profile::default();
     let mut blurs = 0.0;
     let mut told = (Matrix2::zeros(), Vector2::zeros());
-    for share in shares.filter(|share| share.is_sound) {
+    for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
         told.0 += share.information;
         told.1 += share.gradient;
         profile.merge(&share.profile);
@@ -303,7 +305,7 @@ pub(super) fn pool<'a>(
     let misfit_shift = match sides {
         0 => BLIND_SHIFT_STD,
         _ if fits => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
-        _ => SHIFT_PER_MISFIT * misfit * mean_blur,
+        _ => (SHIFT_PER_MISFIT * misfit).min(MOST_SHIFT) * mean_blur,
     };
     // The prior alone makes it positive definite, but for overflow.
     let covariance = information.try_inverse().unwrap_or_else(Matrix2::zeros);
@@ -453,6 +455,29 @@ mod tests {
     use super::super::blur::BlurShape;
     use super::super::curve::Curve;
     use super::*;
+
+    #[test]
+    fn no_misfit_shifts_edges_by_more_than_their_blur() {
+        let share = |residual: f64, blur: f64| {
+            let mut profile = Profile::default();
+            (0..40).for_each(|i| profile.add(0.1 * f64::from(i) - 2.0, residual));
+            ToneShare {
+                factor: SMatrix::<f64, OWN, OWN>::identity().cholesky().unwrap(),
+                cross: SMatrix::zeros(),
+                right: SVector::zeros(),
+                information: Matrix2::identity(),
+                gradient: Vector2::zeros(),
+                profile,
+                blur,
+                is_sound: true,
+            }
+        };
+        let shares = [share(1.0, 1.5), share(0.9, f64::NAN)];
+        let (_, found) = pool(Tone::Srgb.power(), shares.iter(), Trust::ByMisfit);
+        assert_eq!(found.sides, 1);
+        assert!(found.misfit > 0.5 && found.misfit_shift < 2.0);
+        assert_eq!(found.shift_std, Some(found.misfit_shift));
+    }
 
     #[test]
     fn small_spreads_become_that_of_all_lines() {
