@@ -72,7 +72,8 @@ def assert_same(result, reference, sigmas=0.1):
     for name in ("fx", "fy", "cx", "cy"):
         gap = getattr(result.camera, name) - getattr(reference.camera, name)
         assert abs(gap) < sigmas * reference.std[name], name
-    assert result.std["fx"] == pytest.approx(reference.std["fx"], rel=0.05)
+    # Whether sides err together is known less well: of two pictures by a tenth.
+    assert result.std["fx"] == pytest.approx(reference.std["fx"], rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -34,8 +34,15 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// From what a side of this curve predicts of pixels, `noise` being the residuals' expected scale.
-    pub fn of(curve: &Curve, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> Self {
+    /// From what a side of this curve, the light along which is of this degree, predicts of pixels,
+    /// `noise` being the residuals' expected scale.
+    pub fn of(
+        (curve, light): (&Curve, usize),
+        pixels: &[Pixel],
+        predictions: &[Prediction],
+        noise: f64,
+    ) -> Self {
+        let degrees = (curve.degree, light);
         let bins_per_s = 0.5 * (curve.length() / BIN_LENGTH).max(MIN_BINS);
         let inverse_variance = 1.0 / (noise * noise);
         let mut cost = 0.0;
@@ -48,7 +55,7 @@ impl Equations {
             (pixel.s, weight, row)
         });
         let sums = SideSums::<COLUMNS>::of(rows, bins_per_s, FIRST_BIN * bins_per_s);
-        let (normal, right) = sums.assembled(curve.degree);
+        let (normal, right) = sums.assembled(degrees);
         Self {
             normal,
             right,

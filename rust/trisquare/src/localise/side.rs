@@ -249,8 +249,9 @@ impl Side {
         noise: f64,
         (max_steps, settled): (usize, f64),
     ) {
+        let light = self.light_degree();
         let mut damping = FIRST_DAMPING;
-        let mut best = Equations::of(&self.curve, pixels, predictions, noise);
+        let mut best = Equations::of((&self.curve, light), pixels, predictions, noise);
         let mut are_own = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(damping) else {
@@ -268,7 +269,7 @@ impl Side {
                 break;
             }
             next.predict_all(tone, pixels, predictions);
-            let equations = Equations::of(&next.curve, pixels, predictions, noise);
+            let equations = Equations::of((&next.curve, light), pixels, predictions, noise);
             are_own = equations.cost < best.cost;
             if are_own {
                 (*self, best) = (next, equations);
@@ -360,7 +361,16 @@ impl Side {
     /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of
     /// base and contrast.
     pub fn edge_parameters(&self) -> f64 {
-        self.curve.degree as f64 + 2.0 + LIGHT as f64
+        (self.curve.degree + self.light_degree()) as f64 + 3.0
+    }
+
+    /// The power of `s` up to which light changes along the side. What curved light does to a crossed
+    /// line, it does to and fro from cell to cell, as a wrong tone curve does: the two look alike.
+    pub fn light_degree(&self) -> usize {
+        match self.spread {
+            Some(_) => 1,
+            None => LIGHT - 1,
+        }
     }
 }
 

@@ -97,15 +97,20 @@ impl<const N: usize> SideSums<N> {
     }
 
     /// The sums of products of all parameters' derivatives, in their order, and of each with the
-    /// residual; the polynomial's coefficients beyond its degree have none, but one of themselves.
+    /// residual; the coefficients beyond the degrees of curve and light have none, but one of
+    /// themselves.
     pub fn assembled<const M: usize>(
         &self,
-        curve_degree: usize,
+        (curve, light): (usize, usize),
     ) -> (SMatrix<f64, M, M>, SVector<f64, M>) {
         let mut sources = [(N - 1, 0); M];
         let all = (0..N - 1).flat_map(|column| (0..=degree(column)).map(move |k| (column, k)));
         sources.iter_mut().zip(all).for_each(|(own, of)| *own = of);
-        let is_unused = |parameter: usize| parameter < COEFFICIENTS && parameter > curve_degree;
+        let is_unused = |parameter: usize| match sources[parameter] {
+            (0, power) => power > curve,
+            (1 | 2, power) => power > light,
+            _ => false,
+        };
         let product = |(i, k): (usize, usize), (j, l): (usize, usize)| {
             self.products[i.max(j)][i.min(j)][k + l]
         };
@@ -156,7 +161,7 @@ mod tests {
             right += weight * residual * all;
         }
         let sums = SideSums::of(pixels.into_iter(), 60.0, -240.0);
-        let (found, found_right) = sums.assembled::<PARAMETERS>(COEFFICIENTS - 1);
+        let (found, found_right) = sums.assembled::<PARAMETERS>((COEFFICIENTS - 1, LIGHT - 1));
         // To what a bin's length leaves.
         assert!((found - normal).abs().max() < 1e-3 * normal.abs().max());
         assert!((found_right - right).abs().max() < 1e-3 * right.abs().max());

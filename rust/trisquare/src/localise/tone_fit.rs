@@ -223,7 +223,7 @@ impl ToneShare {
     }
 
     fn reduced(side: &Side, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
-        let (all, direct) = sums.assembled::<TOTAL>(side.curve.degree);
+        let (all, direct) = sums.assembled::<TOTAL>((side.curve.degree, side.light_degree()));
         let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
         let cross = all.fixed_view::<OWN, TONE_PARAMETERS>(0, OWN).into_owned();
         let mut right = direct.fixed_rows::<OWN>(0).into_owned();
