@@ -40,6 +40,7 @@ BENCHMARKS = (
     "finding.refusals",
     "accuracy.prediction",
     "accuracy.tone",
+    "accuracy.vignetting",
     "accuracy.picture_faults",
     "accuracy.against_zhang",
     "accuracy.measured_lengths",

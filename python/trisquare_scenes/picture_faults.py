@@ -80,6 +80,18 @@ def photograph(
     return picture
 
 
+def darkened(part: float) -> OnLight:
+    """Take away a part of the light in the corners, and less by the square of the distance."""
+
+    def act(light: Array) -> Array:
+        y, x = np.mgrid[: light.shape[0], : light.shape[1]]
+        size = np.reshape(light.shape[:2], (2, 1, 1))
+        square = (((np.stack([y, x]) - 0.5 * (size - 1)) / size) ** 2).sum(axis=0)
+        return np.asarray(light * (1.0 - 2.0 * part * square)[..., None])
+
+    return act
+
+
 def exposed(factor: float) -> OnLight:
     """Expose so that the light sides would be coded as `factor` times `PAPER`."""
     gain = decode_tone(np.array([factor * PAPER, PAPER]) / WHITE, "srgb")

@@ -11,6 +11,7 @@ from scenes import IMAGE_SIZE, assert_within, edges_of, squares
 import trisquare as ts
 import trisquare._core as _core
 from trisquare import simulate
+from trisquare._support.rotations import tilted
 from trisquare.calibration.select import chosen_by
 from trisquare.simulate.scene import Scene, rectangle
 from trisquare_scenes.distractors import mixed_scene, photograph
@@ -147,6 +148,33 @@ def test_with_the_focal_length_alone_unknown_two_squares_are_chosen():
     kept = planes(chosen(edges_of(mixed.scene, NOISE), fixed=fixed).figures)
     assert {0, 1} <= set(kept)
     assert not any(is_clearly_false(mixed.scene.targets[plane]) for plane in kept)
+
+
+def board_edges(rng, camera, plane, waves):
+    """The grid lines of a board of 7 x 7 cells, displaced by waves of so many pixels."""
+    rotation = tilted(rng.uniform(20.0, 40.0), rng.uniform(0.0, 360.0), 0.0)
+    middle = np.append(rng.uniform(-1.5, 1.5, 2), rng.uniform(13.0, 15.0))
+    along = np.linspace(-3.5, 3.5, 60)
+    lines, points = [], []
+    for offset in np.arange(-3.5, 4.0):
+        for line, own in (((0.0, 1.0), (along, offset)), ((1.0, 0.0), (offset, along))):
+            x, y = np.broadcast_arrays(*own)
+            seen = camera.project(np.stack([x, y, 0 * x], axis=1) @ rotation.T + middle)
+            lines.append((*line, -offset))
+            waved = waves * np.sqrt(2.0) * np.sin(along + offset)[:, None]
+            points.append(seen + waved + rng.normal(0.0, 0.01, seen.shape))
+    return ts.PlaneEdges(np.array(lines), points, plane=plane, image=plane)
+
+
+def test_a_board_that_is_less_flat_is_no_false_one_beside_a_false_square():
+    rng = np.random.default_rng(5)
+    camera = ts.Camera([[1000.0, 0, 639.5], [0, 1000.0, 479.5], [0, 0, 1]], [0.0] * 5, IMAGE_SIZE)
+    boards = [board_edges(rng, camera, plane, 0.06 * (plane == 2)) for plane in range(6)]
+    corners = np.array([[100.0, 100.0], [170.0, 110.0], [160.0, 140.0], [95.0, 133.0]])
+    shares = np.linspace(0.0, 1.0, 20)[:, None]
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    square = ts.PlaneEdges.square([a + shares * (b - a) for a, b in sides], plane=6, image=0)
+    assert planes(chosen([*boards, square]).figures) == [0, 1, 2, 3, 4, 5]
 
 
 @pytest.mark.slow

@@ -150,7 +150,8 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
         "something else touches its sides or corners",
         np.where(
             ~are_uniform(picture, quads),
-            "its inside is neither uniform nor that of a frame",
+            "its inside is neither uniform nor that of a frame: squares with anything inside are "
+            'found by targets="rectangle:1"',
             "it is far smaller than the others",
         ),
     )

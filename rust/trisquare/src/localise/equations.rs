@@ -6,10 +6,8 @@ use super::band::Pixel;
 use super::curve::{COEFFICIENTS, Curve};
 use super::pixel_noise::{robust_cost, robust_weight};
 use super::prediction::Prediction;
-use super::side_sums::{BIN_LENGTH, SideSums};
+use super::side_sums::{BIN_LENGTH, LIGHT, SideSums};
 
-/// Powers of `s` by which the light along a side changes.
-pub(super) const LIGHT: usize = 3;
 /// The first parameters of base, contrast and blur, and how many there are.
 pub(super) const BASE: usize = COEFFICIENTS;
 pub(super) const CONTRAST: usize = BASE + LIGHT;

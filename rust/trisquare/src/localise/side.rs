@@ -4,11 +4,12 @@
 use super::band::Pixel;
 use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
-use super::equations::{BASE, BLUR, CONTRAST, Equations, LIGHT, Step};
+use super::equations::{BASE, BLUR, CONTRAST, Equations, Step};
 use super::flip::EdgeShape;
 use super::pixel_noise;
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
+use super::side_sums::LIGHT;
 use crate::image::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is

@@ -3,9 +3,10 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::curve::COEFFICIENTS;
-use super::equations::LIGHT;
 use crate::numeric::add_rank_one;
 
+/// Powers of `s` by which the light along a side changes.
+pub(super) const LIGHT: usize = 3;
 /// Length of a bin along a side, pixels.
 pub(super) const BIN_LENGTH: f64 = 8.0;
 const POWERS: usize = 2 * COEFFICIENTS - 1;

@@ -8,13 +8,13 @@ use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
-use super::equations::{BASE, BLUR, LIGHT, PARAMETERS};
+use super::equations::{BASE, BLUR, PARAMETERS};
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::Profile;
 use super::side::{Side, polynomial};
-use super::side_sums::{BIN_LENGTH, SideSums};
+use super::side_sums::{BIN_LENGTH, LIGHT, SideSums};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,

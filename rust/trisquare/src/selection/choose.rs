@@ -19,6 +19,9 @@ use crate::observations::{Method, ObservedPlane, Options, PlaneEdges, has_grid, 
 use crate::refine::{Residual, residuals, root_mean_square};
 use crate::solver::{JointProblem, reject_outliers};
 
+/// No board that comes so near to the others' camera, px, is false: its paper is not as flat.
+const BOARD_STICKS_OUT: f64 = 0.1;
+
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
 
@@ -138,6 +141,10 @@ impl<L: Lens> Chooser<'_, L> {
             let residual = match boards.binary_search(&i) {
                 Ok(place) => Some(distances[place]),
                 Err(_) => self.residual(plane, &refined.view.lens),
+            };
+            let limit = match boards.contains(&i) {
+                true => limit.max(BOARD_STICKS_OUT),
+                false => limit,
             };
             let kept = residual.is_some_and(|residual| residual <= limit);
             Verdict {

@@ -1,0 +1,46 @@
+"""Lenses that darken the corners of their pictures: whether that moves the edges."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+from harness.truth import PINHOLE, errors
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare_scenes.picture_faults import PictureFault, darkened, photograph
+
+SCENES = 40
+SEED = 77
+PARTS = (0.0, 0.25, 0.45)
+"""Of the light, taken away in the corners."""
+
+NOISE, BLUR = 2.0, 1.2
+MOST_STDS = 1.2
+
+
+def measure() -> list[Row]:
+    """Compare errors with the stated standard deviations."""
+    rows = []
+    for part in PARTS:
+        deviations, focal = [], []
+        for number in range(SCENES):
+            rng = np.random.default_rng([SEED, number])
+            kind = "frame" if number % 2 else "square"
+            scene = simulate.random_scene(rng, kind=kind)
+            fault = PictureFault(on_light=[darkened(part)])
+            result = ts.calibrate(photograph(scene, rng, fault, noise=NOISE, blur=BLUR))
+            off = errors(result, scene.camera)[: len(PINHOLE)]
+            deviations.append(off / [result.std[name] for name in PINHOLE])
+            focal.append(off[0] / scene.camera.fx)
+        rms = np.sqrt(np.mean(np.square(deviations), axis=0))
+        rows.append(
+            Row(
+                f"corners darkened by {100 * part:.0f} %, {SCENES} pictures of three squares or "
+                "frames: error / std rms, worst parameter; mean error of fx",
+                f"{rms.max():.2f}; {100 * np.mean(focal):+.4f} %",
+                f"<= {MOST_STDS}",
+                bool(rms.max() <= MOST_STDS),
+            )
+        )
+    return rows
