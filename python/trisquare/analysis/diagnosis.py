@@ -76,8 +76,8 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     ...     print(name, f"{own.std:.2g}")
     fx 0.074
     fy 0.081
-    cx 0.044
-    cy 0.08
+    cx 0.045
+    cy 0.079
     k1 3.6e-05
     k2 3.6e-05
     """
