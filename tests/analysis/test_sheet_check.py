@@ -219,7 +219,9 @@ def test_the_stated_deviations_are_those_of_repeated_photographs():
         departures(calibrated(scene, np.random.default_rng(seed)), [0, 1, 2], 1.0, is_corner=True)
         for seed in range(30)
     ]
+    # Of one angle so many photographs tell the ratio to 13 %: together the three are asked.
+    ratios = []
     for pair in found[0].angles:
         values = [own.angles[pair].value for own in found]
-        stated = np.mean([own.angles[pair].std for own in found])
-        assert 0.5 < np.std(values) / stated < 1.6
+        ratios.append(np.std(values) / np.mean([own.angles[pair].std for own in found]))
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.6
