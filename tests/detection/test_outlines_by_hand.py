@@ -66,14 +66,13 @@ def labelme_file(targets, name="photo.png", size=(WIDTH, HEIGHT)):
     }
 
 
-def assert_same(result, reference, sigmas=0.1):
+def assert_same(result, reference, sigmas=0.1, of_std=0.05):
     """Both found the same edges: they differ by far less than the pixels' noise allows."""
     assert len(result.planes) == len(reference.planes)
     for name in ("fx", "fy", "cx", "cy"):
         gap = getattr(result.camera, name) - getattr(reference.camera, name)
         assert abs(gap) < sigmas * reference.std[name], name
-    # Whether sides err together is known less well: of two pictures by a tenth.
-    assert result.std["fx"] == pytest.approx(reference.std["fx"], rel=0.1)
+    assert result.std["fx"] == pytest.approx(reference.std["fx"], rel=of_std)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -224,7 +223,8 @@ def test_several_pictures_are_told_apart_by_name_or_index(tmp_path):
         assert [plane.image for plane in result.planes] == [0, 0, 0, 1, 1, 1]
         assert any("picture 2 (c.png): nothing is drawn" in text for text in result.warnings)
     by_hand = ts.calibrate(paths[:2], outlines=by_index, tone="srgb")
-    assert_same(by_hand, ts.calibrate(paths[:2], tone="srgb"))
+    # Whether the sides of these err together is undecided: that alone moves the deviations by 8 %.
+    assert_same(by_hand, ts.calibrate(paths[:2], tone="srgb"), of_std=0.1)
 
 
 GOOD = drawn(SCENE)[0][0]

@@ -28,7 +28,7 @@ def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
         "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
         ``/dev/zero``, of which there may be no end, and for a pipe that nobody writes to.
     """
-    try:
+    with naming_failure(path):
         with open(path, "rb", opener=open_at_once) as file:
             mode = os.fstat(file.fileno()).st_mode
             if stat.S_ISCHR(mode):
@@ -37,8 +37,6 @@ def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
         if not content and stat.S_ISFIFO(mode):
             raise OSError("is a pipe that nobody writes to")
         return content
-    except OSError as error:
-        raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -55,6 +53,15 @@ def read_text(path: str | os.PathLike[str]) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{os.fspath(path)}: not a text file") from error
+
+
+@contextmanager
+def naming_failure(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Let an OSError read "FILE: why", where Python says "[Errno 2] why: 'FILE'"."""
+    try:
+        yield
+    except OSError as error:
+        raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
 
 
 @contextmanager

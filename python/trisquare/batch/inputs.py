@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from trisquare._support.natural_order import natural_order
+from trisquare._support.paths import naming_failure
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
 from trisquare.images.drawn_mark import is_drawn
@@ -103,20 +104,23 @@ def camera_pattern(text: str) -> re.Pattern[str]:
 
 def _matching(given: str) -> list[str]:
     try:
-        mode = os.stat(given).st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
-        import glob  # needed for patterns alone
-
-        matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
-        if not matching:
-            raise FileNotFoundError(f"{given}: there is no such file or folder") from error
-        named = [path for path in matching if not is_drawn(path)]
-        return sorted(named or matching, key=natural_order)
-    except OSError as error:
-        raise type(error)(f"{given}: {error.strerror or error}") from error
+        with naming_failure(given):
+            mode = os.stat(given).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return _of_pattern(given)
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise ValueError(f"{given}: a batch's workers cannot read a pipe or device: name a file")
     return [given]
+
+
+def _of_pattern(given: str) -> list[str]:
+    import glob  # needed for patterns alone
+
+    matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
+    if not matching:
+        raise FileNotFoundError(f"{given}: there is no such file or folder")
+    photographs = [path for path in matching if not is_drawn(path)]
+    return sorted(photographs or matching, key=natural_order)
 
 
 def _photographs(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from trisquare._support.json_members import parse_json
-from trisquare._support.paths import open_at_once
+from trisquare._support.paths import naming_failure, open_at_once
 from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import FILE_OPTIONS, OPTIONS, Job, faulty_job
 
@@ -97,10 +97,8 @@ def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> J
 
 
 def _opened(path: str, newline: str | None = None) -> TextIO:
-    try:
+    with naming_failure(path):
         return open(path, encoding="utf-8-sig", newline=newline, opener=open_at_once)
-    except OSError as error:
-        raise type(error)(f"{path}: {error.strerror or error}") from error
 
 
 def _json_records(path: str) -> Iterator[tuple[int, Any]]:

@@ -53,8 +53,8 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
                 "are joined by commas (--fix aspect,principal_point), and a value holds no space "
                 "(--side 84mm)"
             )
-    named = [Path(str(path)) for path in sources_of(paths, with_videos=with_videos)]
-    return [path for path in named if not is_drawn(path)] or named
+    meant = [path for path in paths if not is_drawn(path)] or paths
+    return [Path(str(path)) for path in sources_of(meant, with_videos=with_videos)]
 
 
 def of_size(

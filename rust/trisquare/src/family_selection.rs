@@ -142,20 +142,16 @@ const SAMPLES_PER_LINE: usize = 100;
 /// Edges that tell one family from another: of many planes some, unless they stand in relations.
 pub(crate) fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     let mut planes = HashMap::new();
-    let mut count = 0;
-    let mut number = |own: &PlaneEdges| {
-        let mut new = || {
-            count += 1;
-            count - 1
-        };
-        match own.plane {
-            Some(key) => *planes.entry(key).or_insert_with(new),
-            None => new(),
-        }
+    let number = |(index, own): (usize, &PlaneEdges)| {
+        let next = planes.len();
+        // A figure that shares no plane has one of its own.
+        *planes.entry(own.plane.ok_or(index)).or_insert(next)
     };
-    let numbers: Vec<usize> = edges.iter().map(&mut number).collect();
+    let numbers: Vec<usize> = edges.iter().enumerate().map(number).collect();
     let is_related = edges.iter().any(|own| !own.relations.is_empty());
-    let step = step_of_some(count).filter(|_| !is_related).unwrap_or(1);
+    let step = step_of_some(planes.len())
+        .filter(|_| !is_related)
+        .unwrap_or(1);
     let some = edges
         .iter()
         .zip(numbers)

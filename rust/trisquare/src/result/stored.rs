@@ -98,7 +98,7 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
     None
 }
 
-/// The first of the numbers that none can be negative, and is, or is none; and its name.
+/// The first, and its name, of the numbers that have to be zero or more, and is less or NaN.
 fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
     let own = [("rms", read.rms), ("noise_scale", read.noise_scale)];
     let own = own.map(|(name, value)| (name.to_owned(), value));

@@ -138,13 +138,9 @@ impl<L: Lens> Chooser<'_, L> {
         sorted.sort_by(f64::total_cmp);
         let limit = STICKS_OUT * sorted[sorted.len() / 2];
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
-            let residual = match boards.binary_search(&i) {
-                Ok(place) => Some(distances[place]),
-                Err(_) => self.residual(plane, &refined.view.lens),
-            };
-            let limit = match boards.contains(&i) {
-                true => limit.max(BOARD_STICKS_OUT),
-                false => limit,
+            let (residual, limit) = match boards.binary_search(&i) {
+                Ok(place) => (Some(distances[place]), limit.max(BOARD_STICKS_OUT)),
+                Err(_) => (self.residual(plane, &refined.view.lens), limit),
             };
             let kept = residual.is_some_and(|residual| residual <= limit);
             Verdict {

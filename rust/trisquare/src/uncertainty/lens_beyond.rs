@@ -159,8 +159,8 @@ impl Explanation {
         let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(under).collect();
         let found = errors.likeliest_under(&tried, None);
         let mut likeliest = |own: usize| {
-            let mut found = found.iter().skip(own).step_by(fields.len()).peekable();
-            let (_, flat) = (**found.peek()?)?; // FLAT comes first
+            let (_, flat) = found[own]?; // FLAT comes first
+            let found = found.iter().skip(own).step_by(fields.len());
             let criteria = RELIEFS.into_iter().zip(found);
             let criteria = criteria.filter_map(|(relief, found)| Some((relief, (*found)?)));
             let by_criterion =

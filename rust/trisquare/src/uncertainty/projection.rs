@@ -41,8 +41,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] for a name that is none or is given twice, or a covariance of
-    /// another size or with a negative variance;
-    /// [`Error::NotFinite`].
+    /// another size, or one that is not symmetric and positive semidefinite; [`Error::NotFinite`].
     pub fn new(
         camera: &'a L,
         parameters: &[&str],
