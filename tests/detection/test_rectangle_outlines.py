@@ -51,3 +51,12 @@ def test_two_sides_and_a_crossing_line_are_no_rectangle():
     cv2.line(picture, (60, 80), (50, 250), 210, 6, cv2.LINE_AA)
     cv2.line(picture, (10, 300), (400, 200), 210, 6, cv2.LINE_AA)
     assert not find_plain_rectangles(picture, A4)
+
+
+def test_a_label_is_not_taken_for_the_sheet_that_it_lies_on():
+    picture = sheet()
+    label = np.array([[100, 110], [200, 102], [205, 200], [98, 205]])
+    cv2.fillPoly(picture, [label.astype(np.int32)], 60, cv2.LINE_AA)
+    (found,) = find_plain_rectangles(picture, A4)
+    gaps = [np.abs(np.roll(found.outer.corners, k, axis=0) - SHEET).max() for k in range(4)]
+    assert min(gaps) < TOLERANCE

@@ -101,7 +101,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     rough = find_arc_quads(smooth).followed_by(find_quads(picture, smooth))
     quads = views_of_rectangles(fit_sides(picture, rough, LEAST_INLIERS), size, shape.aspect)
     quads = best_at_corners(smooth, quads)
-    quads = quads.subset(find_rectangles(smooth, quads))
+    quads = quads.subset(find_rectangles(smooth, quads, shape.aspect))
     if not len(quads):
         return []
     turns = turns_to_longer_side(quads.corners, size, shape)

@@ -19,7 +19,7 @@ from trisquare.detection.squares.quads import (
     is_among,
 )
 from trisquare.detection.squares.rectangle_shape import RectangleShape
-from trisquare.detection.squares.rectified import longer_along_first_side
+from trisquare.detection.squares.rectified import seen_together
 
 LEAST_INLIERS = (0.55, 0.4)
 """Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
@@ -40,23 +40,33 @@ def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
     return quads.subset(np.array(kept, dtype=np.intp))
 
 
-def find_rectangles(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.intp]:
+def find_rectangles(
+    picture: NDArray[np.float32], quads: Quads, aspect: float | None
+) -> NDArray[np.intp]:
     """Return the indices of the quads that are figures of their own, none within another.
 
-    What is even and stands alone, as a drawing on a sheet, comes before what it lies on; of all
-    others the outermost counts, whatever it bears.
+    Of a sheet and what lies on it, that counts which is nearer to the shape that is looked for: a
+    drawing on a sheet, but not a label. Where any shape will do, what is even and stands alone, as
+    a drawing, comes first; of all others the outermost counts, whatever it bears.
 
     Parameters
     ----------
     picture : ndarray of float32, shape (H, W)
     quads : Quads
         Each outline once.
+    aspect : float, optional
+        The longer side over the shorter; with None any will do.
     """
-    solid = [figure.outer for figure in find_framed_squares(picture, quads)]
-    outermost = np.argsort(-quads.areas, kind="stable").tolist()
+    if aspect is None:
+        solid = [figure.outer for figure in find_framed_squares(picture, quads)]
+        order = [*solid, *np.argsort(-quads.areas, kind="stable").tolist()]
+    else:
+        size = (picture.shape[1], picture.shape[0])
+        deviations, _ = seen_together(quads.corners, size, aspect)
+        order = np.argsort(deviations, kind="stable").tolist()
     kept: list[int] = []
-    for i in [*solid, *outermost]:
-        if not is_among(quads.corners[i], quads.corners[np.array(kept, dtype=np.intp)]):
+    for i in order:
+        if not is_among(quads.corners[i], quads.corners[kept]):
             kept.append(i)
     return np.array(of_comparable_size(quads, kept), dtype=np.intp)
 
@@ -65,5 +75,5 @@ def turns_to_longer_side(
     corners: FloatArray, image_size: tuple[int, int], shape: RectangleShape
 ) -> NDArray[np.intp]:
     """How far to roll the sides of each quad, corners (Q, 4, 2), so that the longer comes first."""
-    longer = longer_along_first_side(corners, image_size, shape.aspect)
+    _, longer = seen_together(corners, image_size, shape.aspect)
     return np.where(longer, 0, -1)

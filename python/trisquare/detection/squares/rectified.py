@@ -27,6 +27,9 @@ from trisquare.detection.squares.quads import Quads
 FOCAL_LENGTHS = np.geomspace(0.35, 12.0, 24)
 """Over the picture's longer side: from a wide angle of 110 degrees to a long telephoto lens."""
 
+FINE_FOCAL_LENGTHS = np.geomspace(FOCAL_LENGTHS[0], FOCAL_LENGTHS[-1], 4 * len(FOCAL_LENGTHS))
+"""The same for all quads together, where the focal length is to be found."""
+
 MAX_DEVIATION = 0.3
 """Over 1,200 squares of simulated scenes the lens distorts this up to 0.17; of random convex
 quadrilaterals one in twenty is below 0.6. The rest is for a principal point off the centre."""
@@ -54,7 +57,9 @@ def views_of_rectangles(
     """
     sides = centred(quads.sides, image_size)
     views = bends(quads.sides) <= MAX_BEND
-    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0]), aspect).any(axis=0)
+    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0], FOCAL_LENGTHS), aspect).any(
+        axis=0
+    )
     if not views.all():
         others = np.flatnonzero(~views)
         rays = fisheye_rays(sides[others], FISHEYE_FOCAL_LENGTHS)
@@ -63,26 +68,33 @@ def views_of_rectangles(
     return quads.subset(views)
 
 
-def longer_along_first_side(
+def seen_together(
     corners: FloatArray, image_size: tuple[int, int], aspect: float | None
-) -> NDArray[np.bool_]:
-    """Tell which way up rectangles of corners (Q, 4, 2) are: whether side 0 is the longer, (Q,).
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """See quads of corners (Q, 4, 2) with the one focal length that makes most rectangles of them.
 
-    By the one focal length under which all of them come nearest to the aspect.
+    Returns
+    -------
+    deviations : ndarray of float64, shape (Q,)
+        How far each is from a rectangle of the aspect.
+    is_longer : ndarray of bool, shape (Q,)
+        Whether its side 0 is the longer.
     """
     corners = centred(corners, image_size)
     fisheye = fisheye_rays(corners[:, :, None], FISHEYE_FOCAL_LENGTHS)[..., 0, :]
-    rays = np.concatenate([_pinhole_rays(corners), fisheye])
+    rays = np.concatenate([_pinhole_rays(corners, FINE_FOCAL_LENGTHS), fisheye])
     cosines, stretches = _shapes(rays)
-    costs = np.minimum(_deviations(cosines, stretches, aspect), 1.0) ** 2
-    return np.asarray(stretches[costs.sum(axis=1).argmin()] > 0.0)
+    deviations = _deviations(cosines, stretches, aspect)
+    costs = np.minimum(deviations, MAX_DEVIATION) ** 2
+    best = costs.sum(axis=1).argmin()
+    return deviations[best], np.asarray(stretches[best] > 0.0)
 
 
-def _pinhole_rays(points: FloatArray) -> FloatArray:
+def _pinhole_rays(points: FloatArray, focal_lengths: FloatArray) -> FloatArray:
     """Return rays of centred points (Q, 4, 2) under each focal length, shape (F, Q, 4, 3)."""
-    rays = np.empty((len(FOCAL_LENGTHS), *points.shape[:-1], 3))
+    rays = np.empty((len(focal_lengths), *points.shape[:-1], 3))
     rays[..., :2] = points
-    rays[..., 2] = FOCAL_LENGTHS[:, None, None]
+    rays[..., 2] = focal_lengths[:, None, None]
     return rays
 
 
