@@ -6,6 +6,7 @@ to be even. What tells them from other four-sided things is their shape.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +25,14 @@ from trisquare.detection.squares.rectified import seen_together
 LEAST_INLIERS = (0.55, 0.4)
 """Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
 a sheet may be as light as the sheet."""
+
+
+DRAWING_BONUS = 0.1
+"""Deviation by which a drawing in the middle of its sheet may be worse than the sheet, whose shape
+with equal margins is nearly its own."""
+
+MIDDLE = 0.08
+"""How unequal a drawing's margins on opposite sides are at most, over the sheet."""
 
 
 def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
@@ -46,8 +55,8 @@ def find_rectangles(
     """Return the indices of the quads that are figures of their own, none within another.
 
     Of a sheet and what lies on it, that counts which is nearer to the shape that is looked for: a
-    drawing on a sheet, but not a label. Where any shape will do, what is even and stands alone, as
-    a drawing, comes first; of all others the outermost counts, whatever it bears.
+    drawing in the middle of its sheet, but not a label. Where any shape will do, what is even and
+    stands alone, as a drawing, comes first; of all others the outermost counts, whatever it bears.
 
     Parameters
     ----------
@@ -57,18 +66,32 @@ def find_rectangles(
     aspect : float, optional
         The longer side over the shorter; with None any will do.
     """
+    solid = [figure.outer for figure in find_framed_squares(picture, quads)]
     if aspect is None:
-        solid = [figure.outer for figure in find_framed_squares(picture, quads)]
         order = [*solid, *np.argsort(-quads.areas, kind="stable").tolist()]
     else:
         size = (picture.shape[1], picture.shape[0])
         deviations, _ = seen_together(quads.corners, size, aspect)
+        drawings = [i for i in solid if _is_in_the_middle_of_any(quads.corners, i)]
+        deviations[drawings] -= DRAWING_BONUS
         order = np.argsort(deviations, kind="stable").tolist()
     kept: list[int] = []
     for i in order:
         if not is_among(quads.corners[i], quads.corners[kept]):
             kept.append(i)
     return np.array(of_comparable_size(quads, kept), dtype=np.intp)
+
+
+def _is_in_the_middle_of_any(corners: FloatArray, inner: int) -> bool:
+    """Tell whether a quad, of corners (Q, 4, 2), has equal opposite margins within another."""
+    unit = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
+    for outer in corners[np.arange(len(corners)) != inner]:
+        plane_from_image = cv2.getPerspectiveTransform(outer.astype(np.float32), unit)
+        mapped = cv2.perspectiveTransform(corners[None, inner], plane_from_image)[0]
+        opposite = mapped + np.roll(mapped, 2, axis=0)
+        if np.abs(mapped).max() < 1.0 and np.abs(opposite).max() < 2.0 * MIDDLE:
+            return True
+    return False
 
 
 def turns_to_longer_side(
