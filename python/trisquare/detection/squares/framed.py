@@ -67,6 +67,9 @@ MIN_RELATIVE_SIDE = 0.4
 next to nothing to the calibration, and most are cells of boards with their neighbours hidden,
 or clutter."""
 
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+"""Corners of the square in which one quad within another is looked at."""
+
 MAX_LEVEL_DIFFERENCE = 0.15
 """Steps between the ground inside a frame and around it. More means a square on a sheet of its
 own on some other ground, not a frame: the sheet's rim is cut by hand and no part of the figure."""
@@ -250,18 +253,22 @@ def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]
 
 def _concentric(quads: Quads, outer: int, inner: int) -> bool:
     """Whether one quad is the other's concentric, parallel square in their common plane."""
-    unit = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     corners = quads.corners[outer]
-    plane_from_image = cv2.getPerspectiveTransform(
-        corners.astype(np.float32), unit.astype(np.float32)
-    )
-    mapped = cv2.perspectiveTransform(quads.corners[inner][None], plane_from_image)[0]
-    mapped = np.roll(mapped, alignment(mapped, unit), axis=0)
-    size = float((mapped * unit).mean())
+    mapped = seen_in_square(quads.corners[inner], corners)
+    mapped = np.roll(mapped, alignment(mapped, SQUARE), axis=0)
+    size = float((mapped * SQUARE).mean())
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).min()
     tolerance = 2.0 * (FRAME_TOLERANCE + FRAME_TOLERANCE_PIXELS / side)
-    in_place = bool(np.abs(mapped - size * unit).max() < tolerance)
+    in_place = bool(np.abs(mapped - size * SQUARE).max() < tolerance)
     return in_place and FRAME_SIZES[0] < size < FRAME_SIZES[1]
+
+
+def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
+    """Where corners, shape (4, 2), lie if the quad `outer`, shape (4, 2), is seen as `SQUARE`."""
+    square_from_image = cv2.getPerspectiveTransform(
+        outer.astype(np.float32), SQUARE.astype(np.float32)
+    )
+    return np.asarray(cv2.perspectiveTransform(corners[None], square_from_image)[0])
 
 
 def _same_ground(around: FloatArray, within: FloatArray, contrasts: FloatArray) -> bool:

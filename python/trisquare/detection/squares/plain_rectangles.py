@@ -6,13 +6,16 @@ to be even. What tells them from other four-sided things is their shape.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.squares.arc_quads import edge_shares
-from trisquare.detection.squares.framed import find_framed_squares, of_comparable_size
+from trisquare.detection.squares.framed import (
+    find_framed_squares,
+    of_comparable_size,
+    seen_in_square,
+)
 from trisquare.detection.squares.quads import (
     SAME_QUAD_FRACTION,
     SAME_QUAD_PIXELS,
@@ -26,13 +29,12 @@ LEAST_INLIERS = (0.55, 0.4)
 """Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
 a sheet may be as light as the sheet."""
 
-
 DRAWING_BONUS = 0.1
 """Deviation by which a drawing in the middle of its sheet may be worse than the sheet, whose shape
 with equal margins is nearly its own."""
 
 MIDDLE = 0.08
-"""How unequal a drawing's margins on opposite sides are at most, over the sheet."""
+"""How far the middle of a drawing may be from its sheet's, over half the sheet."""
 
 
 def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
@@ -84,14 +86,15 @@ def find_rectangles(
 
 def _is_in_the_middle_of_any(corners: FloatArray, inner: int) -> bool:
     """Tell whether a quad, of corners (Q, 4, 2), has equal opposite margins within another."""
-    unit = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=np.float32)
-    for outer in corners[np.arange(len(corners)) != inner]:
-        plane_from_image = cv2.getPerspectiveTransform(outer.astype(np.float32), unit)
-        mapped = cv2.perspectiveTransform(corners[None, inner], plane_from_image)[0]
-        opposite = mapped + np.roll(mapped, 2, axis=0)
-        if np.abs(mapped).max() < 1.0 and np.abs(opposite).max() < 2.0 * MIDDLE:
-            return True
-    return False
+    others = corners[np.arange(len(corners)) != inner]
+    return any(_is_in_the_middle(corners[inner], outer) for outer in others)
+
+
+def _is_in_the_middle(inner: FloatArray, outer: FloatArray) -> bool:
+    """Tell whether the diagonals of one quad, corners (4, 2), have the middle of another's."""
+    mapped = seen_in_square(inner, outer)
+    middles = 0.5 * (mapped[:2] + mapped[2:])
+    return bool(np.abs(mapped).max() < 1.0 and np.abs(middles).max() < MIDDLE)
 
 
 def turns_to_longer_side(

@@ -27,9 +27,6 @@ from trisquare.detection.squares.quads import Quads
 FOCAL_LENGTHS = np.geomspace(0.35, 12.0, 24)
 """Over the picture's longer side: from a wide angle of 110 degrees to a long telephoto lens."""
 
-FINE_FOCAL_LENGTHS = np.geomspace(FOCAL_LENGTHS[0], FOCAL_LENGTHS[-1], 4 * len(FOCAL_LENGTHS))
-"""The same for all quads together, where the focal length is to be found."""
-
 MAX_DEVIATION = 0.3
 """Over 1,200 squares of simulated scenes the lens distorts this up to 0.17; of random convex
 quadrilaterals one in twenty is below 0.6. The rest is for a principal point off the centre."""
@@ -57,9 +54,7 @@ def views_of_rectangles(
     """
     sides = centred(quads.sides, image_size)
     views = bends(quads.sides) <= MAX_BEND
-    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0], FOCAL_LENGTHS), aspect).any(
-        axis=0
-    )
+    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0]), aspect).any(axis=0)
     if not views.all():
         others = np.flatnonzero(~views)
         rays = fisheye_rays(sides[others], FISHEYE_FOCAL_LENGTHS)
@@ -82,7 +77,7 @@ def seen_together(
     """
     corners = centred(corners, image_size)
     fisheye = fisheye_rays(corners[:, :, None], FISHEYE_FOCAL_LENGTHS)[..., 0, :]
-    rays = np.concatenate([_pinhole_rays(corners, FINE_FOCAL_LENGTHS), fisheye])
+    rays = np.concatenate([_pinhole_rays(corners), fisheye])
     cosines, stretches = _shapes(rays)
     deviations = _deviations(cosines, stretches, aspect)
     costs = np.minimum(deviations, MAX_DEVIATION) ** 2
@@ -90,11 +85,11 @@ def seen_together(
     return deviations[best], np.asarray(stretches[best] > 0.0)
 
 
-def _pinhole_rays(points: FloatArray, focal_lengths: FloatArray) -> FloatArray:
+def _pinhole_rays(points: FloatArray) -> FloatArray:
     """Return rays of centred points (Q, 4, 2) under each focal length, shape (F, Q, 4, 3)."""
-    rays = np.empty((len(focal_lengths), *points.shape[:-1], 3))
+    rays = np.empty((len(FOCAL_LENGTHS), *points.shape[:-1], 3))
     rays[..., :2] = points
-    rays[..., 2] = focal_lengths[:, None, None]
+    rays[..., 2] = FOCAL_LENGTHS[:, None, None]
     return rays
 
 
