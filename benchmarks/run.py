@@ -41,6 +41,7 @@ BENCHMARKS = (
     "accuracy.prediction",
     "accuracy.tone",
     "accuracy.vignetting",
+    "accuracy.varying_blur",
     "accuracy.picture_faults",
     "accuracy.against_zhang",
     "accuracy.measured_lengths",

@@ -27,6 +27,10 @@ PAPER = 215.0
 """Grey level of the light side of an edge, coded as sRGB: what `render` gives a contrast of 175."""
 
 
+BLUR_STEPS = 8
+"""A varying blur is mixed from pictures of one blur each, so many steps apart."""
+
+
 @dataclass(frozen=True, slots=True)
 class PictureFault:
     """What spoils a picture.
@@ -42,6 +46,8 @@ class PictureFault:
         colour.
     second_field : (float, float), optional
         By how much odd rows are displaced, pixels.
+    corner_blur : float, optional
+        Blur in the corners, pixels; it grows from the middle with the square of the distance.
     jpeg_quality : int, optional
     """
 
@@ -49,6 +55,7 @@ class PictureFault:
     on_coded: Sequence[OnCoded] = ()
     colour_scales: tuple[float, float, float] | None = None
     second_field: tuple[float, float] | None = None
+    corner_blur: float | None = None
     jpeg_quality: int | None = None
 
 
@@ -63,10 +70,12 @@ def photograph(
     The camera is that of green light, and of the even rows.
     """
     scales = fault.colour_scales
-    channels = [_light(_magnified(scene, scale), blur) for scale in scales or (1.0,)]
+    channels = [
+        _light(_magnified(scene, scale), blur, fault.corner_blur) for scale in scales or (1.0,)
+    ]
     light = np.concatenate(channels, axis=2)
     if fault.second_field is not None:
-        moved = _light(_displaced(scene, fault.second_field), blur)
+        moved = _light(_displaced(scene, fault.second_field), blur, fault.corner_blur)
         light[1::2] = moved[1::2]
     for act in fault.on_light:
         light = act(light)
@@ -82,14 +91,7 @@ def photograph(
 
 def darkened(part: float) -> OnLight:
     """Take away a part of the light in the corners, and less by the square of the distance."""
-
-    def act(light: Array) -> Array:
-        y, x = np.mgrid[: light.shape[0], : light.shape[1]]
-        size = np.reshape(light.shape[:2], (2, 1, 1))
-        square = (((np.stack([y, x]) - 0.5 * (size - 1)) / size) ** 2).sum(axis=0)
-        return np.asarray(light * (1.0 - 2.0 * part * square)[..., None])
-
-    return act
+    return lambda light: light * (1.0 - part * _towards_corners(light))
 
 
 def exposed(factor: float) -> OnLight:
@@ -171,7 +173,31 @@ def with_relief(scene: Scene, rng: np.random.Generator, height: float) -> Scene:
     return replace(scene, targets=tuple(targets))
 
 
-def _light(scene: Scene, blur: float) -> Array:
+def _towards_corners(light: Array) -> Array:
+    """Give the square of the distance from the middle, 1 in the corners: shape (H, W, 1)."""
+    height, width = light.shape[:2]
+    y, x = np.mgrid[:height, :width]
+    square = (x - 0.5 * (width - 1)) ** 2 + (y - 0.5 * (height - 1)) ** 2
+    return np.asarray(square[..., None] / square[0, 0])
+
+
+def _light(scene: Scene, blur: float, corner_blur: float | None) -> Array:
+    if corner_blur is None:
+        return _evenly_blurred(scene, blur)
+    # A mixture of two blurs a little apart has the right variance, and nearly the right shape.
+    blurs = np.linspace(blur, corner_blur, BLUR_STEPS + 1)
+    pictures = [_evenly_blurred(scene, float(each)) for each in blurs]
+    own = np.square(blur + (corner_blur - blur) * _towards_corners(pictures[0]))
+    variances = np.square(blurs)
+    light = np.zeros_like(pictures[0])
+    for number, picture in enumerate(pictures):
+        hat = np.zeros(len(blurs))
+        hat[number] = 1.0
+        light += np.interp(own, variances, hat) * picture
+    return light
+
+
+def _evenly_blurred(scene: Scene, blur: float) -> Array:
     # Float pictures are neither rounded nor clipped, and without noise nothing is drawn.
     coded = render(
         scene, np.random.default_rng(0), tone="srgb", noise=0.0, blur=blur, dtype=np.float32

@@ -57,6 +57,15 @@ def test_an_undamaged_picture_is_not_warned_of(fault):
     assert_within(result, SCENE, 4)
 
 
+@pytest.mark.parametrize("corner_blur", [1.0, 1.6])
+def test_blur_that_grows_towards_the_corners_is_no_fault(corner_blur):
+    even = ts.calibrate(photo(UNDAMAGED, 134))
+    result = ts.calibrate(photo(PictureFault(corner_blur=corner_blur), 134))
+    assert (result.stage, result.warnings) == ("pixels", ())
+    assert_within(result, SCENE, 4)
+    assert result.std["fx"] < 2.0 * even.std["fx"]
+
+
 @pytest.mark.slow
 def test_colours_and_rows_that_disagree_cost_no_more_than_what_is_left_out():
     whole = ts.calibrate(photo(UNDAMAGED))

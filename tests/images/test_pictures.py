@@ -206,7 +206,7 @@ def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
 @pytest.mark.parametrize("gamma", [2.0, 2.6])
 def test_a_stated_tone_that_the_pixels_contradict_is_named_with_its_consequence(gamma):
     """The edges' profiles alone do not tell these from sRGB."""
-    photo = simulate.render(SCENE, np.random.default_rng(61), noise=2.0, tone=gamma)
+    photo = simulate.render(SCENE, np.random.default_rng(62), noise=2.0, tone=gamma)
     result = ts.calibrate(photo, tone="srgb")
     told = result.warnings[0]
     assert (told.code, told.severity) == ("tone_contradicted", "high")

@@ -74,7 +74,7 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     --------
     >>> for name, own in ts.diagnose(result).items():
     ...     print(name, f"{own.std:.2g}")
-    fx 0.074
+    fx 0.078
     fy 0.081
     cx 0.045
     cy 0.079

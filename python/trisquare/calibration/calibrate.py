@@ -184,7 +184,7 @@ def calibrate(
     --------
     >>> result = ts.calibrate("photo.jpg")
     >>> print(f"fx {result.camera.fx:.1f} px, known to {result.std['fx']:.3f} px")
-    fx 902.4 px, known to 0.074 px
+    fx 902.4 px, known to 0.078 px
     >>> held = ts.calibrate("photo.jpg", fix="aspect")
     >>> held.parameters
     ('fx', 'cx', 'cy', 'k1', 'k2')

@@ -6,8 +6,7 @@
 
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
-use super::pixel_noise::{robust_cost, robust_weight};
-use super::prediction::Prediction;
+use super::pixel_noise::robust_cost;
 use super::side::{LAST_STEP, Side};
 use crate::image::ToneCurve;
 
@@ -20,18 +19,14 @@ const TRIED: [f64; 5] = [0.25, 0.45, 0.65, 0.8, 0.92];
 const MIN_GAIN: f64 = 8.0;
 /// Squares this far on both sides are tried where all pixels tell.
 const STEP: f64 = 0.08;
-/// Steps of the side's fit for each trial, and rounds of it and the blur's slope.
+/// Steps of the side's fit for each trial.
 const TRIAL_STEPS: usize = 4;
-const SLOPE_ROUNDS: usize = 2;
-/// The blur of a side bent by 30 degrees between its ends, seen at 45 degrees to the motion,
-/// changes by a quarter to either end.
-const MAX_SLOPE: f64 = 0.4;
 
 impl Side {
     /// Gives a side, fitted with a normal blur, the shape that its pixels ask for; false if that is
     /// the normal one.
     pub fn shape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
-        if self.blur < NORMAL_BLUR {
+        if self.mean_blur() < NORMAL_BLUR {
             return false;
         }
         let normal = self.tried(tone, pixels, noise, 0.0);
@@ -67,19 +62,10 @@ impl Side {
         };
         let mut predictions = Vec::with_capacity(pixels.len());
         let steps = (TRIAL_STEPS, LAST_STEP);
-        let fit = |side: &mut Side, predictions: &mut Vec<Prediction>| {
-            side.predict_all(tone, pixels, predictions);
-            side.fit(tone, pixels, predictions, noise, steps);
-            if predictions.is_empty() {
-                side.predict_all(tone, pixels, predictions);
-            }
-        };
-        fit(&mut side, &mut predictions);
-        if square > 0.0 {
-            for _ in 0..SLOPE_ROUNDS {
-                side.fit_blur_slope(pixels, &predictions, noise);
-                fit(&mut side, &mut predictions);
-            }
+        side.predict_all(tone, pixels, &mut predictions);
+        side.fit(tone, pixels, &mut predictions, noise, steps);
+        if predictions.is_empty() {
+            side.predict_all(tone, pixels, &mut predictions);
         }
         let inverse_variance = 1.0 / (noise * noise);
         let costs = pixels.iter().zip(&predictions).map(|(pixel, p)| {
@@ -88,24 +74,6 @@ impl Side {
         Trial {
             cost: costs.sum(),
             side,
-        }
-    }
-
-    /// One Gauss-Newton step of how the blur changes along the side, all else held: it is nearly
-    /// independent of that.
-    fn fit_blur_slope(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) {
-        let inverse_variance = 1.0 / (noise * noise);
-        let (mut square, mut product) = (0.0, 0.0);
-        for (pixel, p) in pixels.iter().zip(predictions) {
-            let inverse_variance = inverse_variance * pixel.count;
-            let weight = robust_weight(p.residual * p.residual * inverse_variance);
-            let by_slope = p.by_blur * self.blur * pixel.s;
-            square += weight * by_slope * by_slope;
-            product += weight * by_slope * p.residual;
-        }
-        if square > 0.0 {
-            let slope = self.blur_slope + product / square;
-            self.blur_slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
         }
     }
 

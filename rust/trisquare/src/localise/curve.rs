@@ -83,6 +83,16 @@ impl Curve {
             + normal * (offset / normal.norm())
     }
 
+    /// By what a point of the curve moves along its normal with each coefficient, and that normal.
+    pub fn distances_at(&self, point: Vector2<f64>) -> (SVector<f64, COEFFICIENTS>, Vector2<f64>) {
+        let (s, _) = self.local(point);
+        let normal = self.point(s, 1.0) - self.point(s, 0.0);
+        // A height is a distance times the secant of the curve's angle with its chord.
+        let cosine = normal.dot(&self.across);
+        let powers = SVector::from_fn(|k, _| s.powi(k as i32));
+        (powers * cosine, normal)
+    }
+
     /// Distance of a point, positive along the normal; beyond its ends the curve runs straight on,
     /// where a polynomial would run wild.
     pub fn signed_distance(&self, point: Vector2<f64>) -> f64 {

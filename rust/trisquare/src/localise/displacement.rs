@@ -1,8 +1,7 @@
 //! Samples, moved to where a better tone curve sees them.
 
-use nalgebra::{Matrix2, SVector, Vector2};
+use nalgebra::{Matrix2, Vector2};
 
-use super::curve::COEFFICIENTS;
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
 use super::tone_fit::{ToneEstimate, ToneShare, Trust, pool};
@@ -109,14 +108,10 @@ impl Measured {
             .map(ToneShare::drift)
             .unwrap_or_default();
         let tone_drift = |point: &Vector2<f64>| {
-            let (s, _) = self.side.curve.local(*point);
-            let powers = SVector::<f64, COEFFICIENTS>::from_fn(|k, _| s.powi(k as i32));
-            let across = self.side.curve.point(s, 1.0) - self.side.curve.point(s, 0.0);
-            // A height is a distance times the secant of the curve's angle with its chord.
-            let cosine = across.dot(&self.side.curve.across);
+            let (by_coefficients, normal) = self.side.curve.distances_at(*point);
             Drift {
-                normal: across,
-                by_tone: by_tone.tr_mul(&powers) * cosine,
+                normal,
+                by_tone: by_tone.tr_mul(&by_coefficients),
             }
         };
         self.edges.points.iter().map(tone_drift).collect()

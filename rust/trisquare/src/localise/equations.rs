@@ -3,16 +3,16 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::band::Pixel;
-use super::curve::{COEFFICIENTS, Curve};
+use super::curve::COEFFICIENTS;
 use super::pixel_noise::{robust_cost, robust_weight};
 use super::prediction::Prediction;
-use super::side_sums::{BIN_LENGTH, LIGHT, SideSums};
+use super::side_sums::{BIN_LENGTH, Degrees, LIGHT, SideSums};
 
 /// The first parameters of base, contrast and blur, and how many there are.
 pub(super) const BASE: usize = COEFFICIENTS;
 pub(super) const CONTRAST: usize = BASE + LIGHT;
 pub(super) const BLUR: usize = CONTRAST + LIGHT;
-pub(super) const PARAMETERS: usize = BLUR + 1;
+pub(super) const PARAMETERS: usize = BLUR + LIGHT;
 
 /// Columns of a pixel's row: derivatives by height, base, contrast and blur, and the residual.
 const COLUMNS: usize = 5;
@@ -21,27 +21,28 @@ const MIN_BINS: f64 = 24.0;
 /// Bins are counted from this far along, in `s`: before any pixel, even of a short extended side.
 const FIRST_BIN: f64 = -4.0;
 
-/// A step of all parameters of a side.
+/// The matrix of the normal equations of all parameters of a side.
+pub(super) type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
+/// A step of them.
 pub(super) type Step = SVector<f64, PARAMETERS>;
 
 /// The normal equations of a step, and the cost where they were taken.
 pub(super) struct Equations {
-    normal: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    pub normal: Normal,
     right: Step,
     pub cost: f64,
 }
 
 impl Equations {
-    /// From what a side of this curve, the light along which is of this degree, predicts of pixels,
-    /// `noise` being the residuals' expected scale.
+    /// From what a side of this length, parameters of which change along it by these powers, predicts
+    /// of pixels, `noise` being the residuals' expected scale.
     pub fn of(
-        (curve, light): (&Curve, usize),
+        (length, degrees): (f64, Degrees),
         pixels: &[Pixel],
         predictions: &[Prediction],
         noise: f64,
     ) -> Self {
-        let degrees = (curve.degree, light);
-        let bins_per_s = 0.5 * (curve.length() / BIN_LENGTH).max(MIN_BINS);
+        let bins_per_s = 0.5 * (length / BIN_LENGTH).max(MIN_BINS);
         let inverse_variance = 1.0 / (noise * noise);
         let mut cost = 0.0;
         let rows = pixels.iter().zip(predictions).map(|(pixel, p)| {

@@ -68,7 +68,7 @@ impl PictureFaults {
         let moved = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
         Self {
             motion,
-            blur: median(found().map(|preview| preview.side.blur).collect()).unwrap_or(0.0),
+            blur: median(found().map(|preview| preview.side.mean_blur()).collect()).unwrap_or(0.0),
             pattern: pattern(reader, found()),
             side_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
@@ -145,7 +145,7 @@ fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
     let (dark, light) = (before.min(after), before.max(after));
     let white = reader.tone().decode(1.0);
     match is_clipped(preview) && dark < white {
-        true => side.blur * (light - white).max(0.0) / (white - dark),
+        true => side.mean_blur() * (light - white).max(0.0) / (white - dark),
         false => 0.0,
     }
 }

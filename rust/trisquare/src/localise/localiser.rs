@@ -6,16 +6,18 @@ use crate::image::{GreyReader, Picture, Tone};
 use super::band::{Band, Pixel};
 use super::blur::BlurShape;
 use super::coarse::CoarseEdge;
+use super::equations::Normal;
 use super::grid_crossings::GridCrossings;
 use super::measured::Measured;
 use super::prediction::Prediction;
 use super::preview::{self, Preview};
 use super::side::{BLUR_RANGE, LAST_STEP, Side};
+use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use super::surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
 use super::tone_fit::{self, ToneShare};
-use super::{patches, plateaus, thinning};
+use super::{blur_differences, patches, plateaus, thinning};
 
 /// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
@@ -125,6 +127,9 @@ impl<'a> Localiser<'a> {
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
+        if !is_crossed {
+            side.blur_degree = LIGHT - 1;
+        }
         self.settle_spread(&mut side, noise);
 
         let near = near(&side).min(margin[0].max(margin[1]));
@@ -153,7 +158,7 @@ impl<'a> Localiser<'a> {
         if !span.is_beside_others {
             self.judge(&side, span.polarity, noise)?;
         }
-        if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.blur {
+        if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.mean_blur() {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
@@ -183,9 +188,11 @@ impl<'a> Localiser<'a> {
         previews: &[Result<Preview, NoEdge>],
     ) -> Vec<Result<Measured, NoEdge>> {
         let indices = 0..spans.len();
-        indices
+        let mut measured: Vec<_> = indices
             .map(|index| self.measure(spans, index, previews))
-            .collect()
+            .collect();
+        blur_differences::settle(measured.iter_mut().flatten());
+        measured
     }
 
     /// Measures a span once its own curve and those it meets are known.
@@ -227,7 +234,7 @@ impl<'a> Localiser<'a> {
         };
         self.gather(&band)?;
         self.predict(&side);
-        self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
+        let normal = self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
         if side.reshape(self.reader.curve(), &self.pixels, *noise) || self.predictions.is_empty() {
             self.predict(&side);
         }
@@ -255,7 +262,7 @@ impl<'a> Localiser<'a> {
         let edges = SpanEdges {
             points: samples.points,
             std: samples.std,
-            blur: side.blur,
+            blur: side.mean_blur(),
             dark: before.min(after),
             light: before.max(after),
             noise,
@@ -264,6 +271,7 @@ impl<'a> Localiser<'a> {
         Ok(Measured {
             edges,
             side,
+            normal,
             share,
             is_crossed,
         })
@@ -275,9 +283,9 @@ impl<'a> Localiser<'a> {
             curve: coarse.curve.clone(),
             base: [before, 0.0, 0.0],
             contrast: [after - before, 0.0, 0.0],
-            blur: coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]),
+            blur: [coarse.blur.clamp(BLUR_RANGE[0], BLUR_RANGE[1]), 0.0, 0.0],
+            blur_degree: 0,
             shape: BlurShape::NORMAL,
-            blur_slope: 0.0,
             spread: is_crossed.then_some(0.0),
         }
     }
@@ -297,9 +305,9 @@ impl<'a> Localiser<'a> {
     }
 
     /// Fits a side, whose predictions there are, to these; afterwards there may be none.
-    fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) {
+    fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) -> Normal {
         let tone = self.reader.curve();
-        side.fit(tone, &self.pixels, &mut self.predictions, noise, steps);
+        side.fit(tone, &self.pixels, &mut self.predictions, noise, steps)
     }
 
     /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
@@ -335,7 +343,7 @@ impl<'a> Localiser<'a> {
         let contrast = polarity.signum() * (after - before);
         let relative_length = EVIDENT_LENGTH / side.curve.length();
         let least = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
-        let is_step = side.blur < BLUR_RANGE[1] && contrast > least;
+        let is_step = side.mean_blur() < BLUR_RANGE[1] && contrast > least;
         if is_step {
             Ok(())
         } else {

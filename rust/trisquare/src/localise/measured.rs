@@ -1,5 +1,6 @@
 //! A measured side.
 
+use super::equations::Normal;
 use super::side::Side;
 use super::span::SpanEdges;
 use super::tone_fit::ToneShare;
@@ -8,6 +9,8 @@ use super::tone_fit::ToneShare;
 pub(super) struct Measured {
     pub edges: SpanEdges,
     pub side: Side,
+    /// Of the side's normal equations.
+    pub normal: Normal,
     pub share: Option<ToneShare>,
     /// Whether other lines cross it, exchanging light and dark.
     pub is_crossed: bool,

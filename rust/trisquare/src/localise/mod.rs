@@ -2,13 +2,14 @@
 //!
 //! Every side is modelled as a blurred step seen through the camera's tone curve,
 //! `v = g(b + A Phi(d / w))`: `d` is the signed distance to the side's curve, `w` the blur with the
-//! pixel's own box, `Phi` the normal distribution function, `b` and `A` linear along the side.
+//! pixel's own box, `Phi` the normal distribution function, `b`, `A` and `w` quadratic along the side.
 //! With these fitted to all pixels of a band, the side is cut into patches a few pixels long, and
 //! each patch gives one offset by Gauss-Newton on its own pixels. Patches share no pixels, so their
 //! errors are independent, and each has a known standard deviation, `sigma_I / sqrt(sum J^2)`.
 
 mod band;
 mod blur;
+mod blur_differences;
 mod blur_shape;
 mod coarse;
 mod curve;

@@ -35,7 +35,7 @@ pub(super) fn blur<'a>(previews: impl Iterator<Item = &'a Preview>) -> Option<Mo
         let across: Vector2<f64> = side.curve.across;
         let double_angle = 2.0 * across.y.atan2(across.x);
         let row = Vector3::new(1.0, double_angle.cos(), double_angle.sin());
-        let square = side.blur * side.blur;
+        let square = side.mean_blur().powi(2);
         normal += row * row.transpose();
         right += row * square;
         squares += square * square;
@@ -78,12 +78,16 @@ mod tests {
             let square = 0.7 + BOX_VARIANCE * across * across;
             Preview {
                 side: Side {
-                    blur: square.sqrt() * (1.0 + 0.01 * f64::from(index % 3 - 1)),
+                    blur: [
+                        square.sqrt() * (1.0 + 0.01 * f64::from(index % 3 - 1)),
+                        0.0,
+                        0.0,
+                    ],
                     curve,
                     base: [0.0; 3],
                     contrast: [1.0, 0.0, 0.0],
+                    blur_degree: 0,
                     shape: BlurShape::NORMAL,
-                    blur_slope: 0.0,
                     spread: None,
                 },
                 noise: 0.01,

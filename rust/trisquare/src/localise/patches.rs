@@ -221,7 +221,7 @@ impl Patches {
 fn patch_length(side: &Side, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
     let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
     // What a pixel of length knows of a Gaussian-blurred step's offset.
-    let variance = (noise / (after - before)).powi(2) * 2.0 * PI.sqrt() * side.blur;
+    let variance = (noise / (after - before)).powi(2) * 2.0 * PI.sqrt() * side.mean_blur();
     let longest = (length / MIN_PATCHES).max(PATCH_LENGTH);
     (variance / (MAX_STD * MAX_STD)).clamp(PATCH_LENGTH, longest)
 }

@@ -37,7 +37,7 @@ pub(super) fn reach(
     // Cut off, so that a speck does not pass for a disturbance of the whole ring.
     let limit = RING_DEVIATIONS * noise;
     for prediction in predictions {
-        let distance = prediction.blurs * side.blur;
+        let distance = prediction.blurs * side.mean_blur();
         let beyond = distance.abs() - near;
         if beyond < 0.0 {
             continue;
@@ -49,7 +49,7 @@ pub(super) fn reach(
     }
     [0, 1].map(
         |i| match rings[i].iter().position(|ring| !ring.is_clean(noise)) {
-            Some(first) => (near + first as f64 - GUARD_BLURS * side.blur).max(near),
+            Some(first) => (near + first as f64 - GUARD_BLURS * side.mean_blur()).max(near),
             None => far[i],
         },
     )

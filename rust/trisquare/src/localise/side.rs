@@ -4,17 +4,17 @@
 use super::band::Pixel;
 use super::blur::BlurShape;
 use super::curve::{COEFFICIENTS, Curve};
-use super::equations::{BASE, BLUR, CONTRAST, Equations, Step};
+use super::equations::{BASE, BLUR, CONTRAST, Equations, Normal, Step};
 use super::flip::EdgeShape;
 use super::pixel_noise;
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
-use super::side_sums::LIGHT;
+use super::side_sums::{Degrees, LIGHT};
 use crate::image::ToneCurve;
 
 /// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
 /// no edge to speak of.
-pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 8.0];
+pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 10.0];
 /// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
 /// the errors of fx were a quarter larger with the lines' own.
 const LEAST_SPREAD: f64 = 0.1;
@@ -41,12 +41,14 @@ pub(super) struct Side {
     pub base: [f64; LIGHT],
     /// What the light rises by across the edge, likewise.
     pub contrast: [f64; LIGHT],
-    /// Standard deviation of the blur with the pixel's own box, pixels, and its shape.
-    pub blur: f64,
+    /// Standard deviation of the blur with the pixel's own box, pixels, likewise: a lens blurs its
+    /// picture's corners more, and a bent side turns in the direction of a motion. Where one blur of
+    /// .6 to .85 px stood for a side's, a curved tone moved fx by four standard deviations.
+    pub blur: [f64; LIGHT],
+    /// The power of `s` up to which the blur changes.
+    pub blur_degree: usize,
+    /// The blur's shape.
     pub shape: BlurShape,
-    /// Relative change of the inverse blur over `s`, downwards: a bent side turns in the direction
-    /// of a motion. Zero while the shape is normal.
-    pub blur_slope: f64,
     /// How far the edges of a line that others cross lie from the curve toward their light, pixels:
     /// where ink has spread, or the cells of a board do not touch. `None` without crossings, where the
     /// curve itself is there.
@@ -58,7 +60,6 @@ pub(super) struct Side {
 struct Place {
     blurs: f64,
     inverse_blur: f64,
-    inverse_blur_here: f64,
 }
 
 /// The light that falls on a pixel, and its derivatives.
@@ -80,7 +81,7 @@ fn predicted(pixel: &Pixel, place: Place, light: Light, (value, gain): (f64, f64
         (residual, gain)
     };
     let by_blurs = gain * light.by_blurs;
-    let by_distance = by_blurs * place.inverse_blur_here;
+    let by_distance = by_blurs * place.inverse_blur;
     Prediction {
         residual,
         light: light.value,
@@ -100,10 +101,21 @@ pub(super) fn polynomial(coefficients: &[f64; LIGHT], s: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
+/// The polynomial through values at -1, 0 and 1.
+pub(super) fn polynomial_through([before, middle, after]: [f64; LIGHT]) -> [f64; LIGHT] {
+    let (mean, half) = (0.5 * (before + after), 0.5 * (after - before));
+    [middle, half, mean - middle]
+}
+
 impl Side {
     /// Light on the two sides of the middle of the edge, the negative side first.
     pub fn plateaus(&self) -> [f64; 2] {
         [self.base[0], self.base[0] + self.contrast[0]]
+    }
+
+    /// The blur's mean along the side, pixels.
+    pub fn mean_blur(&self) -> f64 {
+        self.blur[0] + self.blur[2] / 3.0
     }
 
     /// Distance of a pixel from the curve, positive along its normal.
@@ -115,7 +127,7 @@ impl Side {
     /// The edge across it, for the lines that it crosses.
     pub fn edge_shape(&self) -> EdgeShape {
         EdgeShape {
-            blur: self.blur,
+            blur: self.mean_blur(),
             spread: self.spread.unwrap_or(0.0),
         }
     }
@@ -206,13 +218,11 @@ impl Side {
 
     #[inline(always)]
     fn place(&self, pixel: &Pixel, offset: f64) -> Place {
-        let inverse_blur = 1.0 / self.blur;
-        let inverse_blur_here = inverse_blur * (1.0 - self.blur_slope * pixel.s);
+        let inverse_blur = 1.0 / polynomial(&self.blur, pixel.s).max(BLUR_RANGE[0]);
         let offset = self.spread_at(pixel.flip.slope) + offset;
         Place {
-            blurs: (self.distance(pixel) - offset) * inverse_blur_here,
+            blurs: (self.distance(pixel) - offset) * inverse_blur,
             inverse_blur,
-            inverse_blur_here,
         }
     }
 
@@ -227,7 +237,7 @@ impl Side {
         let contrast = polynomial(&self.contrast, pixel.s) + contrast;
         // To first order a spread takes as much light near a crossing as elsewhere: the step has the
         // part that is left of its slope.
-        let spread = self.spread.unwrap_or(0.0) / self.blur * (1.0 - pixel.flip.slope.abs());
+        let spread = self.spread.unwrap_or(0.0) / self.blur[0] * (1.0 - pixel.flip.slope.abs());
         let taken = contrast.abs() * spread * density;
         Light {
             value: polynomial(&self.base, pixel.s) + base + contrast * step - taken,
@@ -241,7 +251,7 @@ impl Side {
     /// It ends with a step shorter than `settled` pixels, or after so many; the side is left at the
     /// lowest cost seen, except that a last step too small to matter is taken unseen. `predictions`
     /// are the side's of the pixels, before and after; where the last step was too long to follow,
-    /// there are none afterwards.
+    /// there are none afterwards. Returns the matrix of the last normal equations.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
@@ -249,10 +259,10 @@ impl Side {
         predictions: &mut Vec<Prediction>,
         noise: f64,
         (max_steps, settled): (usize, f64),
-    ) {
-        let light = self.light_degree();
+    ) -> Normal {
+        let kind = (self.curve.length(), self.degrees());
         let mut damping = FIRST_DAMPING;
-        let mut best = Equations::of((&self.curve, light), pixels, predictions, noise);
+        let mut best = Equations::of(kind, pixels, predictions, noise);
         let mut are_own = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(damping) else {
@@ -270,7 +280,7 @@ impl Side {
                 break;
             }
             next.predict_all(tone, pixels, predictions);
-            let equations = Equations::of((&next.curve, light), pixels, predictions, noise);
+            let equations = Equations::of(kind, pixels, predictions, noise);
             are_own = equations.cost < best.cost;
             if are_own {
                 (*self, best) = (next, equations);
@@ -282,6 +292,7 @@ impl Side {
         if !are_own {
             predictions.clear();
         }
+        best.normal
     }
 
     /// One Gauss-Newton step of the spread, all else held: it goes to and fro from cell to cell, and
@@ -317,12 +328,12 @@ impl Side {
         }
         let base = std::array::from_fn(|k| self.base[k] - near.base[k]);
         let contrast = std::array::from_fn(|k| self.contrast[k] - near.contrast[k]);
-        let blur = self.blur - near.blur;
+        let blur = std::array::from_fn(|k| self.blur[k] - near.blur[k]);
         for (pixel, p) in pixels.iter().zip(predictions) {
             p.residual -= p.by_height * moved.height(pixel.s)
                 + p.by_base * polynomial(&base, pixel.s)
                 + p.by_contrast * polynomial(&contrast, pixel.s)
-                + p.by_blur * blur;
+                + p.by_blur * polynomial(&blur, pixel.s);
         }
     }
 
@@ -332,7 +343,6 @@ impl Side {
         moved.coefficients = std::array::from_fn(|k| step[k]);
         let shift = moved.greatest_height();
         let scale = (MAX_SHIFT / shift).min(1.0);
-        let previous_blur = self.blur;
         for k in 0..COEFFICIENTS {
             self.curve.coefficients[k] += scale * step[k];
         }
@@ -340,10 +350,18 @@ impl Side {
             self.base[k] += scale * step[BASE + k];
             self.contrast[k] += scale * step[CONTRAST + k];
         }
-        let ratio =
-            (1.0 + scale * step[BLUR] / self.blur).clamp(1.0 / MAX_BLUR_RATIO, MAX_BLUR_RATIO);
-        self.blur = (self.blur * ratio).clamp(BLUR_RANGE[0], BLUR_RANGE[1]);
-        (scale * shift).max((self.blur - previous_blur).abs())
+        let of_blur = std::array::from_fn(|k| scale * step[BLUR + k]);
+        let places = [-1.0, 0.0, 1.0];
+        let blurs = places.map(|s| polynomial(&self.blur, s));
+        let moved = places.map(|s| {
+            let blur = polynomial(&self.blur, s);
+            (blur + polynomial(&of_blur, s))
+                .clamp(blur / MAX_BLUR_RATIO, blur * MAX_BLUR_RATIO)
+                .clamp(BLUR_RANGE[0], BLUR_RANGE[1])
+        });
+        self.blur = polynomial_through(moved);
+        let by_blur = blurs.iter().zip(moved).map(|(old, new)| (new - old).abs());
+        by_blur.fold(scale * shift, f64::max)
     }
 
     /// The scale of the residuals at the edge, not below `floor`.
@@ -359,18 +377,20 @@ impl Side {
         pixel_noise::scale(residuals, self.edge_parameters(), floor)
     }
 
-    /// How many parameters the pixels at the edge carry: the curve's, the blur, and about half of
-    /// base and contrast.
+    /// How many parameters the pixels at the edge carry: the curve's, the blur's, and about half of
+    /// those of base and contrast.
     pub fn edge_parameters(&self) -> f64 {
-        (self.curve.degree + self.light_degree()) as f64 + 3.0
+        let Degrees { curve, light, blur } = self.degrees();
+        (curve + light + blur) as f64 + 3.0
     }
 
-    /// The power of `s` up to which light changes along the side. What curved light does to a crossed
-    /// line, it does to and fro from cell to cell, as a wrong tone curve does: the two look alike.
-    pub fn light_degree(&self) -> usize {
-        match self.spread {
-            Some(_) => 1,
-            None => LIGHT - 1,
+    /// The powers of `s` up to which its parameters change. What curved light or another blur does to a
+    /// crossed line, it does to and fro from cell to cell, as a wrong tone curve does: they look alike.
+    pub fn degrees(&self) -> Degrees {
+        Degrees {
+            curve: self.curve.degree,
+            light: self.spread.map_or(LIGHT - 1, |_| 1),
+            blur: self.blur_degree,
         }
     }
 }
@@ -415,16 +435,16 @@ mod tests {
             curve,
             base: [0.1, 0.0, 0.0],
             contrast: [1.4, 0.0, 0.0],
-            blur: 0.9,
+            blur: [0.9, 0.0, 0.0],
+            blur_degree: 0,
             shape: BlurShape::NORMAL,
-            blur_slope: 0.0,
             spread: None,
         };
         let pixels = clipped_pixels(&truth, &tone);
         assert!(pixels.iter().any(|pixel| pixel.is_clipped));
         let mut side = truth.clone();
         side.curve.coefficients[0] = 0.0;
-        (side.contrast[0], side.blur) = (0.9, 0.7);
+        (side.contrast[0], side.blur[0]) = (0.9, 0.7);
         let mut predictions = Vec::new();
         side.predict_all(&tone, &pixels, &mut predictions);
         side.fit(&tone, &pixels, &mut predictions, 1e-3, (40, 1e-6));

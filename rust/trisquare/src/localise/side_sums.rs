@@ -5,17 +5,26 @@ use nalgebra::{SMatrix, SVector};
 use super::curve::COEFFICIENTS;
 use crate::numeric::add_rank_one;
 
-/// Powers of `s` by which the light along a side changes.
+/// Powers of `s` by which light and blur along a side change.
 pub(super) const LIGHT: usize = 3;
 /// Length of a bin along a side, pixels.
 pub(super) const BIN_LENGTH: f64 = 8.0;
+/// The powers of `s` up to which parameters of a side change along it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Degrees {
+    pub curve: usize,
+    pub light: usize,
+    pub blur: usize,
+}
+
 const POWERS: usize = 2 * COEFFICIENTS - 1;
 
-/// Degree in `s` of what multiplies a basic derivative: by height, base, contrast, and any other.
+/// Degree in `s` of what multiplies a basic derivative: by height, base, contrast, blur, and any
+/// other.
 const fn degree(column: usize) -> usize {
     match column {
         0 => COEFFICIENTS - 1,
-        1 | 2 => LIGHT - 1,
+        1..=3 => LIGHT - 1,
         _ => 0,
     }
 }
@@ -98,18 +107,18 @@ impl<const N: usize> SideSums<N> {
     }
 
     /// The sums of products of all parameters' derivatives, in their order, and of each with the
-    /// residual; the coefficients beyond the degrees of curve and light have none, but one of
-    /// themselves.
+    /// residual; the coefficients beyond their degrees have none, but one of themselves.
     pub fn assembled<const M: usize>(
         &self,
-        (curve, light): (usize, usize),
+        degrees: Degrees,
     ) -> (SMatrix<f64, M, M>, SVector<f64, M>) {
         let mut sources = [(N - 1, 0); M];
         let all = (0..N - 1).flat_map(|column| (0..=degree(column)).map(move |k| (column, k)));
         sources.iter_mut().zip(all).for_each(|(own, of)| *own = of);
         let is_unused = |parameter: usize| match sources[parameter] {
-            (0, power) => power > curve,
-            (1 | 2, power) => power > light,
+            (0, power) => power > degrees.curve,
+            (1 | 2, power) => power > degrees.light,
+            (3, power) => power > degrees.blur,
             _ => false,
         };
         let product = |(i, k): (usize, usize), (j, l): (usize, usize)| {
@@ -133,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_sums_are_those_of_each_parameter_s_derivative() {
-        const PARAMETERS: usize = 13;
+        const PARAMETERS: usize = 15;
         let mut pixels = Vec::new();
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         let mut right = SVector::<f64, PARAMETERS>::zeros();
@@ -155,6 +164,8 @@ mod tests {
                 contrast * s,
                 contrast * s * s,
                 blur,
+                blur * s,
+                blur * s * s,
                 other,
             ]);
             let all = SVector::from(all);
@@ -162,7 +173,11 @@ mod tests {
             right += weight * residual * all;
         }
         let sums = SideSums::of(pixels.into_iter(), 60.0, -240.0);
-        let (found, found_right) = sums.assembled::<PARAMETERS>((COEFFICIENTS - 1, LIGHT - 1));
+        let (found, found_right) = sums.assembled::<PARAMETERS>(Degrees {
+            curve: COEFFICIENTS - 1,
+            light: LIGHT - 1,
+            blur: LIGHT - 1,
+        });
         // To what a bin's length leaves.
         assert!((found - normal).abs().max() < 1e-3 * normal.abs().max());
         assert!((found_right - right).abs().max() < 1e-3 * right.abs().max());

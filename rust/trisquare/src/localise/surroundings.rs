@@ -28,7 +28,7 @@ const BOUND_CLEARANCE: f64 = 2.5;
 
 /// How far from a side's curve its edge is felt, pixels.
 pub(super) fn near(side: &Side) -> f64 {
-    MIN_NEAR.max(NEAR_BLURS * side.blur)
+    MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
 }
 
 /// How far to either side of an edge its surroundings are its own, pixels.
@@ -67,8 +67,9 @@ pub(super) fn limits<'a>(
     let mut limits = Vec::with_capacity(2);
     for (end, bound) in ends.iter_mut().zip(span.bounds) {
         if let Some(Ok(neighbour)) = bound.and_then(|bound| previews.get(bound)) {
-            let Side { curve, blur, .. } = &neighbour.side;
-            let (distance, clearance) = (curve.signed_distance(middle), BOUND_CLEARANCE * blur);
+            let Side { curve, .. } = &neighbour.side;
+            let distance = curve.signed_distance(middle);
+            let clearance = BOUND_CLEARANCE * neighbour.side.mean_blur();
             // A neighbour that runs along this span, or is it, bounds nothing.
             if distance.abs() > clearance {
                 let side_of_curve = distance.signum();

@@ -13,8 +13,8 @@ use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{Side, polynomial};
-use super::side_sums::{BIN_LENGTH, LIGHT, SideSums};
+use super::side::{Side, polynomial, polynomial_through};
+use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
     PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
@@ -187,12 +187,13 @@ impl ToneShare {
         let inverse_variance = 1.0 / (noise * noise);
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = Profile::default();
-        let kurtosis = box_kurtosis(&side.curve.along, side.blur);
+        let blur = side.mean_blur();
+        let kurtosis = box_kurtosis(&side.curve.along, side.mean_blur());
         let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
         let rows = told.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
-            let by_kurtosis = p.by_offset * side.blur * p.blurs * (p.blurs * p.blurs - 3.0);
+            let by_kurtosis = p.by_offset * blur * p.blurs * (p.blurs * p.blurs - 3.0);
             let lighter = side.contrast[0] * pixel.flip.slope;
             profile.add(
                 p.blurs * lighter.signum(),
@@ -223,13 +224,13 @@ impl ToneShare {
     }
 
     fn reduced(side: &Side, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
-        let (all, direct) = sums.assembled::<TOTAL>((side.curve.degree, side.light_degree()));
+        let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
         let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
         let cross = all.fixed_view::<OWN, TONE_PARAMETERS>(0, OWN).into_owned();
         let mut right = direct.fixed_rows::<OWN>(0).into_owned();
         let prior = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
         own[(KURTOSIS, KURTOSIS)] += prior;
-        right[KURTOSIS] += prior * box_kurtosis(&side.curve.along, side.blur);
+        right[KURTOSIS] += prior * box_kurtosis(&side.curve.along, side.mean_blur());
         own[(SPREAD, SPREAD)] += 1.0 / (SPREAD_STD * SPREAD_STD);
         let factor = own.cholesky()?;
         let square = all.fixed_view::<TONE_PARAMETERS, TONE_PARAMETERS>(OWN, OWN);
@@ -241,7 +242,7 @@ impl ToneShare {
             cross,
             right,
             profile: Profile::default(),
-            blur: side.blur,
+            blur: side.mean_blur(),
             is_sound,
         })
     }
@@ -420,12 +421,6 @@ fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
     }
 }
 
-/// The polynomial through values at -1, 0 and 1.
-fn through([before, middle, after]: [f64; LIGHT]) -> [f64; LIGHT] {
-    let (mean, half) = (0.5 * (before + after), 0.5 * (after - before));
-    [middle, half, mean - middle]
-}
-
 impl Side {
     /// The side's own step, given the tone curve's.
     ///
@@ -445,8 +440,8 @@ impl Side {
         let lit =
             places.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));
         let base = base.map(translated);
-        self.base = through(base);
-        self.contrast = through([0, 1, 2].map(|i| lit[i] - base[i]));
+        self.base = polynomial_through(base);
+        self.contrast = polynomial_through([0, 1, 2].map(|i| lit[i] - base[i]));
     }
 }
 
@@ -487,9 +482,9 @@ mod tests {
                     curve: Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap(),
                     base: [0.1, 0.0, 0.0],
                     contrast: [0.7, 0.0, 0.0],
-                    blur: 0.9,
+                    blur: [0.9, 0.0, 0.0],
+                    blur_degree: 0,
                     shape: BlurShape::NORMAL,
-                    blur_slope: 0.0,
                     spread,
                 },
                 noise: 0.01,

@@ -12,6 +12,7 @@ mod normal;
 mod rank_one;
 mod robust;
 mod ties;
+mod variance_component;
 
 pub(crate) use arrowhead::{ArrowStep, ArrowSystem, Block, Reduced};
 pub(crate) use block_equations::BlockEquations;
@@ -28,3 +29,4 @@ pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
 pub(crate) use rank_one::{LaneSums, add_rank_one, symmetric};
 pub(crate) use robust::{Loss, Spread, median, median_scale};
 pub(crate) use ties::pseudo_inverse;
+pub(crate) use variance_component::variance_about_zero;

@@ -3,6 +3,7 @@
 //! The distances of the pixels to the sides do not change then, and are computed once.
 
 use super::band_pixels::PixelFigure;
+use super::blur_prior;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::all_distances;
 use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
@@ -113,7 +114,8 @@ impl<L: Lens> Problem for HeldGeometry<'_, L> {
             add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
         })?;
         let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
-        add_exposure(&mut block, &sums, 0);
+        add_exposure(&mut block, &sums);
+        cost += blur_prior::add_wide(exposure, &mut block, 0);
         Some((cost, ArrowSystem::of(0, std::iter::once(block))))
     }
 

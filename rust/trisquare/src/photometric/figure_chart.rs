@@ -58,7 +58,7 @@ impl SideChart {
 impl FigureChart {
     /// `None` where the lens does not see the sides, or bends them beyond a polynomial.
     pub fn of<L: Lens>(scene: &Scene<'_, L>) -> Option<Self> {
-        let height = PLATEAU * scene.blur();
+        let height = PLATEAU * scene.widest_blur();
         let side = |i: usize| {
             let line = (scene.lens, &scene.lines[i]);
             let ends = [i, (i + 1) % 4].map(|k| scene.corner_pixels[k]);

@@ -2,14 +2,14 @@
 //!
 //! Nearly all pixels that an edge cuts are cut by one side. The derivatives of their distances by
 //! pose and camera are polynomials along it: they are summed over `(terms, residual, picture,
-//! exposure)`, and pose and camera are brought in once per side. The few at corners are added row
+//! light, blur)`, and pose and camera are brought in once per side. The few at corners are added row
 //! by row. Beside the edges all derivatives are smooth functions of the place: over the pixels beside
 //! one stretch of an outline they are linear.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::band_pixels::BandPixel;
-use super::exposure::EXPOSURE_PARAMETERS;
+use super::exposure::{EXPOSURE_PARAMETERS, Exposure, LIGHT_PARAMETERS, VARIATION_PARAMETERS};
 use super::figure_chart::{FigureChart, TERMS};
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
@@ -17,11 +17,13 @@ use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{Block, LANES, LaneSums, add_rank_one, polynomials, symmetric};
 use crate::observations::FreeParameters;
 
-/// What a pixel that one side cuts depends on: `(terms, residual, picture, exposure)`.
-const CUT: usize = EXPOSURE + EXPOSURE_PARAMETERS;
+/// What a pixel that one side cuts depends on: `(terms, residual, picture, light, blur)`, the blur
+/// being the side's own at the pixel's place.
+const CUT: usize = BLUR + 1 + VARIATION_PARAMETERS;
 const RESIDUAL: usize = TERMS;
 const PICTURE: usize = RESIDUAL + 1;
-const EXPOSURE: usize = PICTURE + PICTURE_PARAMETERS;
+const LIGHT: usize = PICTURE + PICTURE_PARAMETERS;
+const BLUR: usize = LIGHT + LIGHT_PARAMETERS;
 
 /// Sums over the pixels that one side cuts. They are added when there are several.
 struct CutSums {
@@ -81,16 +83,16 @@ impl CutSums {
     }
 }
 
-/// `(exposure, residual)`: what a pixel on a plateau depends on.
+/// `(exposure, residual)`: what a pixel depends on while camera and planes are held.
 pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
 
 /// Sums of outer products of [`ExposureRow`]s.
 pub(super) type ExposureSums = [ExposureRow; EXPOSURE_PARAMETERS + 1];
 
-/// The same with what pixels share with their picture: `(exposure, picture, residual)`.
-type PicturedRow = [f64; PICTURED];
-type PicturedSums = [PicturedRow; PICTURED];
-const PICTURED: usize = EXPOSURE_PARAMETERS + PICTURE_PARAMETERS + 1;
+/// `(light, picture, residual)`: what a pixel on a plateau depends on.
+type PlateauRow = [f64; PLATEAU_ROW];
+type PlateauSums = [PlateauRow; PLATEAU_ROW];
+const PLATEAU_ROW: usize = LIGHT_PARAMETERS + PICTURE_PARAMETERS + 1;
 
 /// The pixels beside a stretch, on one side of it, that no edge cuts.
 #[derive(Debug, Clone, Copy, Default)]
@@ -157,7 +159,7 @@ pub(super) struct FigureSums<'a> {
     /// Where the figure's exposure begins among its plane's own parameters.
     exposure_offset: usize,
     sides: [CutSums; 4],
-    plateau: PicturedSums,
+    plateau: PlateauSums,
     /// Outside and inside of every stretch.
     flats: Vec<[FlatPixels; 2]>,
     /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
@@ -181,7 +183,7 @@ impl<'a> FigureSums<'a> {
             jacobians,
             exposure_offset,
             sides: std::array::from_fn(|_| CutSums::new()),
-            plateau: PicturedSums::default(),
+            plateau: PlateauSums::default(),
             flats: vec![Default::default(); stretches],
         }
     }
@@ -195,11 +197,13 @@ impl<'a> FigureSums<'a> {
         shade: &Shade,
         weight: f64,
     ) {
-        let (side, density) = shade.coverage.cuts[0];
-        let gain = scene.gain(shade, density);
+        let cut = shade.coverage.cuts[0];
+        let (side, _) = cut;
+        let gain = scene.gain(shade, cut);
         let mut others = [shade.residual; CUT - TERMS];
-        others[PICTURE - TERMS..EXPOSURE - TERMS].copy_from_slice(&scene.wrt_picture(shade));
-        others[EXPOSURE - TERMS..].copy_from_slice(&scene.wrt_exposure(shade));
+        others[PICTURE - TERMS..LIGHT - TERMS].copy_from_slice(&scene.wrt_picture(shade));
+        others[LIGHT - TERMS..BLUR - TERMS].copy_from_slice(&scene.wrt_light(shade));
+        others[BLUR - TERMS..].copy_from_slice(&scene.blur_row(shade, cut));
         self.sides[side].add((chart.place(side, pixel), gain), &others, weight);
     }
 
@@ -219,12 +223,13 @@ impl<'a> FigureSums<'a> {
         shared.fill(0.0);
         let camera = self.free.len();
         let mut part = [0.0; MAX_LENS_COLUMNS];
-        for (side, density) in shade.coverage.cuts {
+        for cut in shade.coverage.cuts {
+            let (side, _) = cut;
             let line = &scene.lines[side];
             let distance = scene
                 .lens
                 .line_distance_jacobian(&pixel_ray, line, self.free.columns());
-            let gain = scene.gain(shade, density);
+            let gain = scene.gain(shade, cut);
             let jacobian = &self.jacobians[side];
             let mut geometry = own.rows_mut(0, jacobian.ncols());
             geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
@@ -266,14 +271,14 @@ impl<'a> FigureSums<'a> {
                 }
                 let [(middle, weight, residual), steps @ ..] = sums.places_and_steps();
                 let mut row = plateau_row(scene, &middle, inside);
-                row[PICTURED - 1] = residual;
+                row[PLATEAU_ROW - 1] = residual;
                 add_rank_one(&mut self.plateau, &row, weight);
                 for (step, weight, residual) in steps {
                     let mut change = plateau_row(scene, &(middle + step), inside);
                     for (own, start) in change.iter_mut().zip(&row) {
                         *own -= start;
                     }
-                    change[PICTURED - 1] = residual;
+                    change[PLATEAU_ROW - 1] = residual;
                     add_rank_one(&mut self.plateau, &change, weight);
                 }
             }
@@ -295,10 +300,10 @@ impl<'a> FigureSums<'a> {
         for side in 0..4 {
             let sums = self.sides[side].finish();
             let terms = chart.jacobian(scene, side, self.free)?;
-            self.add_side((side, &sums), &terms, block);
+            self.add_side((side, &sums), &terms, scene.exposure(), block);
         }
         let picture = self.has_picture().then_some(self.free.len());
-        add_pictured(block, &self.plateau, (self.exposure_offset, picture));
+        add_plateau(block, &self.plateau, (self.exposure_offset, picture));
         Some(())
     }
 
@@ -309,6 +314,7 @@ impl<'a> FigureSums<'a> {
         &self,
         (side, sums): (usize, &[[f64; CUT]; CUT]),
         terms: &DMatrix<f64>,
+        exposure: &Exposure,
         block: &mut Block,
     ) {
         let at = |i: usize, j: usize| symmetric(sums, i, j);
@@ -321,8 +327,13 @@ impl<'a> FigureSums<'a> {
         let mut own = DMatrix::zeros(CUT - 1, block.hessian.nrows());
         let geometry = terms.columns(0, 3) * jacobian;
         own.view_mut((0, 0), geometry.shape()).copy_from(&geometry);
-        for i in 0..EXPOSURE_PARAMETERS {
-            own[(EXPOSURE - 1 + i, self.exposure_offset + i)] = 1.0;
+        for i in 0..LIGHT_PARAMETERS {
+            own[(LIGHT - 1 + i, self.exposure_offset + i)] = 1.0;
+        }
+        for (j, row) in exposure.blur_jacobian(side).iter().enumerate() {
+            for (k, by) in row.iter().enumerate() {
+                own[(BLUR - 1 + k, self.exposure_offset + LIGHT_PARAMETERS + j)] = *by;
+            }
         }
         let camera = self.free.len();
         let mut shared = DMatrix::zeros(CUT - 1, self.shared);
@@ -343,54 +354,50 @@ impl<'a> FigureSums<'a> {
     }
 }
 
-/// Derivatives of a plateau by exposure and picture at a place of the picture; no residual.
-fn plateau_row<L: Lens>(scene: &Scene<'_, L>, place: &Vector2<f64>, inside: bool) -> PicturedRow {
+/// Derivatives of a plateau by light and picture at a place of the picture; no residual.
+fn plateau_row<L: Lens>(scene: &Scene<'_, L>, place: &Vector2<f64>, inside: bool) -> PlateauRow {
     let shade = scene.plateau(place, inside);
-    let mut row = [0.0; PICTURED];
-    row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(&shade));
-    row[EXPOSURE_PARAMETERS..PICTURED - 1].copy_from_slice(&scene.wrt_picture(&shade));
+    let mut row = [0.0; PLATEAU_ROW];
+    row[..LIGHT_PARAMETERS].copy_from_slice(&scene.wrt_light(&shade));
+    row[LIGHT_PARAMETERS..PLATEAU_ROW - 1].copy_from_slice(&scene.wrt_picture(&shade));
     row
 }
 
-/// Adds sums over exposure and picture, which begin there among the plane's own parameters and, if
-/// it has any, the shared ones.
-fn add_pictured(
+/// Adds sums over plateaus to a figure's light, which begins there among the plane's own parameters,
+/// and, if it has any, to its picture's among the shared ones.
+fn add_plateau(
     block: &mut Block,
-    sums: &PicturedSums,
-    (exposure_offset, picture): (usize, Option<usize>),
+    sums: &PlateauSums,
+    (light_offset, picture): (usize, Option<usize>),
 ) {
-    let exposure_only = std::array::from_fn(|i| {
-        let source = |k: usize| {
-            if k < EXPOSURE_PARAMETERS {
-                k
-            } else {
-                PICTURED - 1
-            }
-        };
-        std::array::from_fn(|j| symmetric(sums, source(i), source(j)))
-    });
-    add_exposure(block, &exposure_only, exposure_offset);
+    let residual = PLATEAU_ROW - 1;
+    for i in 0..LIGHT_PARAMETERS {
+        for j in 0..LIGHT_PARAMETERS {
+            block.hessian[(light_offset + i, light_offset + j)] += symmetric(sums, i, j);
+        }
+        block.gradient[light_offset + i] += symmetric(sums, i, residual);
+    }
     let Some(picture) = picture else {
         return;
     };
     for i in 0..PICTURE_PARAMETERS {
-        let (row, own) = (picture + i, EXPOSURE_PARAMETERS + i);
-        for k in 0..EXPOSURE_PARAMETERS {
-            block.cross[(exposure_offset + k, row)] += symmetric(sums, own, k);
+        let (row, own) = (picture + i, LIGHT_PARAMETERS + i);
+        for k in 0..LIGHT_PARAMETERS {
+            block.cross[(light_offset + k, row)] += symmetric(sums, own, k);
         }
         for j in 0..PICTURE_PARAMETERS {
-            block.shared[(row, picture + j)] += symmetric(sums, own, EXPOSURE_PARAMETERS + j);
+            block.shared[(row, picture + j)] += symmetric(sums, own, LIGHT_PARAMETERS + j);
         }
-        block.shared_gradient[row] += symmetric(sums, own, PICTURED - 1);
+        block.shared_gradient[row] += symmetric(sums, own, residual);
     }
 }
 
 /// Adds sums over the exposure alone.
-pub(super) fn add_exposure(block: &mut Block, sums: &ExposureSums, exposure_offset: usize) {
+pub(super) fn add_exposure(block: &mut Block, sums: &ExposureSums) {
     for i in 0..EXPOSURE_PARAMETERS {
         for j in 0..EXPOSURE_PARAMETERS {
-            block.hessian[(exposure_offset + i, exposure_offset + j)] += symmetric(sums, i, j);
+            block.hessian[(i, j)] += symmetric(sums, i, j);
         }
-        block.gradient[exposure_offset + i] += symmetric(sums, i, EXPOSURE_PARAMETERS);
+        block.gradient[i] += symmetric(sums, i, EXPOSURE_PARAMETERS);
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::band::Pixels;
 use super::band_pixels::{BandPixel, PixelFigure};
+use super::blur_prior;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
@@ -156,11 +157,13 @@ impl PixelFit<'_> {
                 }
             }
         }
-        sums.finish(&scene, &chart, block)
+        sums.finish(&scene, &chart, block)?;
+        sum.cost += blur_prior::add_wide(scene.exposure(), block, exposure_offset);
+        Some(())
     }
 
     /// Where a figure's exposure begins among its plane's own parameters.
-    fn exposure_offset<L: Lens>(&self, state: &PixelState<L>, index: usize) -> usize {
+    pub(super) fn exposure_offset<L: Lens>(&self, state: &PixelState<L>, index: usize) -> usize {
         let figure = &self.figures[index];
         state.view.planes[figure.plane].parameter_count() + EXPOSURE_PARAMETERS * figure.figure
     }
@@ -259,6 +262,11 @@ impl PixelFit<'_> {
         }
     }
 
+    /// The step that an optimum's normal equations ask for.
+    pub fn step(&self, system: &ArrowSystem) -> Option<ArrowStep> {
+        Some(system.solve(0.0)?.lengthened(self.loss.newton_factor()))
+    }
+
     /// The state after a step.
     pub fn advance<L: Lens>(&self, state: &PixelState<L>, step: &ArrowStep) -> PixelState<L> {
         let pictures = self.advanced_pictures(state, step);
@@ -301,6 +309,7 @@ impl PixelFit<'_> {
 mod tests {
     use super::super::band::Bands;
     use super::super::band_pixels::Width;
+    use super::super::exposure::{BlurDifferences, Variation};
     use super::super::figure_chart::all_distances;
     use super::super::kept::pixels_to_keep;
     use super::super::photographs::Photographs;
@@ -316,6 +325,13 @@ mod tests {
         gamma: 2.3,
         toe: 0.03,
     };
+    const DIFFERENT: BlurDifferences = BlurDifferences {
+        sides: [0.0, 0.05, -0.03, 0.1],
+        variation: Variation {
+            gradient: [-0.1, 0.2],
+            curvature: 0.3,
+        },
+    };
     const ESTIMATED: PictureTone = PictureTone::Estimated(CURVE);
     const APPROXIMATED: PictureTone = PictureTone::Approximated(CURVE, 0.05);
     const SHIFTED: PictureTone = PictureTone::Shifted(CURVE, 0.05);
@@ -325,7 +341,10 @@ mod tests {
     }
 
     /// The figures of a scene, filled with what the model itself makes of them.
-    fn modelled(tone: PictureTone) -> (Vec<PixelFigure>, PixelState<DefaultLens>) {
+    fn modelled(
+        tone: PictureTone,
+        differences: BlurDifferences,
+    ) -> (Vec<PixelFigure>, PixelState<DefaultLens>) {
         let truth = Truth::random(2, SceneOptions::default());
         let mut edges = truth.edges(0, 0.0, 20.0);
         edges
@@ -364,9 +383,12 @@ mod tests {
                 Exposure {
                     ground: 0.7,
                     contrast: -0.6,
-                    gradient: [0.05, -0.03],
-                    curvature: -0.04,
+                    light: Variation {
+                        gradient: [0.05, -0.03],
+                        curvature: -0.04,
+                    },
                     blur: 0.9,
+                    differences,
                 };
                 3
             ],
@@ -423,7 +445,10 @@ mod tests {
 
     #[test]
     fn residual_and_gradient_vanish_at_the_truth() {
-        let (figures, state) = modelled(PictureTone::Known(crate::image::Tone::Srgb));
+        let (figures, state) = modelled(
+            PictureTone::Known(crate::image::Tone::Srgb),
+            BlurDifferences::default(),
+        );
         let free = free();
         let fit = PixelFit {
             free_pictures: 0,
@@ -445,7 +470,7 @@ mod tests {
 
     #[test]
     fn some_pixels_are_the_same_whether_figures_hold_theirs() {
-        let (figures, _) = modelled(ESTIMATED);
+        let (figures, _) = modelled(ESTIMATED, DIFFERENT);
         let free = free();
         let mut emptied = figures.clone();
         emptied[1].pixels.clear();
@@ -469,7 +494,7 @@ mod tests {
     }
 
     fn check_gradient(tone: PictureTone) {
-        let (figures, truth) = modelled(tone);
+        let (figures, truth) = modelled(tone, DIFFERENT);
         let free = free();
         let fit = problem(&figures, &free);
         let system = fit.evaluate(&truth).unwrap().system;
@@ -477,10 +502,13 @@ mod tests {
         let mut away = zero_step(&system);
         for (i, block) in away.blocks.iter_mut().enumerate() {
             for k in 0..6 {
-                block[k] = 1e-4 * (i as f64 + k as f64 - 3.0);
+                block[k] = 2e-4 * (i as f64 + k as f64 - 3.0);
             }
+            block[6] = 0.005;
+            block[7] = -0.005;
             block[8] = 0.01;
             block[10] = 0.03;
+            block[13] = -0.02;
         }
         let state = fit.advance(&truth, &away);
         let system = fit.evaluate(&state).unwrap().system;

@@ -2,6 +2,7 @@
 
 mod band;
 mod band_pixels;
+mod blur_prior;
 mod coverage;
 mod distance_map;
 mod exposure;
@@ -11,11 +12,13 @@ mod figure_sums;
 mod fit;
 mod hidden_stretches;
 mod kept;
+mod optimum;
 mod outline;
 mod photographs;
 mod refine;
 mod scene;
 mod stated_tone;
+mod told_blurs;
 
 pub use kept::pixels_to_keep;
 pub use photographs::Photographs;

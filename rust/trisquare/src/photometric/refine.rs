@@ -1,9 +1,9 @@
 //! The last stage when there is a picture: the joint model fitted to the pixels themselves.
 //!
 //! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
-//! that changes linearly over the figure, and `C` the part of the blurred square that covers it:
-//! the normal distribution function of its distances to the near sides over the blur `w`, bivariate
-//! at a corner. The distances follow from the joint camera and pose, so that corners count as well.
+//! that changes over the figure, and `C` the part of the blurred square that covers it: the normal
+//! distribution function of its distances to the near sides over the blur `w`, which changes as well,
+//! bivariate at a corner. The distances follow from the joint camera and pose, so that corners count as well.
 //! A pixel carries its own independent noise: nothing is lost between patches.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,6 +14,7 @@ use super::exposure::Exposure;
 use super::exposure_fit::fit_exposure;
 use super::fit::{PixelFit, PixelState, PixelSystem};
 use super::hidden_stretches::{DisturbedSide, departures, disturbed, disturbed_sides, plain_reach};
+use super::optimum::{converge, optimum};
 use super::photographs::{Photographs, Refusal};
 use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
@@ -42,26 +43,18 @@ const MOST_HIDDEN: f64 = 0.1;
 const HELD_PIXELS: usize = 400_000;
 
 /// The first steps take about so many pixels of each figure, where they are at most one in
-/// `LEAST_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples.
-const FIRST_PIXELS: usize = 8_000;
-const LEAST_STRIDE: usize = 4;
-
-/// Gauss-Newton steps allowed to the joint fit.
-const MAX_STEPS: usize = 8;
-
-/// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
-/// is the last. The exposures come from a twelfth of the pixels, the geometry from the edge
-/// samples: both start within a few standard deviations, from where one step arrives to second
-/// order and is efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953)
-/// 277-330).
-const LAST_DECREASE: f64 = 20.0;
+/// `LEAST_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples
+/// and exposures that a twelfth of the pixels told.
+const FIRST_PIXELS: usize = 4_000;
+const LEAST_STRIDE: usize = 2;
 
 /// Blurs nearer than this to the widest that a band holds ask for a wider band.
 const WIDEST_BLUR: f64 = 0.98;
 
 /// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
-/// are a little too small, since those of a side share its blur and contrast; the pixels' are not.
-const MAX_LOG_RATIO: f64 = 0.2;
+/// are too small, since those of a side share its blur and contrast, and the pixels' are not: by 0.22
+/// at most in 32 pictures whose corners are twice as blurred as their middle.
+const MAX_LOG_RATIO: f64 = 0.3;
 
 /// The mean square shift per parameter, in standard deviations of the edges' answer, beyond which
 /// the pixels are taken to break the model.
@@ -129,7 +122,7 @@ fn attempt<L: Lens>(
         scales: start.scales,
     };
     let near = approach(&fit, start.state, start.pixels).ok_or(BROKEN)?;
-    let (state, found) = converge(&fit, near).ok_or(BROKEN)?;
+    let (state, found) = optimum(&fit, near).ok_or(BROKEN)?;
     let contradicted = match known {
         true => contradicted_tone(&fit, &state),
         false => None,
@@ -240,7 +233,12 @@ impl Begun {
         let judged = figure.subsampled(JUDGED_STRIDE);
         let departures = departures(&Scene::new(&judged, picture, view, &exposure)?, scale)?;
         let own = disturbed(&judged, &departures);
-        figure.limit_reach(plain_reach(&judged, &departures, &own, exposure.blur));
+        figure.limit_reach(plain_reach(
+            &judged,
+            &departures,
+            &own,
+            exposure.widest_blur(),
+        ));
         let disturbed = disturbed_sides(&figure, &own);
         let mut dropped = own.stretches;
         for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
@@ -257,7 +255,7 @@ impl Begun {
 
     /// Whether the band is wide enough for the blur; one that is not stops at the limit.
     fn holds_blur(&self) -> bool {
-        self.exposure.blur < WIDEST_BLUR * self.figure.width.widest_blur()
+        self.exposure.widest_blur() < WIDEST_BLUR * self.figure.width.widest_blur()
     }
 }
 
@@ -277,30 +275,8 @@ fn approach<L: Lens>(
         figures: &fit.subsampled(stride as u32)?,
         ..fit.clone()
     };
-    Some(converge(&few, state)?.0)
-}
-
-/// The joint optimum, with the normal equations of the last step; `None` if the steps do not
-/// converge.
-fn converge<L: Lens>(
-    fit: &PixelFit<'_>,
-    mut state: PixelState<L>,
-) -> Option<(PixelState<L>, PixelSystem)> {
-    let mut last_cost = f64::INFINITY;
-    for _ in 0..MAX_STEPS {
-        let found = fit.evaluate(&state)?;
-        if found.cost > last_cost {
-            return None;
-        }
-        last_cost = found.cost;
-        let step = found.system.solve(0.0)?;
-        let step = step.lengthened(fit.loss.newton_factor());
-        state = fit.advance(&state, &step);
-        if step.predicted_decrease < LAST_DECREASE * step.parameter_count() as f64 {
-            return Some((state, found));
-        }
-    }
-    None
+    let (state, _, step) = converge(&few, state)?;
+    Some(fit.advance(&state, &step))
 }
 
 /// The calibration of an optimum, and the optimum.

@@ -5,7 +5,9 @@ use nalgebra::{Vector2, Vector3};
 use super::band_pixels::{BandPixel, PixelFigure};
 use super::coverage;
 use super::coverage::{Corner, Coverage, PLATEAU, coverage};
-use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
+use super::exposure::{
+    EXPOSURE_PARAMETERS, Exposure, LIGHT_PARAMETERS, VARIATION_PARAMETERS, Variation,
+};
 use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
 use crate::lens::Lens;
 use crate::observations::View;
@@ -32,9 +34,9 @@ pub(super) struct Scene<'a, L> {
     pub corner_pixels: [Vector2<f64>; 4],
     /// Of the blur across each side.
     kurtosis: [f64; 4],
-    /// One over the blur and over the figure's size: every pixel asks for them.
-    per_blur: f64,
+    /// One over the figure's size, and its widest blur: every pixel asks for them.
     per_size: f64,
+    widest_blur: f64,
     /// What of the picture is free.
     has_free_curve: bool,
     has_free_shift: bool,
@@ -53,7 +55,8 @@ pub(super) struct Shade {
     light: f64,
     reflected: f64,
     pub coverage: Coverage,
-    /// Distances to the near sides in blurs.
+    /// One over the blur across each side, and distances to the near sides in blurs.
+    per_blur: [f64; 4],
     z: [f64; 4],
     place: Vector2<f64>,
 }
@@ -72,7 +75,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         let project =
             |point: Vector2<f64>| lens.project(&plane.pose.transform(&placement.point(point)));
         let mut correlations = [0.0; 4];
-        let mut kurtosis = [0.0; 4];
+        let mut directions = [Vector2::zeros(); 4];
         let mut corner_pixels = [Vector2::zeros(); 4];
         for (i, correlation) in correlations.iter_mut().enumerate() {
             let [before, corner, after] = [(i + 3) % 4, i, (i + 1) % 4].map(|k| figure.corners[k]);
@@ -81,8 +84,14 @@ impl<'a, L: Lens> Scene<'a, L> {
             let arriving = here - project(corner.lerp(&before, CORNER_STEP))?;
             let leaving = project(corner.lerp(&after, CORNER_STEP))? - here;
             *correlation = arriving.normalize().dot(&leaving.normalize());
-            kurtosis[i] = box_kurtosis(&leaving.normalize(), exposure.blur);
+            directions[i] = leaving.normalize();
         }
+        let per_size = 1.0 / figure.size;
+        let kurtosis = std::array::from_fn(|i| {
+            let middle = corner_pixels[i].lerp(&corner_pixels[(i + 1) % 4], 0.5);
+            let blurs = exposure.blurs(&((middle - figure.centre) * per_size));
+            box_kurtosis(&directions[i], blurs[i])
+        });
         Some(Self {
             figure,
             curve: &picture.curve,
@@ -94,8 +103,8 @@ impl<'a, L: Lens> Scene<'a, L> {
             corners: correlations.map(Corner::new),
             corner_pixels,
             kurtosis,
-            per_blur: 1.0 / exposure.blur,
-            per_size: 1.0 / figure.size,
+            per_size,
+            widest_blur: exposure.widest_blur(),
             has_free_curve: picture.has_free_curve(),
             has_free_shift: picture.has_free_shift(),
         })
@@ -110,7 +119,7 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// Whether an edge may cut the pixel; if not, it is on a plateau.
     #[inline]
     pub fn may_cut(&self, pixel: &BandPixel) -> bool {
-        pixel.depth().abs() < PLATEAU * self.exposure.blur + DEPTH_SLACK
+        pixel.depth().abs() < PLATEAU * self.widest_blur + DEPTH_SLACK
     }
 
     /// Modelled less observed of a pixel that no edge may cut; `None` where it is clipped and the model
@@ -118,7 +127,8 @@ impl<'a, L: Lens> Scene<'a, L> {
     #[inline]
     pub fn plateau_residual(&self, pixel: &BandPixel, inside: bool) -> Option<f64> {
         let reflected = self.plateau_reflection(inside);
-        let light = self.exposure.light(&self.shading_place(&pixel.place()));
+        let place = self.shading_place(&pixel.place());
+        let light = self.exposure.light.factor(&place);
         let residual = self.curve.encode_with_slope(light * reflected).0 - pixel.value;
         (!pixel.is_clipped || residual < 0.0).then_some(residual)
     }
@@ -132,7 +142,8 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// The model of a plateau at a place of the picture, where nothing was observed.
     pub fn plateau(&self, place: &Vector2<f64>, inside: bool) -> Shade {
         let place = self.shading_place(place);
-        let (light, reflected) = (self.exposure.light(&place), self.plateau_reflection(inside));
+        let light = self.exposure.light.factor(&place);
+        let reflected = self.plateau_reflection(inside);
         let (_, slope) = self.curve.encode_with_slope(light * reflected);
         Shade {
             residual: 0.0,
@@ -141,14 +152,19 @@ impl<'a, L: Lens> Scene<'a, L> {
             light,
             reflected,
             coverage: coverage::plateau(inside),
+            per_blur: [0.0; 4],
             z: [0.0; 4],
             place,
         }
     }
 
-    /// The figure's blur, px.
-    pub fn blur(&self) -> f64 {
-        self.exposure.blur
+    /// The figure's widest blur, px.
+    pub fn widest_blur(&self) -> f64 {
+        self.widest_blur
+    }
+
+    pub fn exposure(&self) -> &Exposure {
+        self.exposure
     }
 
     /// What a shift of the edges towards the dark adds to the distances, px: they are positive
@@ -160,16 +176,17 @@ impl<'a, L: Lens> Scene<'a, L> {
     /// The model at a pixel, given its distances if an edge may cut it.
     #[inline(always)] // of its result a caller needs but a part, and at once
     pub fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
-        let mut z = [0.0; 4];
+        let place = self.shading_place(&pixel.place());
+        let (mut per_blur, mut z) = ([0.0; 4], [0.0; 4]);
         let mut covered = match distances {
             None => coverage::plateau(pixel.depth() > 0.0),
             Some(distances) => {
-                z = distances.map(|d| d * self.per_blur);
+                per_blur = self.exposure.blurs(&place).map(|blur| 1.0 / blur);
+                z = std::array::from_fn(|i| distances[i] * per_blur[i]);
                 coverage(pixel.near, &z, &self.kurtosis, &self.corners)
             }
         };
-        let place = self.shading_place(&pixel.place());
-        let light = self.exposure.light(&place);
+        let light = self.exposure.light.factor(&place);
         let reflected = self.exposure.ground + self.exposure.contrast * covered.value;
         let (value, mut slope) = self.curve.encode_with_slope(light * reflected);
         let mut residual = value - pixel.value;
@@ -184,6 +201,7 @@ impl<'a, L: Lens> Scene<'a, L> {
             light,
             reflected,
             coverage: covered,
+            per_blur,
             z,
             place,
         }
@@ -191,8 +209,18 @@ impl<'a, L: Lens> Scene<'a, L> {
 
     /// Derivative of the coded value by the distance to a side that cuts it with the given density.
     #[inline]
-    pub fn gain(&self, shade: &Shade, density: f64) -> f64 {
-        shade.slope * shade.light * self.exposure.contrast * density * self.per_blur
+    pub fn gain(&self, shade: &Shade, (side, density): (usize, f64)) -> f64 {
+        shade.slope * shade.light * self.exposure.contrast * density * shade.per_blur[side]
+    }
+
+    /// The same by the blur across that side, times `1` and the derivatives of a [`Variation`].
+    #[inline]
+    pub fn blur_row(&self, shade: &Shade, cut: (usize, f64)) -> [f64; 1 + VARIATION_PARAMETERS] {
+        let (side, density) = cut;
+        let by_blur = shade.coverage.by_log_blur - density * shade.z[side];
+        let by_blur = self.gain(shade, (side, by_blur));
+        let [x, y, square] = Variation::wrt_parameters(&shade.place);
+        [1.0, x, y, square].map(|by| by_blur * by)
     }
 
     /// Which way an edge that moves towards the dark goes.
@@ -212,48 +240,45 @@ impl<'a, L: Lens> Scene<'a, L> {
         }
         if self.has_free_shift {
             let cuts = &shade.coverage.cuts[..shade.coverage.cut_count];
-            let by_distance: f64 = cuts
-                .iter()
-                .map(|(_, density)| self.gain(shade, *density))
-                .sum();
+            let by_distance: f64 = cuts.iter().map(|cut| self.gain(shade, *cut)).sum();
             all[TONE_PARAMETERS] = self.shift_direction() * by_distance;
         }
         all
     }
 
     /// Derivatives by the exposure's parameters, then the residual.
-    #[inline]
     pub fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
         let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
         row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
         row
     }
 
-    /// Derivatives by the exposure's parameters.
+    /// Derivatives by the light's parameters.
     #[inline]
-    pub fn wrt_exposure(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS] {
-        let Shade {
-            slope,
-            light,
-            reflected,
-            coverage,
-            place,
-            z,
-            ..
-        } = shade;
-        let cuts = &coverage.cuts[..coverage.cut_count];
-        let by_blur: f64 = cuts
-            .iter()
-            .map(|(side, density)| self.gain(shade, *density) * z[*side])
-            .sum();
-        let by_blur = by_blur - self.gain(shade, coverage.by_log_blur);
+    pub fn wrt_light(&self, shade: &Shade) -> [f64; LIGHT_PARAMETERS] {
+        let by_light = shade.slope * shade.light;
+        let by_variation = shade.slope * shade.reflected;
+        let [x, y, square] = Variation::wrt_parameters(&shade.place);
         [
-            slope * light,
-            slope * light * coverage.value,
-            slope * reflected * place.x,
-            slope * reflected * place.y,
-            slope * reflected * place.norm_squared(),
-            -by_blur,
+            by_light,
+            by_light * shade.coverage.value,
+            by_variation * x,
+            by_variation * y,
+            by_variation * square,
         ]
+    }
+
+    /// Derivatives by the exposure's parameters.
+    pub fn wrt_exposure(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS] {
+        let mut all = [0.0; EXPOSURE_PARAMETERS];
+        all[..LIGHT_PARAMETERS].copy_from_slice(&self.wrt_light(shade));
+        for cut in &shade.coverage.cuts[..shade.coverage.cut_count] {
+            let row = self.blur_row(shade, *cut);
+            let jacobian = self.exposure.blur_jacobian(cut.0);
+            for (sum, by) in all[LIGHT_PARAMETERS..].iter_mut().zip(&jacobian) {
+                *sum += by.iter().zip(&row).map(|(by, row)| by * row).sum::<f64>();
+            }
+        }
+        all
     }
 }

@@ -3,6 +3,8 @@
 use nalgebra::DVector;
 
 use super::fit::{PixelFit, PixelState};
+use super::optimum::optimum;
+use super::told_blurs::add_told;
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
 use crate::result::Warning;
@@ -13,12 +15,12 @@ const CONTRADICTED: f64 = 7.0;
 
 /// Frees the tone curves at the optimum of stated ones: one step of the fit tells what the pixels
 /// ask for. Where that is something else, a warning of it, and by how much the free parameters change
-/// with it, to first order.
+/// at the optimum of free curves.
 pub(super) fn contradicted_tone<L: Lens>(
     fit: &PixelFit<'_>,
-    optimum: &PixelState<L>,
+    of_stated: &PixelState<L>,
 ) -> Option<(Warning, DVector<f64>)> {
-    let stated: Vec<_> = optimum
+    let stated: Vec<_> = of_stated
         .pictures
         .iter()
         .map(|own| own.curve.tone().power())
@@ -26,19 +28,19 @@ pub(super) fn contradicted_tone<L: Lens>(
     let freed = |curve: &_| PictureState::of(PictureTone::Estimated(*curve));
     let state = PixelState {
         pictures: stated.iter().map(freed).collect(),
-        ..optimum.clone()
+        ..of_stated.clone()
     };
     let fit = PixelFit {
         free_pictures: stated.len(),
         ..fit.clone()
     };
-    let found = fit.evaluate(&state)?;
-    let step = found
-        .system
-        .solve(0.0)?
-        .lengthened(fit.loss.newton_factor());
+    let mut found = fit.evaluate(&state)?;
+    let free = fit.step(&found.system)?;
+    add_told(&fit, &state, &free, &mut found)?;
+    let step = fit.step(&found.system)?;
     let factor = found.spread.covariance_factor(fit.free.len() as f64);
-    let fits = fit.tone_fits(&fit.advance(&state, &step), &found.system, factor)?;
+    let near = fit.advance(&state, &step);
+    let fits = fit.tone_fits(&near, &found.system, factor)?;
     let asked = fits.iter().zip(&stated).enumerate();
     let asked = asked.filter_map(|(picture, (own, stated))| {
         let (gamma, std) = (own.curve.effective_gamma(), own.effective_gamma_std()?);
@@ -46,7 +48,14 @@ pub(super) fn contradicted_tone<L: Lens>(
         Some((deviations, picture, gamma, std))
     });
     let (deviations, picture, gamma, std) = asked.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let change = step.shared.rows(0, fit.free.len()).into_owned();
+    if deviations <= CONTRADICTED {
+        return None;
+    }
+    // Where the steps do not arrive, the first of them tells to first order.
+    let change = match optimum(&fit, near) {
+        Some((free, _)) => fit.free.difference(&free.view.lens, &of_stated.view.lens),
+        None => step.shared.rows(0, fit.free.len()).into_owned(),
+    };
     let warning = Warning::ToneContradicted {
         picture,
         gamma,
@@ -54,5 +63,5 @@ pub(super) fn contradicted_tone<L: Lens>(
         parameter: (*fit.free.names().first()?).into(),
         change: change[0],
     };
-    (deviations > CONTRADICTED).then_some((warning, change))
+    Some((warning, change))
 }

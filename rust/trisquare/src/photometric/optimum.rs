@@ -1,0 +1,48 @@
+//! The steps to the joint optimum of camera, planes and exposures.
+
+use super::fit::{PixelFit, PixelState, PixelSystem};
+use super::told_blurs::add_told;
+use crate::lens::Lens;
+use crate::numeric::ArrowStep;
+
+/// Gauss-Newton steps allowed to the joint fit.
+const MAX_STEPS: usize = 8;
+
+/// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
+/// is the last. The geometry comes from the edge samples, all else from some of the pixels: both
+/// start within a few standard deviations, from where one step arrives to second order and is
+/// efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+const LAST_DECREASE: f64 = 6.0;
+
+/// Where the last step to the joint optimum starts, the normal equations there, and the step; `None`
+/// if the steps do not converge.
+pub(super) fn converge<L: Lens>(
+    fit: &PixelFit<'_>,
+    mut state: PixelState<L>,
+) -> Option<(PixelState<L>, PixelSystem, ArrowStep)> {
+    let mut last_cost = f64::INFINITY;
+    for _ in 0..MAX_STEPS {
+        let found = fit.evaluate(&state)?;
+        if found.cost > last_cost {
+            return None;
+        }
+        last_cost = found.cost;
+        let step = fit.step(&found.system)?;
+        if step.predicted_decrease < LAST_DECREASE * step.parameter_count() as f64 {
+            return Some((state, found, step));
+        }
+        state = fit.advance(&state, &step);
+    }
+    None
+}
+
+/// The joint optimum once the blurs differ as the pictures tell, with its normal equations; `None` if
+/// the steps do not converge.
+pub(super) fn optimum<L: Lens>(
+    fit: &PixelFit<'_>,
+    near: PixelState<L>,
+) -> Option<(PixelState<L>, PixelSystem)> {
+    let (state, mut found, step) = converge(fit, near)?;
+    add_told(fit, &state, &step, &mut found)?;
+    Some((fit.advance(&state, &fit.step(&found.system)?), found))
+}
