@@ -411,6 +411,33 @@ def test_too_many_bytes_are_refused_stated_or_not(client):
     assert error_of(answer, 413)["code"] == "TooLargeError"
 
 
+@pytest.mark.parametrize("as_form", [True, False], ids=["form", "body"])
+def test_options_of_many_bytes_are_refused_before_they_are_parsed(client, as_form):
+    options = b'{"squares": "' + bytes([ord("x")]) * (1 << 20) + b'"}'
+    if as_form:
+        answer = client.post("/api/predict", files={"options": ("options.json", options)})
+    else:
+        answer = client.post("/api/predict", content=options)
+    assert error_of(answer, 413)["code"] == "TooLargeError"
+
+
+@pytest.mark.parametrize("depth", [60, 700, 100_000])
+def test_options_that_are_nested_deep_are_the_clients_fault(client, depth):
+    options = '{"squares": ' + "[" * depth + "]" * depth + "}"
+    assert error_of(client.post("/api/predict", content=options), 400)["code"] == "ValueError"
+
+
+def test_a_flag_is_true_or_false(client, result):
+    camera, options = json.dumps(result["result"]), {"approximate": "false"}
+    answer = post(client, "convert/opencv", camera=camera, options=options)
+    assert "approximate must be true or false" in error_of(answer, 400)["text"]
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".js", ".hidden.js", "app.py"])
+def test_what_is_no_file_of_the_page_is_not_found(client, name):
+    assert error_of(client.get(f"/{name}"), 404)["code"] == "NotFoundError"
+
+
 def answered_after(app, token, headers=(), stated=None):
     """Post a megabyte in pieces: the status, and how many pieces had been received before."""
     sent, received = [], []

@@ -77,7 +77,7 @@ def _find(task: Task, limits: JobLimits) -> Made:
         "found": outlined,
         "rejected": [record_members(one) for one in rejected],
     }
-    if task.options.get("guide"):
+    if _flag(task, "guide"):
         members["prediction"] = _guidance(members["found"], size, None)
     return members, None
 
@@ -235,7 +235,7 @@ def _undistort(task: Task, limits: JobLimits) -> Made:
     _check_size(picture, camera)
     balance = real_number(task.options.get("balance", 0.0), "balance")
     straight = Undistorter(camera, balance).undistort(picture)
-    if task.options.get("shown"):
+    if _flag(task, "shown"):
         return _jpeg(_shown(straight))
     suffix = ".tif" if straight.dtype == "float32" else ".png"
     media = "image/tiff" if suffix == ".tif" else "image/png"
@@ -280,8 +280,7 @@ def _convert(task: Task, limits: JobLimits) -> Made:
     name = ending if ending.strip("._") and not ending.startswith(".") else f"camera{ending}"
     if "." not in name:
         name += ".txt"
-    approximate = bool(task.options.get("approximate"))
-    text, lost = written(camera, known, Path(name).suffix.lower(), approximate)
+    text, lost = written(camera, known, Path(name).suffix.lower(), _flag(task, "approximate"))
     members, content = _content(text.encode(), "text/plain", name)
     return {**members, "lost": None if lost is None else str(lost)}, content
 
@@ -339,6 +338,14 @@ def _check_size(picture: Any, camera: Any) -> None:
             "{} x {}".format(*size) for size in (camera.image_size, picture_size(picture))
         )
         raise ValueError(f"the picture has {other} pixels, but the camera is for {own}")
+
+
+def _flag(task: Task, name: str) -> bool:
+    """Return whether an option is given as true; text that says "false" would count as true."""
+    value = task.options.get(name, False)
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be true or false, not {value!r}")
+    return value
 
 
 def _shown(picture: Any) -> Any:

@@ -207,9 +207,10 @@ def _status(limits: JobLimits) -> dict[str, Any]:
 async def _own_file(request: Request) -> Response:
     """Return a file of the page; the files that it names get the token, where it is a parameter."""
     name = request.path_params.get("name", "index.html")
+    static = (resources.files("trisquare.serve") / "static").iterdir()
+    file = {own.name: own for own in static}.get(name)
     suffix = name[name.rfind(".") :]
-    file = resources.files("trisquare.serve") / "static" / name
-    if suffix not in MEDIA_TYPES or name.startswith(".") or not file.is_file():
+    if file is None or suffix not in MEDIA_TYPES:
         raise HTTPException(404, f"there is no {name!r}")
     text, token = file.read_text("utf-8"), request.query_params.get("token")
     if token:

@@ -36,6 +36,8 @@ class Server(uvicorn.Server):
         """Say whether to end."""
         if self.server_state.total_requests > self._asked:
             self._asked, self._since = self.server_state.total_requests, time.monotonic()
+        if self.server_state.tasks:  # answers on their way
+            self._since = time.monotonic()
         is_idle = self._idle is not None and time.monotonic() - self._since > self._idle
         return await super().on_tick(counter) or is_idle
 

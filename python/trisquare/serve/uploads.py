@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from starlette.datastructures import UploadFile
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 from trisquare._support.suggestions import unknown
@@ -18,7 +19,10 @@ from trisquare.serve.limits import MOST_PICTURES
 
 MOST_FIELDS = 10
 LARGEST_FIELD = 1 << 20
-"""Bytes of a field that is no file."""
+"""Bytes of options: they are parsed where all requests are answered, and take ten times as many."""
+
+DEEPEST = 50
+"""Levels of options: more than any has, and fewer than Python's own functions can follow."""
 
 CHUNK = 1 << 20
 
@@ -43,12 +47,12 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
     ValueError
         If a field is unknown or given twice, or the options are no JSON object.
     HTTPException
-        If the form is damaged.
+        If the form is damaged, or the options are too large.
     """
     fields = (*known, "options")
     if not request.headers.get("content-type", "").startswith("multipart/form-data"):
         try:
-            return Upload((), {}, _options(await request.body()))
+            return Upload((), {}, _options(await _small_body(request)))
         except ValueError as error:
             if known:
                 fields_named = ", ".join(fields)
@@ -69,7 +73,7 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
             if field in files or (field == "options" and options is not None):
                 raise ValueError(f"the field {field!r} is given twice")
             if field == "options":
-                options = _options(value if isinstance(value, str) else await value.read())
+                options = _options(value if isinstance(value, str) else await _small(value))
             elif not isinstance(value, UploadFile):
                 raise ValueError(f"the field {field!r} must be a file")
             elif field == "picture":
@@ -81,6 +85,26 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
     return Upload(tuple(photographs), files, options or {})
 
 
+async def _small_body(request: Request) -> bytes:
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_FIELD:
+            raise _too_large()
+    return body
+
+
+async def _small(upload: UploadFile) -> bytes:
+    content = await upload.read(LARGEST_FIELD + 1)
+    if len(content) > LARGEST_FIELD:
+        raise _too_large()
+    return content
+
+
+def _too_large() -> HTTPException:
+    return HTTPException(413, f"the options have more than {LARGEST_FIELD} bytes")
+
+
 def _options(text: str | bytes) -> dict[str, Any]:
     try:
         options = json.loads(text or "{}")
@@ -90,7 +114,18 @@ def _options(text: str | bytes) -> dict[str, Any]:
         raise ValueError(f"the options are no JSON: {error}") from error
     if not isinstance(options, dict):
         raise ValueError(f"the options must be a JSON object, not {type(options).__name__}")
+    level: list[Any] = [options]
+    for _ in range(DEEPEST):
+        level = [inner for outer in level for inner in _members(outer)]
+    if level:
+        raise ValueError(f"the options are nested more than {DEEPEST} deep")
     return options
+
+
+def _members(value: Any) -> Iterable[Any]:
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, list) else ()
 
 
 def _file_name(text: str) -> str:
