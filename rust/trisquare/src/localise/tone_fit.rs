@@ -342,7 +342,9 @@ fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
         let part = (excess + deviations * gamma_std) / USUAL_EXCESS;
         part.clamp(0.0, 1.0).cbrt()
     };
-    if excess >= LINEAR_GAMMA - 1.0 || blur * coded_blur(2.0) < LEAST_BLUR {
+    // A fit that ran away has no effective gamma: its misfit tells how far edges may lie off.
+    let has_gamma = (excess + gamma_std).is_finite();
+    if !has_gamma || excess >= LINEAR_GAMMA - 1.0 || blur * coded_blur(2.0) < LEAST_BLUR {
         return 0.0;
     }
     let part = coded_blur(1.0);
@@ -472,6 +474,16 @@ mod tests {
         assert_eq!(found.sides, 1);
         assert!(found.misfit > 0.5 && found.misfit_shift < 2.0);
         assert_eq!(found.shift_std, Some(found.misfit_shift));
+    }
+
+    #[test]
+    fn a_curve_that_ran_away_hides_no_more_than_its_misfit() {
+        let away = PowerCurve {
+            gamma: 0.63,
+            toe: -0.21,
+        };
+        assert!(away.effective_gamma().is_nan());
+        assert_eq!(hidden_shift(0.42, &away, 0.1), 0.0);
     }
 
     #[test]
