@@ -26,11 +26,20 @@ way out."""
 
 
 class Server(uvicorn.Server):
-    """A server that ends by itself when nobody has asked for some time."""
+    """A server that tells when it listens, and ends when nobody has asked for some time."""
 
-    def __init__(self, config: uvicorn.Config, idle: float | None) -> None:
+    def __init__(
+        self, config: uvicorn.Config, idle: float | None, listening: Callable[[], None]
+    ) -> None:
         super().__init__(config)
         self._idle, self._asked, self._since = idle, 0, time.monotonic()
+        self._listening = listening
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start; a signal that was sent before could be lost."""
+        await super().startup(sockets)
+        if self.started:
+            self._listening()
 
     async def on_tick(self, counter: int) -> bool:
         """Say whether to end."""
@@ -57,7 +66,7 @@ def run_server(
     """Serve until Ctrl-C or SIGTERM, or until nobody has asked for `idle` seconds.
 
     Requests that are being answered then have `grace` seconds. `listening` is told the address of
-    the page before.
+    the page, once signals are heeded.
 
     Raises
     ------
@@ -82,8 +91,8 @@ def run_server(
             raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
         with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # its usual end
             port = opened.getsockname()[1]
-            listening(f"{scheme}://{_reachable(host, opened)}:{port}/?token={token}")
-            Server(config, idle).run(sockets=[opened])
+            address = f"{scheme}://{_reachable(host, opened)}:{port}/?token={token}"
+            Server(config, idle, lambda: listening(address)).run(sockets=[opened])
 
 
 def _reachable(host: str, opened: socket.socket) -> str:
