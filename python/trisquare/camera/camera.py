@@ -291,8 +291,8 @@ class Camera(RebuiltByConstructor):
 
         Examples
         --------
-        >>> camera.undistort_points([[100, 80], [640, 480]]).round().tolist()
-        [[-27.0, -9.0], [640.0, 480.0]]
+        >>> camera.undistort_points([[120, 80], [640, 480]]).round().tolist()
+        [[5.0, -4.0], [640.0, 480.0]]
         """
         return _core.undistort_pixels(
             camera_for_core(self), real_array(observed, "observed", (None, 2))
