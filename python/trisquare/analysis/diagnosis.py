@@ -75,11 +75,11 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     >>> for name, own in ts.diagnose(result).items():
     ...     print(name, f"{own.std:.2g}")
     fx 0.078
-    fy 0.081
-    cx 0.045
-    cy 0.079
-    k1 3.6e-05
-    k2 3.6e-05
+    fy 0.084
+    cx 0.046
+    cy 0.083
+    k1 3.8e-05
+    k2 3.7e-05
     """
 
     __slots__ = ("_parameters",)

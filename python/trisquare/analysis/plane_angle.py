@@ -34,7 +34,7 @@ class PlaneAngle(NamedTuple):
     Examples
     --------
     >>> print(ts.plane_angle(result.planes[0], result.planes[1], result))
-    57.2885 +- 0.0047 degrees
+    57.2884 +- 0.0049 degrees
     """
 
     degrees: float
