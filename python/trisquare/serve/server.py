@@ -43,10 +43,9 @@ class Server(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Say whether to end."""
-        if self.server_state.total_requests > self._asked:
-            self._asked, self._since = self.server_state.total_requests, time.monotonic()
-        if self.server_state.tasks:  # answers on their way
-            self._since = time.monotonic()
+        requests, answering = self.server_state.total_requests, self.server_state.tasks
+        if answering or requests > self._asked:
+            self._asked, self._since = requests, time.monotonic()
         is_idle = self._idle is not None and time.monotonic() - self._since > self._idle
         return await super().on_tick(counter) or is_idle
 

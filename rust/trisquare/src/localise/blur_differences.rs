@@ -2,10 +2,7 @@
 //!
 //! A blur that is free to change along its side costs a third of the accuracy under a curved tone;
 //! where it does not change it should be held, and where it does, one blur must not stand for all. So
-//! its changes are normal about zero, with a variance that the picture's sides tell (C. Stein's
-//! shrinkage; B. Efron and C. Morris, J. Amer. Statist. Assoc. 68 (1973) 117-130).
-
-use nalgebra::SVector;
+//! its changes are normal about zero, with a variance that the picture's sides tell.
 
 use super::curve::COEFFICIENTS;
 use super::equations::{BLUR, Normal, Step};
@@ -23,11 +20,12 @@ const LEAST: f64 = 1e-3;
 pub(super) fn settle<'a>(measured: impl Iterator<Item = &'a mut Measured>) {
     // What curved light does to a crossed line it does to and fro, and so does a blur that changes.
     let mut sides: Vec<&mut Measured> = measured.filter(|own| !own.is_crossed).collect();
+    let told = sides.iter().filter_map(|own| own.changes_of_blur());
+    let told: Vec<[(f64, f64); LIGHT]> = told.collect();
     let mut precisions = [0.0; LIGHT];
     for (k, precision) in precisions.iter_mut().enumerate().skip(1) {
-        let told = sides.iter().filter_map(|own| own.change_of_blur(k));
-        let std = variance_about_zero(&told.collect::<Vec<_>>()).sqrt();
-        *precision = std.max(LEAST).powi(-2);
+        let of_power: Vec<_> = told.iter().map(|changes| changes[k]).collect();
+        *precision = variance_about_zero(&of_power).sqrt().max(LEAST).powi(-2);
     }
     for own in &mut sides {
         own.hold_blur(&precisions);
@@ -35,16 +33,15 @@ pub(super) fn settle<'a>(measured: impl Iterator<Item = &'a mut Measured>) {
 }
 
 impl Measured {
-    /// The change of the blur with a power of `s`, in parts of the blur, and the variance of its
-    /// error; nothing where the side leaves it open.
-    fn change_of_blur(&self, power: usize) -> Option<(f64, f64)> {
-        let covariance = self.normal.cholesky()?.inverse();
+    /// The changes of the blur with the powers of `s`, in parts of the blur, and the variances of
+    /// their errors; nothing where the side leaves them open.
+    fn changes_of_blur(&self) -> Option<[(f64, f64); LIGHT]> {
+        let variances = self.normal.cholesky()?.inverse().diagonal();
         let relative = 1.0 / self.side.mean_blur();
-        let variance = covariance[(BLUR + power, BLUR + power)];
-        Some((
-            self.side.blur[power] * relative,
-            variance * relative * relative,
-        ))
+        Some(std::array::from_fn(|k| {
+            let variance = variances[BLUR + k] * relative * relative;
+            (self.side.blur[k] * relative, variance)
+        }))
     }
 
     /// Moves the samples as the side moves where changes of its blur have these precisions.
@@ -70,6 +67,6 @@ fn held(side: &Side, mut normal: Normal, precisions: &[f64; LIGHT]) -> Option<St
         normal[(BLUR + k, BLUR + k)] += precision;
         pull[BLUR + k] = -precision * side.blur[k];
     }
-    let step: SVector<f64, _> = normal.cholesky()?.solve(&pull);
+    let step: Step = normal.cholesky()?.solve(&pull);
     step.iter().all(|value| value.is_finite()).then_some(step)
 }

@@ -101,7 +101,10 @@ pub(super) fn polynomial(coefficients: &[f64; LIGHT], s: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
-/// The polynomial through values at -1, 0 and 1.
+/// Where values along a side tell a polynomial: at both ends and in the middle.
+pub(super) const PLACES: [f64; LIGHT] = [-1.0, 0.0, 1.0];
+
+/// The polynomial through values at the [`PLACES`].
 pub(super) fn polynomial_through([before, middle, after]: [f64; LIGHT]) -> [f64; LIGHT] {
     let (mean, half) = (0.5 * (before + after), 0.5 * (after - before));
     [middle, half, mean - middle]
@@ -260,9 +263,9 @@ impl Side {
         noise: f64,
         (max_steps, settled): (usize, f64),
     ) -> Normal {
-        let kind = (self.curve.length(), self.degrees());
+        let along = (self.curve.length(), self.degrees());
         let mut damping = FIRST_DAMPING;
-        let mut best = Equations::of(kind, pixels, predictions, noise);
+        let mut best = Equations::of(along, pixels, predictions, noise);
         let mut are_own = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(damping) else {
@@ -280,7 +283,7 @@ impl Side {
                 break;
             }
             next.predict_all(tone, pixels, predictions);
-            let equations = Equations::of(kind, pixels, predictions, noise);
+            let equations = Equations::of(along, pixels, predictions, noise);
             are_own = equations.cost < best.cost;
             if are_own {
                 (*self, best) = (next, equations);
@@ -351,16 +354,14 @@ impl Side {
             self.contrast[k] += scale * step[CONTRAST + k];
         }
         let of_blur = std::array::from_fn(|k| scale * step[BLUR + k]);
-        let places = [-1.0, 0.0, 1.0];
-        let blurs = places.map(|s| polynomial(&self.blur, s));
-        let moved = places.map(|s| {
-            let blur = polynomial(&self.blur, s);
-            (blur + polynomial(&of_blur, s))
-                .clamp(blur / MAX_BLUR_RATIO, blur * MAX_BLUR_RATIO)
+        let old = PLACES.map(|s| polynomial(&self.blur, s));
+        let new = [0, 1, 2].map(|i| {
+            (old[i] + polynomial(&of_blur, PLACES[i]))
+                .clamp(old[i] / MAX_BLUR_RATIO, old[i] * MAX_BLUR_RATIO)
                 .clamp(BLUR_RANGE[0], BLUR_RANGE[1])
         });
-        self.blur = polynomial_through(moved);
-        let by_blur = blurs.iter().zip(moved).map(|(old, new)| (new - old).abs());
+        self.blur = polynomial_through(new);
+        let by_blur = old.iter().zip(new).map(|(old, new)| (new - old).abs());
         by_blur.fold(scale * shift, f64::max)
     }
 

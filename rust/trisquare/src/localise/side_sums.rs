@@ -9,6 +9,8 @@ use crate::numeric::add_rank_one;
 pub(super) const LIGHT: usize = 3;
 /// Length of a bin along a side, pixels.
 pub(super) const BIN_LENGTH: f64 = 8.0;
+const POWERS: usize = 2 * COEFFICIENTS - 1;
+
 /// The powers of `s` up to which parameters of a side change along it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Degrees {
@@ -16,8 +18,6 @@ pub(super) struct Degrees {
     pub light: usize,
     pub blur: usize,
 }
-
-const POWERS: usize = 2 * COEFFICIENTS - 1;
 
 /// Degree in `s` of what multiplies a basic derivative: by height, base, contrast, blur, and any
 /// other.

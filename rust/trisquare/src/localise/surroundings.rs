@@ -67,7 +67,7 @@ pub(super) fn limits<'a>(
     let mut limits = Vec::with_capacity(2);
     for (end, bound) in ends.iter_mut().zip(span.bounds) {
         if let Some(Ok(neighbour)) = bound.and_then(|bound| previews.get(bound)) {
-            let Side { curve, .. } = &neighbour.side;
+            let curve = &neighbour.side.curve;
             let distance = curve.signed_distance(middle);
             let clearance = BOUND_CLEARANCE * neighbour.side.mean_blur();
             // A neighbour that runs along this span, or is it, bounds nothing.

@@ -13,7 +13,7 @@ use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::Profile;
-use super::side::{Side, polynomial, polynomial_through};
+use super::side::{PLACES, Side, polynomial, polynomial_through};
 use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
@@ -188,7 +188,7 @@ impl ToneShare {
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = Profile::default();
         let blur = side.mean_blur();
-        let kurtosis = box_kurtosis(&side.curve.along, side.mean_blur());
+        let kurtosis = box_kurtosis(&side.curve.along, blur);
         let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
         let rows = told.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
@@ -437,10 +437,9 @@ impl Side {
         self.spread = self.spread.map(|spread| spread + own[SPREAD]);
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side and in its middle, on both of its sides.
-        let places = [-1.0, 0.0, 1.0];
-        let base = places.map(|s| polynomial(&self.base, s));
+        let base = PLACES.map(|s| polynomial(&self.base, s));
         let lit =
-            places.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));
+            PLACES.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));
         let base = base.map(translated);
         self.base = polynomial_through(base);
         self.contrast = polynomial_through([0, 1, 2].map(|i| lit[i] - base[i]));

@@ -6,7 +6,9 @@ const ROUNDS: usize = 12;
 /// The most likely variance of normal values about zero, of which each is known with an error of its
 /// own variance; values are `(value, variance of its error)`. Zero where errors explain them.
 ///
-/// Fisher's scoring (H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545-554).
+/// Fisher's scoring (H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545-554). With it as what is
+/// known beforehand, values are drawn to zero, the uncertain ones most (B. Efron and C. Morris,
+/// J. Amer. Statist. Assoc. 68 (1973) 117-130).
 pub(crate) fn variance_about_zero(values: &[(f64, f64)]) -> f64 {
     // From below, a precise value that happens to be small would hide all others.
     let squares = values.iter().map(|(value, _)| value * value);

@@ -2,10 +2,9 @@
 //!
 //! Free differences cost a fifth of the accuracy under a curved tone; where there are none, they
 //! should be held, and where there are, no one blur stands for all. So they are normal about zero,
-//! with a variance that all of a picture's figures tell together (C. Stein's shrinkage; B. Efron and
-//! C. Morris, J. Amer. Statist. Assoc. 68 (1973) 117-130).
+//! with a variance that all of a picture's figures tell together.
 
-use super::exposure::{Exposure, LIGHT_PARAMETERS};
+use super::exposure::{DIFFERENCES, Exposure, SIDES};
 use crate::numeric::{Block, variance_about_zero};
 
 /// Parts of the blur (standard deviation) by which it may differ before a picture has told more.
@@ -13,10 +12,7 @@ const WIDEST: f64 = 0.5;
 /// Differences of this size move no edge by as much as its best samples' noise.
 const LEAST: f64 = 1e-3;
 
-/// Where a figure's differences begin among its exposure's parameters.
-pub(super) const DIFFERENCES: usize = LIGHT_PARAMETERS + 1;
-/// The first of the differences that are not the sides' own: of each kind there is one variance.
-const VARIATION: usize = 4;
+/// Of the sides' own differences there is one variance, and one of those over the figure.
 const KINDS: usize = 2;
 
 /// What figures tell of their differences, by kind: the value, and the variance of its error.
@@ -39,7 +35,7 @@ impl Told {
 }
 
 fn kind(difference: usize) -> usize {
-    usize::from(difference >= VARIATION)
+    usize::from(difference >= SIDES)
 }
 
 /// Adds what is known beforehand of differences to a block, among the parameters of which the

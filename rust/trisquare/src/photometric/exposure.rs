@@ -6,11 +6,14 @@ use super::band_pixels::PixelFigure;
 use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
 /// Parameters of an exposure: the light's, the blur, and its [differences](BlurDifferences).
-pub(crate) const EXPOSURE_PARAMETERS: usize = LIGHT_PARAMETERS + 1 + BLUR_DIFFERENCES;
+pub(crate) const EXPOSURE_PARAMETERS: usize = DIFFERENCES + BLUR_DIFFERENCES;
+/// The first of the blur's differences among them.
+pub(super) const DIFFERENCES: usize = LIGHT_PARAMETERS + 1;
 /// Ground, contrast, and the light's [`Variation`].
 pub(super) const LIGHT_PARAMETERS: usize = 2 + VARIATION_PARAMETERS;
 /// The sides' own, and the blur's variation.
-pub(super) const BLUR_DIFFERENCES: usize = 4 + VARIATION_PARAMETERS;
+pub(super) const BLUR_DIFFERENCES: usize = SIDES + VARIATION_PARAMETERS;
+pub(super) const SIDES: usize = 4;
 pub(super) const VARIATION_PARAMETERS: usize = 3;
 
 /// The square of the distance from the middle along an outline, in the mean: 1/3 where it fills its
@@ -108,7 +111,7 @@ impl BlurDifferences {
     fn moved(&self, step: &[f64]) -> Self {
         Self {
             sides: std::array::from_fn(|i| self.sides[i] + step[i]),
-            variation: self.variation.moved(&step[4..]),
+            variation: self.variation.moved(&step[SIDES..]),
         }
     }
 
@@ -168,7 +171,7 @@ impl Exposure {
         let mut jacobian = [[0.0; 1 + VARIATION_PARAMETERS]; 1 + BLUR_DIFFERENCES];
         jacobian[0] = [1.0 + sides[side], x, y, variation.curvature];
         jacobian[1 + side][0] = self.blur;
-        for (k, row) in jacobian[5..].iter_mut().enumerate() {
+        for (k, row) in jacobian[1 + SIDES..].iter_mut().enumerate() {
             row[1 + k] = self.blur;
         }
         jacobian
@@ -186,7 +189,7 @@ impl Exposure {
             contrast: self.contrast + step[1],
             light: self.light.moved(&step[2..]),
             blur: self.blur + step[LIGHT_PARAMETERS],
-            differences: self.differences.moved(&step[LIGHT_PARAMETERS + 1..]),
+            differences: self.differences.moved(&step[DIFFERENCES..]),
         }
     }
 

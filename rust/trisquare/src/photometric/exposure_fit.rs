@@ -6,13 +6,12 @@ use super::band_pixels::PixelFigure;
 use super::blur_prior;
 use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::all_distances;
-use super::figure_sums::{ExposureRow, ExposureSums, add_exposure};
 use super::scene::{Scene, Shade};
 use crate::image::PictureState;
 use crate::lens::Lens;
 use crate::numeric::{
     ArrowStep, ArrowSystem, Block, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
-    minimise,
+    minimise, symmetric,
 };
 use crate::observations::View;
 
@@ -28,6 +27,9 @@ const LIMITS: Limits = Limits {
 
 /// Noise (coded, 1 being white) below which pixels agree to rounding.
 const MIN_NOISE: f64 = 1e-6;
+
+/// `(exposure, residual)`: what a pixel depends on here.
+const ROW: usize = EXPOSURE_PARAMETERS + 1;
 
 /// The pixels of a figure in a fit with camera and planes held.
 struct HeldGeometry<'a, L> {
@@ -73,16 +75,16 @@ pub(super) fn fit_exposure<L: Lens>(
 }
 
 impl<L: Lens> HeldGeometry<'_, L> {
-    /// Shows the model at every pixel to `visit`, with its row of the Jacobian.
+    /// Shows the model at every pixel to `visit`.
     fn for_each(
         &self,
         exposure: &Exposure,
-        mut visit: impl FnMut(&Shade, ExposureRow),
+        mut visit: impl FnMut(&Scene<'_, L>, &Shade),
     ) -> Option<()> {
         let scene = Scene::new(self.figure, self.picture, self.view, exposure)?;
         for (pixel, distances) in self.figure.pixels.iter().zip(&self.distances) {
             let shade = scene.shade(pixel, Some(distances));
-            visit(&shade, scene.exposure_row(&shade));
+            visit(&scene, &shade);
         }
         Some(())
     }
@@ -90,7 +92,7 @@ impl<L: Lens> HeldGeometry<'_, L> {
     /// Robust noise of the pixels that an edge cuts.
     fn noise(&self, exposure: &Exposure) -> Option<f64> {
         let mut residuals = Vec::new();
-        self.for_each(exposure, |shade, _| {
+        self.for_each(exposure, |_, shade| {
             if shade.coverage.cut_count > 0 {
                 residuals.push(shade.residual);
             }
@@ -107,14 +109,21 @@ impl<L: Lens> Problem for HeldGeometry<'_, L> {
             return None;
         }
         let to_noise = 1.0 / self.scale;
-        let (mut cost, mut sums) = (0.0, ExposureSums::default());
-        self.for_each(exposure, |shade, row| {
+        let (mut cost, mut sums) = (0.0, [[0.0; ROW]; ROW]);
+        self.for_each(exposure, |scene, shade| {
+            let mut row = [shade.residual; ROW];
+            row[..EXPOSURE_PARAMETERS].copy_from_slice(&scene.wrt_exposure(shade));
             let (part, weight) = self.loss.cost_and_weight(shade.residual * to_noise);
             cost += part;
             add_rank_one(&mut sums, &row, weight * to_noise * to_noise);
         })?;
         let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
-        add_exposure(&mut block, &sums);
+        for i in 0..EXPOSURE_PARAMETERS {
+            for j in 0..EXPOSURE_PARAMETERS {
+                block.hessian[(i, j)] = symmetric(&sums, i, j);
+            }
+            block.gradient[i] = symmetric(&sums, i, EXPOSURE_PARAMETERS);
+        }
         cost += blur_prior::add_wide(exposure, &mut block, 0);
         Some((cost, ArrowSystem::of(0, std::iter::once(block))))
     }

@@ -83,12 +83,6 @@ impl CutSums {
     }
 }
 
-/// `(exposure, residual)`: what a pixel depends on while camera and planes are held.
-pub(super) type ExposureRow = [f64; EXPOSURE_PARAMETERS + 1];
-
-/// Sums of outer products of [`ExposureRow`]s.
-pub(super) type ExposureSums = [ExposureRow; EXPOSURE_PARAMETERS + 1];
-
 /// `(light, picture, residual)`: what a pixel on a plateau depends on.
 type PlateauRow = [f64; PLATEAU_ROW];
 type PlateauSums = [PlateauRow; PLATEAU_ROW];
@@ -389,15 +383,5 @@ fn add_plateau(
             block.shared[(row, picture + j)] += symmetric(sums, own, LIGHT_PARAMETERS + j);
         }
         block.shared_gradient[row] += symmetric(sums, own, residual);
-    }
-}
-
-/// Adds sums over the exposure alone.
-pub(super) fn add_exposure(block: &mut Block, sums: &ExposureSums) {
-    for i in 0..EXPOSURE_PARAMETERS {
-        for j in 0..EXPOSURE_PARAMETERS {
-            block.hessian[(i, j)] += symmetric(sums, i, j);
-        }
-        block.gradient[i] += symmetric(sums, i, EXPOSURE_PARAMETERS);
     }
 }

@@ -1,7 +1,7 @@
 //! The steps to the joint optimum of camera, planes and exposures.
 
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use super::told_blurs::add_told;
+use super::told_blurs::told_step;
 use crate::lens::Lens;
 use crate::numeric::ArrowStep;
 
@@ -42,7 +42,7 @@ pub(super) fn optimum<L: Lens>(
     fit: &PixelFit<'_>,
     near: PixelState<L>,
 ) -> Option<(PixelState<L>, PixelSystem)> {
-    let (state, mut found, step) = converge(fit, near)?;
-    add_told(fit, &state, &step, &mut found)?;
-    Some((fit.advance(&state, &fit.step(&found.system)?), found))
+    let (state, mut found, free) = converge(fit, near)?;
+    let step = told_step(fit, &state, &free, &mut found)?;
+    Some((fit.advance(&state, &step), found))
 }

@@ -3,8 +3,8 @@
 //! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
 //! that changes over the figure, and `C` the part of the blurred square that covers it: the normal
 //! distribution function of its distances to the near sides over the blur `w`, which changes as well,
-//! bivariate at a corner. The distances follow from the joint camera and pose, so that corners count as well.
-//! A pixel carries its own independent noise: nothing is lost between patches.
+//! bivariate at a corner. The distances follow from the joint camera and pose, so that corners count
+//! as well. A pixel carries its own independent noise: nothing is lost between patches.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -163,6 +163,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         self.widest_blur
     }
 
+    /// What the figure is lit and blurred by.
     pub fn exposure(&self) -> &Exposure {
         self.exposure
     }
@@ -244,13 +245,6 @@ impl<'a, L: Lens> Scene<'a, L> {
             all[TONE_PARAMETERS] = self.shift_direction() * by_distance;
         }
         all
-    }
-
-    /// Derivatives by the exposure's parameters, then the residual.
-    pub fn exposure_row(&self, shade: &Shade) -> [f64; EXPOSURE_PARAMETERS + 1] {
-        let mut row = [shade.residual; EXPOSURE_PARAMETERS + 1];
-        row[..EXPOSURE_PARAMETERS].copy_from_slice(&self.wrt_exposure(shade));
-        row
     }
 
     /// Derivatives by the light's parameters.

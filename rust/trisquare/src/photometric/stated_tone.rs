@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::fit::{PixelFit, PixelState};
 use super::optimum::optimum;
-use super::told_blurs::add_told;
+use super::told_blurs::told_step;
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
 use crate::result::Warning;
@@ -36,8 +36,7 @@ pub(super) fn contradicted_tone<L: Lens>(
     };
     let mut found = fit.evaluate(&state)?;
     let free = fit.step(&found.system)?;
-    add_told(&fit, &state, &free, &mut found)?;
-    let step = fit.step(&found.system)?;
+    let step = told_step(&fit, &state, &free, &mut found)?;
     let factor = found.spread.covariance_factor(fit.free.len() as f64);
     let near = fit.advance(&state, &step);
     let fits = fit.tone_fits(&near, &found.system, factor)?;

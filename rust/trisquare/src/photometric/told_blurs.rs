@@ -1,20 +1,20 @@
 //! What the pixels tell of how much blurs differ.
 
-use super::blur_prior::{self, DIFFERENCES, Told};
-use super::exposure::{BLUR_DIFFERENCES, EXPOSURE_PARAMETERS};
+use super::blur_prior::{self, Told};
+use super::exposure::{BLUR_DIFFERENCES, DIFFERENCES, EXPOSURE_PARAMETERS};
 use super::fit::{PixelFit, PixelState, PixelSystem};
 use crate::lens::Lens;
 use crate::numeric::ArrowStep;
 use crate::observations::POSE_PARAMETERS;
 
-/// Adds what each picture tells of its figures' differences, which are those of a state after a
-/// step; `None` where a figure leaves its exposure open.
-pub(super) fn add_told<L: Lens>(
+/// The step from a state once its equations know what each picture tells of its figures' differences,
+/// which are those after the `free` step without; `None` where a figure leaves its exposure open.
+pub(super) fn told_step<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
-    step: &ArrowStep,
+    free: &ArrowStep,
     PixelSystem { system, spread, .. }: &mut PixelSystem,
-) -> Option<()> {
+) -> Option<ArrowStep> {
     let covariance_factor = spread.covariance_factor(fit.free.len() as f64);
     let mut told: Vec<Told> = state.pictures.iter().map(|_| Told::default()).collect();
     for (index, figure) in fit.figures.iter().enumerate() {
@@ -28,7 +28,7 @@ pub(super) fn add_told<L: Lens>(
         let first = own.len() - BLUR_DIFFERENCES;
         let differences = state.exposures[index].differences.all();
         for (k, difference) in differences.into_iter().enumerate() {
-            let value = difference + step.blocks[figure.plane][offset + DIFFERENCES + k];
+            let value = difference + free.blocks[figure.plane][offset + DIFFERENCES + k];
             told[figure.image].add(k, value, covariance[(first + k, first + k)]);
         }
     }
@@ -39,5 +39,5 @@ pub(super) fn add_told<L: Lens>(
         let exposure = &state.exposures[index];
         blur_prior::add(exposure, precisions[figure.image], block, offset);
     }
-    Some(())
+    fit.step(system)
 }
