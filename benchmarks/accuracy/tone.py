@@ -11,6 +11,7 @@ from harness.truth import NAMES, by_name, errors
 import trisquare as ts
 from trisquare import simulate
 from trisquare.simulate.render import ToneCurve
+from trisquare_scenes.picture_faults import made_smaller
 
 TONES: tuple[ToneCurve, ...] = (1.0, 1.4, 1.8, 2.2, 2.6, "srgb")
 SCENES = 40
@@ -30,6 +31,11 @@ UNTOLD: dict[str, dict[str, Any]] = {
     "8-bit sRGB, JPEG 85": {"tone": "srgb", "jpeg_quality": 85},
 }
 UNTOLD_TARGETS = 1.15, 0.015  # error / std; % of fx
+
+RESIZED_SEED = 1206
+RESIZED_SCENES = 20  # of each size
+RESIZED_FACTORS = 0.75, 0.5
+RESIZED_TARGET = 1.3  # error / std
 
 PHONE_SEED = 1205
 PHONE_SCENES = 20
@@ -55,7 +61,7 @@ def measure() -> list[Row]:
         ratios.append(float(np.sqrt(np.mean(ratio**2))))
         error_ratios.append(error_ratio)
         covered.append(inside)
-    untold = [*_untold_rows(), _phone_row()]
+    untold = [*_untold_rows(), *_resized_rows(), _phone_row()]
     worst = max(biases, key=abs)
     name = f'tone="auto" on pictures of {len(TONES)} tone curves, {SCENES} each'
     return [
@@ -104,6 +110,38 @@ def _untold_rows() -> list[Row]:
                 f"{ratio:.2f}; {percent:.4f} %",
                 f"<= {most_ratio}; <= {most_percent} %",
                 ratio <= most_ratio and percent <= most_percent,
+            )
+        )
+    return rows
+
+
+def _resized_rows() -> list[Row]:
+    """Calibrate sRGB pictures that were made smaller after they were coded."""
+    rows = []
+    for factor in RESIZED_FACTORS:
+        ratios = []
+        for seed in range(RESIZED_SCENES):
+            rng = np.random.default_rng([RESIZED_SEED, seed])
+            size = (1280, 960)
+            drawn = simulate.random_scene(
+                rng,
+                kind="square" if seed % 2 else "frame",
+                image_size=(round(size[0] / factor), round(size[1] / factor)),
+            )
+            noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
+            whole = simulate.render(drawn, rng, noise=noise, blur=blur, tone="srgb")
+            scene, picture = made_smaller(drawn, whole, size)
+            found = ts.calibrate(picture)
+            ratios.append(errors(found, scene.camera) / by_name(found.std))
+        each = np.sqrt(np.mean(np.square(ratios), axis=0))
+        shown = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(NAMES, each, strict=True))
+        rows.append(
+            Row(
+                f"no options, 8-bit sRGB made {factor:g} times as large, {RESIZED_SCENES} scenes: "
+                "error / std rms, worst parameter",
+                f"{each.max():.2f} ({shown})",
+                f"<= {RESIZED_TARGET}",
+                bool(each.max() <= RESIZED_TARGET),
             )
         )
     return rows

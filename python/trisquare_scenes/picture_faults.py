@@ -137,6 +137,23 @@ def thresholded(level: int | None) -> OnCoded:
     return act
 
 
+def made_smaller(scene: Scene, picture: Image, size: tuple[int, int]) -> tuple[Scene, Image]:
+    """Average a coded picture's pixels to a smaller size; return the scene of that picture."""
+    camera = scene.camera
+    wide, high = (new / old for new, old in zip(size, camera.image_size, strict=True))
+    smaller = replace(
+        camera,
+        fx=wide * camera.fx,
+        fy=high * camera.fy,
+        cx=wide * (camera.cx + 0.5) - 0.5,
+        cy=high * (camera.cy + 0.5) - 0.5,
+        skew=wide * camera.skew,
+        image_size=size,
+    )
+    averaged = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return replace(scene, camera=smaller), np.asarray(averaged, dtype=picture.dtype)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ReliefTarget(Target):
     """A square or a frame on paper that is not flat.

@@ -18,6 +18,7 @@ from trisquare_scenes.picture_faults import (
     PictureFault,
     bloomed,
     exposed,
+    made_smaller,
     moved,
     photograph,
     thresholded,
@@ -108,6 +109,14 @@ def test_a_blur_after_the_coding_hides_a_shift_that_is_reckoned_with(seed, blur)
     scene = squares(seed)
     picture = simulate.render(scene, np.random.default_rng(seed), noise=2.0, blur=0.8, tone="srgb")
     assert_within(ts.calibrate(cv2.GaussianBlur(picture, (0, 0), blur)), scene, 4)
+
+
+@pytest.mark.parametrize("seed", first_quick([42, 41, 44]))
+def test_a_picture_made_smaller_after_the_coding_is_within_its_deviations(seed):
+    drawn = simulate.random_scene(np.random.default_rng(seed), image_size=(2560, 1920))
+    whole = photo(UNDAMAGED, seed, drawn)
+    scene, picture = made_smaller(drawn, whole, (1280, 960))
+    assert_within(ts.calibrate(picture), scene, 4)
 
 
 @pytest.mark.parametrize("seed", first_quick([107, 104]))

@@ -93,6 +93,12 @@ impl PictureState {
         self.given.shift_std().is_some()
     }
 
+    /// By how much the edges may lie off beside an estimated curve (standard deviation, px), where
+    /// they may.
+    pub fn widest_shift(&self) -> Option<f64> {
+        self.given.shift_std().filter(|_| self.has_free_curve())
+    }
+
     /// The estimated curve.
     pub fn power(&self) -> Option<PowerCurve> {
         match self.curve.tone() {

@@ -76,8 +76,11 @@ const LINEAR_GAMMA: f64 = 1.3;
 /// levels 40 and 215 to the dark, in blurs.
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
-/// No photograph is coded sharper than with this blur (px): the pixel's box, and some of a lens.
-const LEAST_BLUR: f64 = 0.4;
+/// A gamma is held for smaller than the usual one by what it is beyond so many of its deviations.
+const GAMMA_DEVIATIONS: f64 = 2.0;
+/// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens, both
+/// half as wide where the picture was halved since.
+const LEAST_BLUR: f64 = 0.3;
 
 /// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
 /// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
@@ -329,26 +332,23 @@ pub(super) fn pool<'a>(
     (step, estimate)
 }
 
-/// By how much more all edges may lie towards the dark than a curve of nearly linear light tells,
-/// because the picture was blurred after it was coded.
+/// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
+/// because the picture was blurred or made smaller after it was coded.
 ///
 /// A usual curve moves an edge of blur `b0` by `c b0` and makes it asymmetric by its third moment,
 /// which goes with `b0^3`. A later blur leaves both, but fitted at the whole blur `b` the moment is
 /// that of a part `(b0 / b)^3` of the usual excess of gamma, which at `b` moves the edge by
-/// `c b (b0 / b)^3` only.
+/// `c b (b0 / b)^3` only. A picture's gamma alone does not tell whether its curve is another or was
+/// blurred.
 fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
-    let excess = curve.effective_gamma() - 1.0;
-    let coded_blur = |deviations: f64| {
-        let part = (excess + deviations * gamma_std) / USUAL_EXCESS;
-        part.clamp(0.0, 1.0).cbrt()
-    };
+    // No more than the estimate leaves open is held for a later blur.
+    let excess = curve.effective_gamma() - 1.0 + GAMMA_DEVIATIONS * gamma_std;
+    let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
     // A fit that ran away has no effective gamma: its misfit tells how far edges may lie off.
-    let has_gamma = (excess + gamma_std).is_finite();
-    if !has_gamma || excess >= LINEAR_GAMMA - 1.0 || blur * coded_blur(2.0) < LEAST_BLUR {
+    if !excess.is_finite() || blur * coded_blur < LEAST_BLUR {
         return 0.0;
     }
-    let part = coded_blur(1.0);
-    USUAL_SHIFT * blur * (part - part.powi(3))
+    USUAL_SHIFT * blur * (coded_blur - coded_blur.powi(3))
 }
 
 /// Estimates the tone curve from the previews of all spans, whose predictions are by the curve to

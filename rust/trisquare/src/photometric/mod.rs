@@ -18,7 +18,7 @@ mod photographs;
 mod refine;
 mod scene;
 mod stated_tone;
-mod told_blurs;
+mod told_step;
 
 pub use kept::pixels_to_keep;
 pub use photographs::Photographs;

@@ -1,7 +1,7 @@
 //! The steps to the joint optimum of camera, planes and exposures.
 
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use super::told_blurs::told_step;
+use super::told_step::told_step;
 use crate::lens::Lens;
 use crate::numeric::ArrowStep;
 

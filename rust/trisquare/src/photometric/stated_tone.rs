@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::fit::{PixelFit, PixelState};
 use super::optimum::optimum;
-use super::told_blurs::told_step;
+use super::told_step::told_step;
 use crate::image::{PictureState, PictureTone};
 use crate::lens::Lens;
 use crate::result::Warning;
