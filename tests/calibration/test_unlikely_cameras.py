@@ -78,8 +78,15 @@ def test_a_square_that_stands_as_another_does_checks_nothing(degrees):
 
 def test_the_same_figure_once_more_checks_nothing():
     edges = edges_of(SCENE, noise=0.05)[:2]
-    found = ts.calibrate_edges([*edges, edges[0]], (WIDTH, HEIGHT))
+    again = edges_of(SCENE, noise=0.05, seed=1)[0]
+    found = ts.calibrate_edges([*edges, again], (WIDTH, HEIGHT))
     assert "targets_unchecked" in codes(found)
+
+
+def test_the_same_measurement_once_more_is_refused():
+    edges = edges_of(SCENE, noise=0.05)
+    with pytest.raises(ValueError, match="figure 3 has the samples of figure 1: give each"):
+        ts.calibrate_edges([*edges, edges[1]], (WIDTH, HEIGHT))
 
 
 @pytest.mark.parametrize("held", ["aspect", "principal_point"])

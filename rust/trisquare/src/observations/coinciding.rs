@@ -1,4 +1,7 @@
-//! Figures that are said to lie where another one of their plane does, and are seen beside it.
+//! Figures that are given twice, or said to lie where another one of their plane does and seen beside
+//! it.
+
+use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
@@ -8,6 +11,26 @@ use crate::geometry::Line;
 
 /// Part of half a line's length from which samples beside it are another's, the bends of both apart.
 const BESIDE: f64 = 0.01;
+
+/// # Errors
+/// [`Error::InvalidArgument`] if a figure is given twice: its noise would count as that of two
+/// measurements.
+pub(super) fn check_given_once(edges: &[PlaneEdges]) -> Result<(), Error> {
+    let mut known: HashMap<[u64; 2], usize> = HashMap::new();
+    for (index, own) in edges.iter().enumerate() {
+        let Some(first) = own.points.iter().flatten().next() else {
+            continue;
+        };
+        let bits = [first.x, first.y].map(f64::to_bits);
+        let earlier = *known.entry(bits).or_insert(index);
+        if earlier != index && edges[earlier].points == own.points {
+            return Err(Error::InvalidArgument(format!(
+                "figure {index} has the samples of figure {earlier}: give each measurement once"
+            )));
+        }
+    }
+    Ok(())
+}
 
 /// # Errors
 /// [`Error::InvalidArgument`] if a figure is fixed on the lines of an earlier one of its plane, but

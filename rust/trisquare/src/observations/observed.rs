@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
-use super::coinciding::check_place;
+use super::coinciding::{check_given_once, check_place};
 use super::curve::{Curve, Radius};
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
@@ -247,6 +247,7 @@ fn is_line(edges: &PlaneEdges) -> bool {
 /// Checks all figures and sorts them by plane, in the order in which planes first appear; lines of
 /// the scene are on none.
 pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
+    check_given_once(edges)?;
     let mut planes: Vec<ObservedPlane> = Vec::new();
     let mut known: HashMap<u64, usize> = HashMap::new();
     let figures_of_planes = edges.iter().enumerate().filter(|(_, own)| !is_line(own));

@@ -205,7 +205,7 @@ mod tests {
     fn related(asked: &[([usize; 2], Relation)]) -> Result<Vec<ObservedPlane>, Error> {
         let scene = Scene::random(1, SceneOptions::default());
         let mut edges = scene.edges(1, 0.1, 20.0);
-        edges.push(edges[0].clone());
+        edges.extend(scene.edges(2, 0.1, 20.0).into_iter().take(1));
         for (planes, relation) in asked {
             relate_planes(&mut edges, *planes, *relation)?;
         }

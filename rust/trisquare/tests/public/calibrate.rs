@@ -553,6 +553,13 @@ fn an_inner_outline_that_is_fixed_on_the_outer_one_is_named() {
         );
         assert!(message.contains("those of figure 0"), "{message}");
     }
-    // An outline may be given twice.
-    assert!(solve(&outlines(1.0, Freedom::Fixed)).is_ok());
+    // An outline may be measured twice, but not given twice.
+    assert!(solve(&outlines(0.999_999, Freedom::Fixed)).is_ok());
+    let Err(Error::InvalidArgument(message)) = solve(&outlines(1.0, Freedom::Fixed)) else {
+        panic!("its noise counts twice");
+    };
+    assert_eq!(
+        message,
+        "figure 1 has the samples of figure 0: give each measurement once"
+    );
 }
