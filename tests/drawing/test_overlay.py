@@ -86,6 +86,13 @@ def test_what_is_drawn_lies_at_the_squares():
             assert changed[y - 1 : y + 2, x - 1 : x + 2].any()
 
 
+@pytest.mark.parametrize("index", [-1, 1])
+def test_a_picture_that_a_result_has_not_is_refused(index):
+    result = calibrated(SQUARES, 0.05)
+    with pytest.raises(ValueError, match="index must be from 0 to 0"):
+        draw_overlay(np.zeros((960, 1280), np.uint8), result, index=index)
+
+
 @pytest.mark.parametrize("exaggeration", [50.0, 200.0])
 def test_the_exaggeration_lengthens_the_residuals(exaggeration):
     photo = simulate.render(SQUARES, np.random.default_rng(25))

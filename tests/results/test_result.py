@@ -90,10 +90,23 @@ def test_arrays_are_frozen_float64_copies():
         assert array.dtype == np.float64
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="read-only"):
         calibration().std["fx"] = 1
+    with pytest.raises(TypeError, match="read-only"):
+        calibration().std.update(fx=1)
+    with pytest.raises(AttributeError, match="cannot assign"):
+        CalibrationWarning("a text").severity = "low"
     with pytest.raises(AttributeError):
         calibration().rms = 1
+
+
+def test_deviations_are_kept_as_any_dictionary_is():
+    std = calibration().std
+    pickled = pickle.loads(pickle.dumps(std))
+    for again in (json.loads(json.dumps(std)), pickled, copy.deepcopy(std)):
+        assert again == std == dict(std)
+    with pytest.raises(TypeError, match="read-only"):
+        pickled["fx"] = 1
 
 
 @pytest.mark.parametrize("coefficients", [(0, 0, 0), (0.1, 0.02, 0), (-0.2, 0.05, 0.01)])

@@ -139,6 +139,8 @@ def test_draws_undistorts_and_reports(client, result):
     text = json.dumps(result["result"])
     calibration = ts.Calibration.from_json(text)
     assert picture_of(post(client, "overlay", PHOTO, result=text)).shape == (480, 640, 3)
+    beyond = post(client, "overlay", PHOTO, result=text, options={"index": 3})
+    assert "index must be from 0 to 0" in error_of(beyond, 400)["text"]
     straight = picture_of(post(client, "undistort", PHOTO, camera=text))
     np.testing.assert_array_equal(straight, ts.undistort(PIXELS, calibration.camera))
     shown = post(client, "undistort", PHOTO, camera=text, options={"shown": True})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
@@ -221,6 +220,21 @@ def _no_deletion(self: Any, name: str) -> None:
     raise FrozenInstanceError(f"cannot delete field {name!r}")
 
 
+class ReadOnlyDict(dict[str, float]):
+    """Numbers by name, which do not change; JSON and pickle take them as any dictionary."""
+
+    __slots__ = ()
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("these values are read-only: dict() of them is a copy that is not")
+
+    __setitem__ = __delitem__ = clear = pop = popitem = setdefault = update = _refuse
+    __ior__ = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (dict(self),)
+
+
 class RebuiltByConstructor(Frozen):
     """Makes a frozen dataclass pickle through its constructor.
 
@@ -231,6 +245,4 @@ class RebuiltByConstructor(Frozen):
 
     def __reduce__(self) -> tuple[Any, ...]:
         members: Any = self
-        values = [getattr(self, member.name) for member in fields(members)]
-        plain = (dict(value) if isinstance(value, MappingProxyType) else value for value in values)
-        return type(self), tuple(plain)
+        return type(self), tuple(getattr(self, member.name) for member in fields(members))

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
-from types import MappingProxyType
 
 import numpy as np
 
-from trisquare._support.arrays import RebuiltByConstructor
+from trisquare._support.arrays import ReadOnlyDict, RebuiltByConstructor
 from trisquare._support.number_text import plus_minus
 from trisquare.analysis.what_if import WhatIf, contradicted_aspect, gains
 from trisquare.results.calibration import Calibration
@@ -61,7 +60,7 @@ class ParameterDiagnosis(RebuiltByConstructor):
     remedy: str
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "correlation", MappingProxyType(dict(self.correlation)))
+        object.__setattr__(self, "correlation", ReadOnlyDict(self.correlation))
 
     def __repr__(self) -> str:
         return f"<std {self.std:.3g}: {self.limits}; {self.remedy}>"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from trisquare._support.arrays import (
     FloatArray,
+    ReadOnlyDict,
     RebuiltByConstructor,
     not_negative,
     real_array,
@@ -83,7 +83,7 @@ class Prediction(RebuiltByConstructor):
         parameters = strings(self.parameters, "parameters")
         size = len(parameters)
         std = {name: not_negative(value, f"std[{name!r}]") for name, value in self.std.items()}
-        object.__setattr__(self, "std", MappingProxyType(std))
+        object.__setattr__(self, "std", ReadOnlyDict(std))
         object.__setattr__(
             self, "covariance", real_array(self.covariance, "covariance", (size,) * 2)
         )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import trisquare._core as _core
-from trisquare._support.arrays import size_of_image
+from trisquare._support.arrays import ReadOnlyDict, size_of_image
 from trisquare._support.lengths import length_in
 from trisquare._support.records import of_core
 from trisquare._support.suggestions import advising
@@ -459,7 +458,7 @@ def _calibration(
     return of_core(
         Calibration,
         camera=camera,
-        std=MappingProxyType(found.std),
+        std=ReadOnlyDict(found.std),
         covariance=found.covariance,
         parameters=tuple(found.parameters),
         planes=tuple(

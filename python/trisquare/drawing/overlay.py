@@ -72,7 +72,16 @@ def draw_overlay(
     -------
     ndarray of uint8, shape (H, W, 3)
         BGR.
+
+    Raises
+    ------
+    ValueError
+        If the calibration has no such picture.
     """
+    shown = (plane.image + 1 for plane in calibration.planes)
+    count = max(len(calibration.pictures), *shown)
+    if not 0 <= index < count:
+        raise ValueError(f"index must be from 0 to {count - 1}, as there are pictures, not {index}")
     canvas = dimmed_grey(image)
     thickness = max(1, round(max(canvas.shape) / 1600))
     sides = list(measured_sides(calibration, index))

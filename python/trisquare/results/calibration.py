@@ -14,6 +14,7 @@ import trisquare._core as _core
 from trisquare._core import __version__
 from trisquare._support.arrays import (
     FloatArray,
+    ReadOnlyDict,
     instances,
     not_negative,
     real_array,
@@ -75,7 +76,7 @@ JSON_ORDER = (
 
 
 def _checked_deviations(value: Any, name: str) -> Mapping[str, float]:
-    return MappingProxyType(
+    return ReadOnlyDict(
         {
             string(parameter, f"{name}'s key"): not_negative(std, f"{name}[{parameter!r}]")
             for parameter, std in dict(value).items()

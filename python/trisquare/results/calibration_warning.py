@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal
+from dataclasses import FrozenInstanceError
+from typing import Any, Literal, NoReturn
 
 from trisquare._support.arrays import index_number, string
 from trisquare._support.json_members import JsonFields
@@ -56,10 +57,13 @@ class CalibrationWarning(str):
         if severity not in SEVERITIES:
             raise unknown("severity", str(severity), SEVERITIES)
         self = super().__new__(cls, string(text, "text"))
-        self.code = string(code, "code")
-        self.severity = SEVERITIES[SEVERITIES.index(severity)]
-        self.plane = None if plane is None else index_number(plane, "plane")
+        vars(self)["code"] = string(code, "code")
+        vars(self)["severity"] = SEVERITIES[SEVERITIES.index(severity)]
+        vars(self)["plane"] = None if plane is None else index_number(plane, "plane")
         return self
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise FrozenInstanceError(f"cannot assign to field {name!r}")
 
     def __getnewargs__(self) -> tuple[str, str, str, int | None]:  # type: ignore[override]
         return self.text, self.code, self.severity, self.plane
