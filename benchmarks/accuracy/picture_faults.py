@@ -21,6 +21,7 @@ from trisquare_scenes.picture_faults import (
     photograph,
     sharpened,
     thresholded,
+    winged,
     with_relief,
 )
 
@@ -67,6 +68,10 @@ def _sharpened(rng: Generator, index: int) -> PictureFault:
     return PictureFault(on_coded=[sharpened(rng.uniform(0.5, 1.5), rng.uniform(1.0, 2.0))])
 
 
+def _winged(rng: Generator, index: int) -> PictureFault:
+    return PictureFault(on_light=[winged(rng.uniform(0.05, 0.2), rng.uniform(1.5, 4.0))])
+
+
 def _interlaced(rng: Generator, index: int) -> PictureFault:
     # Lines out of step, or what moved between the fields.
     down = rng.uniform(-1.0, 1.0) if index % 2 else 0.0
@@ -99,6 +104,7 @@ CLASSES = {
     "thresholded": _named(_thresholded, "thresholded"),
     "chromatic aberration": _named(_chromatic, "chromatic_aberration"),
     "sharpened": _named(_sharpened, "sharpened", "no_tone_curve"),
+    "blur with wings": _named(_winged, "no_tone_curve"),
     "interlaced": _named(_interlaced, "interlaced"),
     "moved 2-6 px": _named(_moved, "motion_blurred"),
     "JPEG 30": _named(lambda rng, index: PictureFault(jpeg_quality=30), "no_tone_curve"),

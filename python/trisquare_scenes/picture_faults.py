@@ -111,6 +111,16 @@ def bloomed(share: float, spread: float) -> OnLight:
     return act
 
 
+def winged(share: float, spread: float) -> OnLight:
+    """Spread a share of all light by so many pixels (standard deviation), as many lenses do."""
+
+    def act(light: Array) -> Array:
+        around = cv2.GaussianBlur(light, (0, 0), spread).reshape(light.shape)
+        return np.asarray((1.0 - share) * light + share * around)
+
+    return act
+
+
 def moved(length: float, direction: float) -> OnLight:
     """Move the camera along a line while the shutter is open: pixels, degrees."""
     return Motion(length, direction).blurred

@@ -22,6 +22,7 @@ from trisquare_scenes.picture_faults import (
     moved,
     photograph,
     thresholded,
+    winged,
     with_relief,
 )
 
@@ -65,6 +66,14 @@ def test_blur_that_grows_towards_the_corners_is_no_fault(corner_blur):
     assert (result.stage, result.warnings) == ("pixels", ())
     assert_within(result, SCENE, 4)
     assert result.std["fx"] < 2.0 * even.std["fx"]
+
+
+@pytest.mark.parametrize("seed", first_quick([135, 136, 137]))
+def test_wings_of_a_blur_contradict_no_stated_tone(seed):
+    picture = photo(PictureFault(on_light=[winged(0.1, 2.0)]), seed)
+    result = ts.calibrate(picture, tone="srgb")
+    assert {warning.code for warning in result.warnings} <= {"pixels_not_used"}
+    assert_within(result, SCENE, 4)
 
 
 @pytest.mark.slow

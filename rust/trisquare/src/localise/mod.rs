@@ -46,6 +46,7 @@ use localiser::Localiser;
 pub use motion::MotionBlur;
 pub use parts::{ColourDisplacements, PartDisplacement};
 use preview::Preview;
+pub(crate) use profile::Profile;
 use sought::Sought;
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
 pub use tone_fit::ToneEstimate;

@@ -10,7 +10,7 @@ const MISFIT_DEVIATIONS: f64 = 2.0;
 
 /// The residuals about a side, by distance from the edge.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Profile {
+pub(crate) struct Profile {
     bins: [ProfileBin; PROFILE_BINS],
 }
 

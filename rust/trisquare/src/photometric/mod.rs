@@ -12,6 +12,7 @@ mod figure_sums;
 mod fit;
 mod hidden_stretches;
 mod kept;
+mod misfit;
 mod optimum;
 mod outline;
 mod photographs;

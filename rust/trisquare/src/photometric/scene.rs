@@ -208,6 +208,24 @@ impl<'a, L: Lens> Scene<'a, L> {
         }
     }
 
+    /// How far (in blurs) a pixel that one side cuts lies from it, positive where there is more light.
+    pub fn blurs_towards_light(&self, shade: &Shade) -> Option<f64> {
+        match shade.coverage.cut_count {
+            1 => Some(shade.z[shade.coverage.cuts[0].0] * self.exposure.contrast.signum()),
+            _ => None,
+        }
+    }
+
+    /// By how much the coded values of figure and ground differ.
+    pub fn coded_contrast(&self) -> f64 {
+        let [ground, within] = [false, true].map(|inside| {
+            self.curve
+                .encode_with_slope(self.plateau_reflection(inside))
+                .0
+        });
+        within - ground
+    }
+
     /// Derivative of the coded value by the distance to a side that cuts it with the given density.
     #[inline]
     pub fn gain(&self, shade: &Shade, (side, density): (usize, f64)) -> f64 {
