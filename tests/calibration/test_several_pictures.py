@@ -101,6 +101,19 @@ def test_a_picture_given_twice_counts_once(paths):
     assert len(ts.calibrate([PICTURES[0], noisy]).planes) == 6
 
 
+@pytest.mark.parametrize("change", ["JPEG", "brighter"])
+def test_a_picture_saved_again_counts_once(change):
+    picture = simulate.render(FIRST, np.random.default_rng(9), noise=4.0, tone="srgb")
+    if change == "JPEG":
+        again = cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])[1], 0)
+    else:
+        again = cv2.add(picture, 3)
+    result = ts.calibrate([picture, again])
+    (warning,) = (each for each in result.warnings if each.code == "repeated_picture")
+    assert warning.startswith("picture 1 shows the same as picture 0, with the same noise")
+    assert result.std["fx"] == pytest.approx(ts.calibrate(picture).std["fx"], rel=0.01)
+
+
 def test_pictures_of_different_sizes_are_named(tmp_path, paths):
     other = tmp_path / "small.png"
     cv2.imwrite(str(other), BLANK[:480, :640])

@@ -20,6 +20,7 @@ from trisquare.calibration.measured_photograph import (
     Sought,
     measured_photograph,
 )
+from trisquare.calibration.repeated_views import repeated_views
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import ImageError
 from trisquare.images.faults import PictureFaults
@@ -143,6 +144,16 @@ class Gathered:
         self.tones = list(compress(self.tones, kept))
         self.faults = list(compress(self.faults, kept))
 
+    def leave_out_repeated_views(self) -> None:
+        """Leave out what was measured in photographs that show the same, with the same noise."""
+        repeated = repeated_views(self.figures)
+        for index, twin in repeated.items():
+            shown = f"{self.names[index]} shows the same as {self.names[twin]}, with the same noise"
+            text = f"{shown}: it is counted once"
+            self.warnings.append(CalibrationWarning(text, "repeated_picture", "low"))
+        self.figures = [figure for figure in self.figures if figure.image not in repeated]
+        self.lines = [line for line in self.lines if line.image not in repeated]
+
     @property
     def images(self) -> list[int]:
         """The photographs that are used, by their indices."""
@@ -204,6 +215,7 @@ def gather(
             if progress is not None:
                 progress(done, len(photographs))
     gathered.leave_out_other_sizes()
+    gathered.leave_out_repeated_views()
     if sought.lines and not gathered.lines:
         text = "no long edges beside the targets: no lines of the scene are used"
         gathered.warnings.append(CalibrationWarning(text, "no_lines", "low"))

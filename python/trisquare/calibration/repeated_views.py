@@ -1,0 +1,72 @@
+"""Photographs that show the same as an earlier one, with the same noise: they were saved again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from trisquare._support.arrays import FloatArray
+from trisquare.edges import PlaneEdges
+
+SAME_NOISE = 0.3
+"""Correlation of the samples' noise from which it is the same. Of three photographs of boards that
+were saved again as JPEG, quality 95 to 40, it was 0.92 to 1; of rendered squares, quality 95 and
+90, 0.24 to 0.97; of rendered ones that differ in their noise up to 0.08."""
+
+LEAST_SAMPLES = 400
+"""Of fewer samples a correlation may be chance."""
+
+TREND = 3
+"""Degree of what the samples of a side follow, beyond which is their noise."""
+
+NEAR = 20.0
+"""Figures whose samples are farther apart in the mean are not compared, pixels."""
+
+
+def repeated_views(figures: Iterable[PlaneEdges]) -> dict[int, int]:
+    """Return for photographs that repeat a view, by index, the first one that shows it."""
+    views: dict[int, list[PlaneEdges]] = {}
+    for figure in figures:
+        views.setdefault(figure.image, []).append(figure)
+    first: list[int] = []
+    repeated: dict[int, int] = {}
+    for image, view in views.items():
+        twin = next((other for other in first if _are_same(views[other], view)), None)
+        if twin is None:
+            first.append(image)
+        else:
+            repeated[image] = twin
+    return repeated
+
+
+def _are_same(view: Sequence[PlaneEdges], other: Sequence[PlaneEdges]) -> bool:
+    shapes, others = ([len(figure.points) for figure in each] for each in (view, other))
+    if shapes != others:
+        return False
+    products = np.zeros(3)
+    for figure, twin in zip(view, other, strict=True):
+        middle, its = (np.vstack(each.points).mean(axis=0) for each in (figure, twin))
+        if np.abs(middle - its).max() > NEAR:
+            return False
+        for side, again in zip(figure.points, twin.points, strict=True):
+            products += _products_of_noise(side, again)
+    own, its, both = products
+    count = sum(len(side) for figure in view for side in figure.points)
+    return count >= LEAST_SAMPLES and bool(both > SAME_NOISE * np.sqrt(own * its))
+
+
+def _products_of_noise(side: FloatArray, other: FloatArray) -> FloatArray:
+    """Return sums over a side: of its noise squared, of another's, and of their products."""
+    along = int(np.argmax(np.ptp(side, axis=0)))
+    order = np.argsort(other[:, along])
+    places = side[:, along]
+    again = np.interp(places, other[order, along], other[order, 1 - along])
+    noise, its = (_noise(places, beside) for beside in (side[:, 1 - along], again))
+    return np.array([noise @ noise, its @ its, noise @ its])
+
+
+def _noise(places: FloatArray, beside: FloatArray) -> FloatArray:
+    degree = min(TREND, len(places) - 1)
+    trend = np.polynomial.Polynomial.fit(places, beside, degree)
+    return np.asarray(beside - trend(places))
