@@ -20,6 +20,8 @@ from trisquare_scenes.picture_faults import (
     moved,
     photograph,
     sharpened,
+    sloped,
+    styled,
     thresholded,
     winged,
     with_relief,
@@ -72,6 +74,11 @@ def _winged(rng: Generator, index: int) -> PictureFault:
     return PictureFault(on_light=[winged(rng.uniform(0.05, 0.2), rng.uniform(1.5, 4.0))])
 
 
+def _styled(rng: Generator, index: int) -> PictureFault:
+    light = sloped(rng.uniform(0.0, 0.5), rng.uniform(0.0, 360.0))
+    return PictureFault(on_light=[light], on_coded=[styled(rng.uniform(4.0, 7.0))])
+
+
 def _interlaced(rng: Generator, index: int) -> PictureFault:
     # Lines out of step, or what moved between the fields.
     down = rng.uniform(-1.0, 1.0) if index % 2 else 0.0
@@ -105,6 +112,7 @@ CLASSES = {
     "chromatic aberration": _named(_chromatic, "chromatic_aberration"),
     "sharpened": _named(_sharpened, "sharpened", "no_tone_curve"),
     "blur with wings": _named(_winged, "no_tone_curve"),
+    "S-shaped tone, uneven light": _named(_styled, "no_tone_curve"),
     "interlaced": _named(_interlaced, "interlaced"),
     "moved 2-6 px": _named(_moved, "motion_blurred"),
     "JPEG 30": _named(lambda rng, index: PictureFault(jpeg_quality=30), "no_tone_curve"),

@@ -94,6 +94,19 @@ def darkened(part: float) -> OnLight:
     return lambda light: light * (1.0 - part * _towards_corners(light))
 
 
+def sloped(part: float, direction: float) -> OnLight:
+    """Let light fall from one end of the picture to the other, by a part: degrees from x to y."""
+
+    def act(light: Array) -> Array:
+        height, width = light.shape[:2]
+        y, x = np.mgrid[:height, :width]
+        angle = np.deg2rad(direction)
+        along = np.cos(angle) * (x / width - 0.5) + np.sin(angle) * (y / height - 0.5)
+        return np.asarray(light * (1.0 - part * (0.5 + along))[..., None])
+
+    return act
+
+
 def exposed(factor: float) -> OnLight:
     """Expose so that the light sides would be coded as `factor` times `PAPER`."""
     gain = decode_tone(np.array([factor * PAPER, PAPER]) / WHITE, "srgb")
@@ -135,6 +148,14 @@ def sharpened(amount: float, radius: float) -> OnCoded:
         return np.clip(np.rint(values), 0, WHITE).astype(np.uint8)
 
     return act
+
+
+def styled(slope: float) -> OnCoded:
+    """Raise the contrast of middle levels by a logistic curve, as phones and editors do."""
+    levels = 1.0 / (1.0 + np.exp(-slope * (np.arange(WHITE + 1.0) / WHITE - 0.5)))
+    curve = WHITE * (levels - levels[0]) / (levels[-1] - levels[0])
+
+    return lambda picture: np.rint(curve[picture]).astype(np.uint8)
 
 
 def thresholded(level: int | None) -> OnCoded:

@@ -21,6 +21,8 @@ from trisquare_scenes.picture_faults import (
     made_smaller,
     moved,
     photograph,
+    sloped,
+    styled,
     thresholded,
     winged,
     with_relief,
@@ -74,6 +76,15 @@ def test_wings_of_a_blur_contradict_no_stated_tone(seed):
     result = ts.calibrate(picture, tone="srgb")
     assert {warning.code for warning in result.warnings} <= {"pixels_not_used"}
     assert_within(result, SCENE, 4)
+
+
+@pytest.mark.parametrize("seed", first_quick([145, 143, 148, 149]))
+def test_light_that_differs_under_a_tone_that_is_no_gamma_is_reckoned_with(seed):
+    scene = squares(seed)
+    fault = PictureFault(on_light=[sloped(0.4, 30.0 * seed)], on_coded=[styled(6.0)])
+    result = ts.calibrate(photo(fault, seed, scene))
+    assert "no_tone_curve" in {warning.code for warning in result.warnings}
+    assert_within(result, scene, 4)
 
 
 @pytest.mark.slow

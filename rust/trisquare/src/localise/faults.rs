@@ -47,6 +47,8 @@ pub struct PictureFaults {
     pub blur: f64,
     /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
     pub pattern: Option<f64>,
+    /// How much the light on the sides differs (standard deviation), as a part of its mean.
+    pub light_spread: f64,
     /// One standard deviation of what they leave unknown of each side's place, px.
     pub side_error: f64,
     /// The same of all sides together, towards the dark.
@@ -70,6 +72,7 @@ impl PictureFaults {
             motion,
             blur: median(found().map(|preview| preview.side.mean_blur()).collect()).unwrap_or(0.0),
             pattern: pattern(reader, found()),
+            light_spread: light_spread(found()),
             side_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
             clipped: clipped as f64 / found().count().max(1) as f64,
@@ -146,6 +149,32 @@ fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
     let white = reader.tone().decode(1.0);
     match is_clipped(preview) && dark < white {
         true => side.mean_blur() * (light - white).max(0.0) / (white - dark),
+        false => 0.0,
+    }
+}
+
+/// How much the light on the sides differs, as a part of its mean. Figures and grounds may be of any
+/// darkness, but light changes both alike: it is no more than the lesser of what either shows.
+fn light_spread<'a>(previews: impl Iterator<Item = &'a Preview>) -> f64 {
+    let (mut sums, mut squares, mut count) = ([0.0; 2], [0.0; 2], 0.0);
+    for preview in previews {
+        let [before, after] = preview.side.plateaus();
+        for (k, level) in [before.min(after), before.max(after)]
+            .into_iter()
+            .enumerate()
+        {
+            sums[k] += level;
+            squares[k] += level * level;
+        }
+        count += 1.0;
+    }
+    let spread = |k: usize| {
+        (count * squares[k] / (sums[k] * sums[k]) - 1.0)
+            .max(0.0)
+            .sqrt()
+    };
+    match count > 0.0 && sums[0] > 0.0 {
+        true => spread(0).min(spread(1)),
         false => 0.0,
     }
 }

@@ -118,6 +118,12 @@ const WIDE_BLUR: f64 = 2.5;
 /// blur; in blurs, as a standard deviation.
 const UNSURE_SHIFT: f64 = 0.25;
 
+/// Where no curve fits, edges are shifted by their light: where that differs from side to side by a
+/// part, so do the shifts, by so many times that part of the common one. Squares under light that
+/// falls by 30 % over the picture, coded by four curves of phones, had `cx` and `cy` off by 3 to 6 of
+/// the standard deviations without this, by 0.3 to 1.1 with it.
+const SHIFT_PER_LIGHT: f64 = 5.0;
+
 /// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
 ///
 /// The curve is estimated from the asymmetry of the edges' profiles, at first from some of the
@@ -130,6 +136,15 @@ const UNSURE_SHIFT: f64 = 0.25;
 /// deviation was then 0.9 to 1.4, 1.1 to 2.2 about the misled estimate.
 #[must_use]
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
+    let (edges, estimate, mut faults) = with_best_curve(picture, spans);
+    if let Some(shift) = estimate.shift_std {
+        let own = SHIFT_PER_LIGHT * shift * faults.light_spread;
+        faults.side_error = faults.side_error.hypot(own);
+    }
+    (edges, estimate, faults)
+}
+
+fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let mut localiser = Localiser::new(picture, Tone::Power(USUAL));
     let mut sought = Sought::of(localiser.reader(), spans);
     let mut previews = localiser.previews(&mut sought);
