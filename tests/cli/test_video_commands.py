@@ -144,6 +144,7 @@ def damaged(given, tmp_path_factory):
     whole, encoded = (given / "clip.mp4").read_bytes(), long.read_bytes()
     return {
         "cut.mp4": whole[: len(whole) // 2],
+        "text.mp4": b"no video",
         "cut.avi": encoded[: len(encoded) // 2],
         **({"empty.avi": empty.read_bytes()} if empty.exists() else {}),
     }
@@ -189,6 +190,8 @@ UNDISTORT = "--camera camera.json -o"
         ("calibrate cut.mp4 --frames 3", 5, "cut.mp4: not a readable video"),
         ("calibrate cut.avi --frames 3", 5, "cut.avi: truncated: 31 of 60 frames"),
         ("calibrate empty.avi --frames 3", 5, "empty.avi: "),
+        ("calibrate text.mp4 --frames 3", 5, "text.mp4: not a readable picture"),
+        (f"undistort text.mp4 {UNDISTORT} out.mp4", 5, "text.mp4: not a readable picture"),
         ("calibrate clip.mp4 --frames 3 --max-pixels 1000", 5, "more than the 1000"),
         ("calibrate clip.mp4 --frames 1", 3, "no"),
         ("measure clip.mp4 --camera camera.json 1,1 2,2", 5, "clip.mp4: a video"),

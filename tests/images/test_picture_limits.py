@@ -42,6 +42,13 @@ def test_the_header_says_the_size(suffix):
     assert stated_size(encoded(suffix)) == (64, 48)
 
 
+def test_the_largest_that_a_header_holds_is_refused_by_the_limits(capfd):
+    head = struct.pack(">4sIIBBBBB", b"IHDR", 2**31 - 1, 2**31 - 1, 8, 0, 0, 0, 0)
+    with pytest.raises(ts.ImageError, match="2147483647 x 2147483647 pixels, more than"):
+        ts.read_image(b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head + bytes(16))
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_header_that_is_cut_or_damaged_says_nothing_or_a_size(suffix):
     whole = encoded(suffix)

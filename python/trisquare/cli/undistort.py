@@ -25,6 +25,7 @@ from trisquare.cli.input_files import photographs_named, read_camera
 from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
 from trisquare.images.encoding import encode_turned
+from trisquare.images.frame_choice import check_named_video
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.images.video import Video, add_sound, check_video_name, is_video
@@ -106,6 +107,8 @@ def undistort_command(
     """
     photos = photographs_named(photos)
     videos = [is_video(photo) for photo in photos]
+    for photo in photos:
+        check_named_video(photo)
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     if into_folder:
         paths = [Path(output, photo.name) for photo in photos]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ import numpy.typing as npt
 from trisquare._support.arrays import whole_number
 from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import Image, ImageSource, VideoFrame, picture_size
+from trisquare.images.reading import read_photograph
+from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.images.video import Video, is_video
 
 JUDGED_SIDE = 960
@@ -89,10 +92,25 @@ def with_frames(
             found_video = True
             chosen += choose_frames(source, count, limits, progress)
         else:
+            check_named_video(source, limits)
             chosen.append(source)
     if not found_video:
         raise ValueError("frames are chosen from videos, but no video is given")
     return chosen
+
+
+def check_named_video(source: ImageSource, limits: PictureLimits | None = None) -> None:
+    """Refuse a file that is named as videos are, and is neither a video nor a picture.
+
+    Raises
+    ------
+    ImageError
+        If it can be read as neither.
+    """
+    if not isinstance(source, str | os.PathLike) or is_video(source):
+        return
+    if Path(source).suffix.lower() in VIDEO_SUFFIXES:
+        read_photograph(source, limits)
 
 
 def choose_frames(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import struct
 
-from trisquare._support.arrays import LARGEST_SIDE
 from trisquare.images.exif import ExifBlock
 from trisquare.images.integrity import JPEG_SIGNATURE, PNG_SIGNATURE, jpeg_segments
+
+LARGEST_STATED = 2**32 - 1
+"""What 32 bits hold; Netpbm has numbers of any length."""
 
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257
 
@@ -34,8 +36,7 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
         width, height = _of_usual(encoded) or _of_others(encoded)
     except Exception:  # whatever a damaged header leads to
         return None
-    # Netpbm has numbers of any length.
-    is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_SIDE
+    is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_STATED
     return (int(width), int(height)) if is_possible else None
 
 
