@@ -76,7 +76,7 @@ const LINEAR_GAMMA: f64 = 1.3;
 /// levels 40 and 215 to the dark, in blurs.
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
-/// A gamma is held for smaller than the usual one by what it is beyond so many of its deviations.
+/// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
 const GAMMA_DEVIATIONS: f64 = 2.0;
 /// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens, both
 /// half as wide where the picture was halved since.
