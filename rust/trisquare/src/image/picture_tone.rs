@@ -94,9 +94,13 @@ impl PictureState {
     }
 
     /// By how much the edges may lie off beside an estimated curve (standard deviation, px), where
-    /// they may.
-    pub fn widest_shift(&self) -> Option<f64> {
-        self.given.shift_std().filter(|_| self.has_free_curve())
+    /// they may and the curve is one that cameras write: they are likely not to.
+    pub fn unlikely_shift(&self) -> Option<f64> {
+        let is_usual = |_: &f64| match self.given.tone() {
+            Tone::Power(given) => self.has_free_curve() && !given.is_like_linear(),
+            _ => false,
+        };
+        self.given.shift_std().filter(is_usual)
     }
 
     /// The estimated curve.

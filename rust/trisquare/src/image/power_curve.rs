@@ -36,6 +36,10 @@ pub(crate) const SRGB: PowerCurve = PowerCurve {
     toe: 0.055 / 1.4,
 };
 
+/// An estimated gamma below this is that of linear light, or of a picture that was blurred or
+/// enlarged after it was coded.
+const LINEAR_GAMMA: f64 = 1.3;
+
 /// No camera writes gammas beyond these, though noise may ask for them.
 const GAMMAS: [f64; 2] = [0.5, 3.5];
 
@@ -115,6 +119,11 @@ impl PowerCurve {
     #[must_use]
     pub fn effective_gamma(&self) -> f64 {
         MID_GREY.ln() / self.encode_with_slope(MID_GREY).0.ln()
+    }
+
+    /// Whether the curve is nearer to linear light than any usual one.
+    pub(crate) fn is_like_linear(&self) -> bool {
+        self.effective_gamma() < LINEAR_GAMMA
     }
 
     /// Derivatives of the effective gamma's logarithm by the parameters.

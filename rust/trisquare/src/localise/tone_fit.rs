@@ -69,18 +69,16 @@ const MOST_SHIFT: f64 = 1.0;
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
-/// An estimated gamma below this is that of linear light, or of a picture that was blurred or
-/// enlarged after it was coded.
-const LINEAR_GAMMA: f64 = 1.3;
 /// What usual curves have above the gamma of linear light, and how far they move an edge between
 /// levels 40 and 215 to the dark, in blurs.
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
 /// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
 const GAMMA_DEVIATIONS: f64 = 2.0;
-/// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens, both
-/// half as wide where the picture was halved since.
-const LEAST_BLUR: f64 = 0.3;
+/// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens.
+const LEAST_BLUR: f64 = 0.4;
+/// But of one that was made smaller since, the box is smaller as well.
+const LEAST_BLUR_OF_SMALLER: f64 = 0.3;
 
 /// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
 /// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
@@ -149,7 +147,7 @@ impl ToneEstimate {
 
     /// Whether the sides tell a curve that is nearer to linear light than any usual one.
     pub(super) fn is_like_linear(&self) -> bool {
-        self.sides > 0 && self.curve.effective_gamma() < LINEAR_GAMMA
+        self.sides > 0 && self.curve.is_like_linear()
     }
 
     /// What is to be assumed of the picture from here on.
@@ -345,7 +343,11 @@ fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
     let excess = curve.effective_gamma() - 1.0 + GAMMA_DEVIATIONS * gamma_std;
     let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
     // A fit that ran away has no effective gamma: its misfit tells how far edges may lie off.
-    if !excess.is_finite() || blur * coded_blur < LEAST_BLUR {
+    let least = match curve.is_like_linear() {
+        true => LEAST_BLUR,
+        false => LEAST_BLUR_OF_SMALLER,
+    };
+    if !excess.is_finite() || blur * coded_blur < least {
         return 0.0;
     }
     USUAL_SHIFT * blur * (coded_blur - coded_blur.powi(3))

@@ -60,7 +60,8 @@ fn tell_blurs<L: Lens>(
 }
 
 /// A shift that a picture's own geometry does not show would widen every interval for nothing: a
-/// curve of gamma 1.8 looks like a usual one that was made smaller, and seldom is one.
+/// curve of gamma 1.8 looks like a usual one that was made smaller, and seldom is one. Nearly linear
+/// light mostly was blurred.
 fn tell_shifts<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
@@ -70,7 +71,7 @@ fn tell_shifts<L: Lens>(
 ) -> Option<()> {
     let pictures = state.pictures.iter().enumerate().take(fit.free_pictures);
     let unsure: Vec<_> = pictures
-        .filter_map(|(image, picture)| Some((image, picture.shift, picture.widest_shift()?)))
+        .filter_map(|(image, picture)| Some((image, picture.shift, picture.unlikely_shift()?)))
         .collect();
     if unsure.is_empty() {
         return Some(());
