@@ -133,17 +133,8 @@ def _resized_rows() -> list[Row]:
             scene, picture = made_smaller(drawn, whole, size)
             found = ts.calibrate(picture)
             ratios.append(errors(found, scene.camera) / by_name(found.std))
-        each = np.sqrt(np.mean(np.square(ratios), axis=0))
-        shown = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(NAMES, each, strict=True))
-        rows.append(
-            Row(
-                f"no options, 8-bit sRGB made {factor:g} times as large, {RESIZED_SCENES} scenes: "
-                "error / std rms, worst parameter",
-                f"{each.max():.2f} ({shown})",
-                f"<= {RESIZED_TARGET}",
-                bool(each.max() <= RESIZED_TARGET),
-            )
-        )
+        name = f"8-bit sRGB made {factor:g} times as large, {RESIZED_SCENES} scenes"
+        rows.append(_worst_parameter_row(name, ratios, RESIZED_TARGET))
     return rows
 
 
@@ -159,14 +150,20 @@ def _phone_row() -> Row:
         )
         found = ts.calibrate(picture)
         ratios.append(errors(found, scene.camera) / by_name(found.std))
+    qualities = f"JPEG {PHONE_QUALITIES[0]} to {PHONE_QUALITIES[1] - 1}"
+    name = f"colour corners of 3 megapixels, {qualities}, {PHONE_SCENES} scenes"
+    return _worst_parameter_row(name, ratios, PHONE_TARGET)
+
+
+def _worst_parameter_row(name: str, ratios: list[np.ndarray], target: float) -> Row:
+    """Return the row of pictures calibrated without options: their errors in stated std."""
     each = np.sqrt(np.mean(np.square(ratios), axis=0))
     shown = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(NAMES, each, strict=True))
     return Row(
-        f"no options, colour corners of 3 megapixels, JPEG {PHONE_QUALITIES[0]} to "
-        f"{PHONE_QUALITIES[1] - 1}, {PHONE_SCENES} scenes: error / std rms, worst parameter",
+        f"no options, {name}: error / std rms, worst parameter",
         f"{each.max():.2f} ({shown})",
-        f"<= {PHONE_TARGET}",
-        bool(each.max() <= PHONE_TARGET),
+        f"<= {target}",
+        bool(each.max() <= target),
     )
 
 

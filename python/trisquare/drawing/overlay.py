@@ -79,7 +79,7 @@ def draw_overlay(
         If the calibration has no such picture.
     """
     shown = (plane.image + 1 for plane in calibration.planes)
-    count = max(len(calibration.pictures), *shown)
+    count = max([len(calibration.pictures), *shown])
     if not 0 <= index < count:
         raise ValueError(f"index must be from 0 to {count - 1}, as there are pictures, not {index}")
     canvas = dimmed_grey(image)

@@ -107,9 +107,9 @@ def check_named_video(source: ImageSource, limits: PictureLimits | None = None) 
     ImageError
         If it can be read as neither.
     """
-    if not isinstance(source, str | os.PathLike) or is_video(source):
+    if not isinstance(source, str | os.PathLike):
         return
-    if Path(source).suffix.lower() in VIDEO_SUFFIXES:
+    if Path(source).suffix.lower() in VIDEO_SUFFIXES and not is_video(source):
         read_photograph(source, limits)
 
 
