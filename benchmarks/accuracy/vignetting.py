@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from harness.rows import Row
+from harness.spoilt_pictures import calibrated
 from harness.truth import PINHOLE, errors
 
-import trisquare as ts
-from trisquare import simulate
-from trisquare_scenes.picture_faults import PictureFault, darkened, photograph
+from trisquare_scenes.picture_faults import PictureFault, darkened
 
 SCENES = 40
 SEED = 77
@@ -24,12 +23,8 @@ def measure() -> list[Row]:
     rows = []
     for part in PARTS:
         deviations, focal = [], []
-        for number in range(SCENES):
-            rng = np.random.default_rng([SEED, number])
-            kind = "frame" if number % 2 else "square"
-            scene = simulate.random_scene(rng, kind=kind)
-            fault = PictureFault(on_light=[darkened(part)])
-            result = ts.calibrate(photograph(scene, rng, fault, noise=NOISE, blur=BLUR))
+        fault = PictureFault(on_light=[darkened(part)])
+        for scene, result in calibrated(fault, SCENES, SEED, noise=NOISE, blur=BLUR):
             off = errors(result, scene.camera)[: len(PINHOLE)]
             deviations.append(off / [result.std[name] for name in PINHOLE])
             focal.append(off[0] / scene.camera.fx)

@@ -1,0 +1,22 @@
+"""Calibrations of pictures that a lens spoils."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+import trisquare as ts
+from trisquare import simulate
+from trisquare.simulate.scene import Scene
+from trisquare_scenes.picture_faults import PictureFault, photograph
+
+
+def calibrated(
+    fault: PictureFault, count: int, seed: int, *, noise: float, blur: float
+) -> Iterator[tuple[Scene, ts.Calibration]]:
+    """Yield so many scenes of three squares or frames, and what their pictures tell."""
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene = simulate.random_scene(rng, kind="frame" if number % 2 else "square")
+        yield scene, ts.calibrate(photograph(scene, rng, fault, noise=noise, blur=blur))
