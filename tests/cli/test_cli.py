@@ -185,10 +185,12 @@ def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
 
 def test_what_a_message_advises_is_written_as_an_option(run, photo, monkeypatch):
     advice = CalibrationWarning('With fix="principal_point" fx is 1', "other")
-    done = Calibrated(true_calibration(warnings=(advice,)), ())
+    unused = Rejected("quad", 0, np.zeros((4, 2)), 'found by targets="rectangle:1"')
+    done = Calibrated(replace(true_calibration(warnings=(advice,)), rejected=(unused,)), ())
     monkeypatch.setattr(commands.calibrate, "calibrate_photographs", lambda *_, **__: done)
-    _, _, err = run("calibrate", photo)
+    _, out, err = run("calibrate", photo)
     assert err == "warning (medium): With --fix principal_point fx is 1 [other]\n"
+    assert "found by --targets rectangle:1\n" in out
     _, _, err = run("calibrate", photo, "--board", "chessboard:9x6")
     assert error_text(err) == (
         "a board without markers is not a layout: --targets chessboard:9x6\n"

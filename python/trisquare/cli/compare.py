@@ -55,6 +55,8 @@ def compare_command(
     p says how often two calibrations of one camera differ at least so much, if each has photographs
     of its own. Paper that is not flat makes p too small: see "How far to trust it" in
     docs/how-exact.md.
+
+    The exit code does not depend on how far apart they are; with --json, p_value is p.
     """
     for path in (first, second):
         if path.is_dir():

@@ -10,6 +10,7 @@ from rich.text import Text
 from trisquare._support.number_text import decimals_shown, with_its_std
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.cli.console import line_of, new_table
+from trisquare.cli.options import as_options
 from trisquare.report.content import (
     distance_unit,
     held_text,
@@ -107,7 +108,7 @@ def _unused(calibration: Calibration) -> list[Text]:
     """Lay out a line for each plane that the camera does not follow."""
     planes = enumerate(calibration.planes)
     return [
-        line_of(f"plane {number} is not used: {plane.rejection}")
+        line_of(as_options(f"plane {number} is not used: {plane.rejection}"))
         for number, plane in planes
         if not plane.is_used
     ]
@@ -146,7 +147,7 @@ def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
     if len(untold) > MOST_REJECTED:
         lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
-    return [line_of(line, "dim") for line in lines]
+    return [line_of(as_options(line), "dim") for line in lines]
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:

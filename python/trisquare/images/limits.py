@@ -61,14 +61,15 @@ class PictureLimits:
         if width * height > self.max_pixels:
             raise ImageError(
                 f"{name}: has {width} x {height} pixels, more than the {self.max_pixels} that "
-                "max_pixels allows"
+                "max_pixels allows (TRISQUARE_MAX_PIXELS)"
             )
 
     def check_bytes(self, name: str, size: int) -> None:
         """Raise ImageError if a file of this size is too large."""
         if size > self.max_bytes:
             raise ImageError(
-                f"{name}: has {size} bytes, more than the {self.max_bytes} that max_bytes allows"
+                f"{name}: has {size} bytes, more than the {self.max_bytes} that max_bytes allows "
+                "(TRISQUARE_MAX_BYTES)"
             )
 
     def check_frames(self, name: str, count: int) -> None:
