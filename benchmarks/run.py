@@ -42,6 +42,7 @@ BENCHMARKS = (
     "accuracy.tone",
     "accuracy.vignetting",
     "accuracy.varying_blur",
+    "accuracy.thin_frames",
     "accuracy.picture_faults",
     "accuracy.against_zhang",
     "accuracy.measured_lengths",

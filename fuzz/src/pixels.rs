@@ -212,6 +212,7 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
             false => [f64::INFINITY; 2],
         },
         is_beside_others: bytes.once_in(4),
+        far_edge: bytes.once_in(4).then(|| bytes.below(20)),
     }
 }
 

@@ -112,7 +112,7 @@ def test_larger_files_than_allowed_are_not_read(tmp_path):
     path = tmp_path / "photo.png"
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)  # which takes no room
-    with pytest.raises(ts.ImageError, match="more than the 2147483647 that max_bytes allows .TRISQUARE_MAX_BYTES"):
+    with pytest.raises(ts.ImageError, match="more than the 2147483647 that max_bytes allows"):
         read_image(path)
 
 

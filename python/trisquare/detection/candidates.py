@@ -59,7 +59,8 @@ class SquareOutline:
 
     Or a rectangle, whose side 0 is `aspect` times as long as its side 1, or None if that is
     unknown. The corners of a tag begin at the top left of its code. Other things may lie right
-    beside the sides of one that `is_beside_others`.
+    beside the sides of one that `is_beside_others`; of a thin frame, of which one outline is the
+    square, the other one lies `beside` it.
     """
 
     outer: Outline
@@ -67,6 +68,7 @@ class SquareOutline:
     tag: Tag | None = None
     aspect: float | None = 1.0
     is_beside_others: bool = False
+    beside: Outline | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,6 +40,8 @@ class SideSpan:
         Width of the tags' border over their side.
     is_beside_others : bool
         Whether other things lie beside the edge, so that the light there changes along it.
+    far_edge : int or None
+        The span at which the light changes back, if this is an edge of a thin bar.
     """
 
     path: FloatArray
@@ -51,6 +53,7 @@ class SideSpan:
     tags: Sequence[Sequence[Sequence[bool]]] = ()
     tag_border: float = 0.0
     is_beside_others: bool = False
+    far_edge: int | None = None
 
 
 class DetectedTarget(Protocol):

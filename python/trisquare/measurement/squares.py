@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,10 +41,13 @@ class Square:
         return self.outline.outer.corners
 
     def spans(self, first: int) -> list[SideSpan]:
-        """Four spans for each outline, in order."""
+        """Four spans for each outline, in order, and for the one beside it."""
         spans: list[SideSpan] = []
         for outline in self._outlines():
             spans += self._outline_spans(outline, first + len(spans))
+        if (beside := self.outline.beside) is not None:
+            spans += self._outline_spans(beside, first + len(spans))
+            spans = [replace(span, far_edge=first + (i + 4) % 8) for i, span in enumerate(spans)]
         return spans
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
@@ -72,7 +75,7 @@ class Square:
             lines=rectangle_lines(points, aspect),
             points=points,
             std=tuple(side.std for side in sides),
-            polarity=1 if outline.dark_inside else -1,
+            polarity=None if self.outline.beside else 1 if outline.dark_inside else -1,
             plane=plane,
             kind=self.kind,
             freedom=freedom,

@@ -136,6 +136,7 @@ pub struct SideSpan<'py> {
     tags: Vec<Vec<Vec<bool>>>,
     tag_border: f64,
     is_beside_others: bool,
+    far_edge: Option<usize>,
 }
 
 /// The samples of one side.
@@ -308,11 +309,12 @@ fn edge_spans(spans: Vec<SideSpan<'_>>) -> PyResult<Vec<EdgeSpan>> {
                 tag_border: span.tag_border,
                 margin: [span.margins.0, span.margins.1],
                 is_beside_others: span.is_beside_others,
+                far_edge: span.far_edge,
             })
         })
         .collect::<PyResult<_>>()?;
     let met = |span: &EdgeSpan| {
-        let bounds = span.bounds.into_iter().flatten();
+        let bounds = span.bounds.into_iter().flatten().chain(span.far_edge);
         let crossings = span.crossings.iter().filter_map(|crossing| crossing.0);
         bounds.chain(crossings).max()
     };

@@ -39,6 +39,9 @@ from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
 
+WIDEST_BAR = 30.0
+"""Pixels: what is blurred on either side of a wider bar of a frame does not meet."""
+
 
 def find_squares(
     image: NDArray[np.generic],
@@ -136,11 +139,15 @@ def _squares_of(
     for figure in find_framed_squares(smooth, quads, None if tag_search is None else read_tags):
         turns = figure.tag.turns if figure.tag else 0
         outer = Outline.of(sides[figure.outer], bool(quads.dark_inside[figure.outer]), turns)
-        inner = None
-        if figure.inner is not None:
-            places = alignment(quads.corners[figure.inner], quads.corners[figure.outer])
-            inner = Outline.of(sides[figure.inner], not outer.dark_inside, places)
-        squares.append(SquareOutline(outer, inner, figure.tag))
+        other = figure.beside if figure.inner is None else figure.inner
+        outline = None
+        if other is not None:
+            places = alignment(quads.corners[other], quads.corners[figure.outer])
+            outline = Outline.of(sides[other], not outer.dark_inside, places)
+        inner, beside = (outline, None) if figure.beside is None else (None, outline)
+        if beside is not None and _width_between(outer, beside) > WIDEST_BAR:
+            beside = None
+        squares.append(SquareOutline(outer, inner, figure.tag, beside=beside))
     known, corners = _corners(squares), scale * coarse.corners
     unread = np.flatnonzero(coarse.dark_inside)
     unread = unread[~are_among(corners[unread], known)]
@@ -173,6 +180,12 @@ def _further_tags(
     sizes = sorted(_side(square.outer) for square in (*found, *further))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
     return [square for square in further if _side(square.outer) >= smallest]
+
+
+def _width_between(outer: Outline, inner: Outline) -> float:
+    """Width of the narrowest bar of a frame, pixels."""
+    middles = [np.array([side.mean(axis=0) for side in one.sides]) for one in (outer, inner)]
+    return float(np.linalg.norm(middles[0] - middles[1], axis=1).min())
 
 
 def _corners(squares: Sequence[SquareOutline]) -> FloatArray:

@@ -77,11 +77,15 @@ own on some other ground, not a frame: the sheet's rim is cut by hand and no par
 
 @dataclass(frozen=True, slots=True)
 class FramedSquare:
-    """Indices of a square's outlines among the quads; `inner` is a frame's inner outline."""
+    """Indices of a square's outlines among the quads; `inner` is a frame's inner outline.
+
+    Of a frame too thin for two, `beside` is the outline that is not used.
+    """
 
     outer: int
     inner: int | None
     tag: Tag | None = None
+    beside: int | None = None
 
 
 def find_framed_squares(
@@ -108,20 +112,29 @@ def find_framed_squares(
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     middles = quads.corners.mean(axis=1)
-    frames = [
-        FramedSquare(outer, inner)
-        for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
+    frames: list[FramedSquare] = []
+    beside: dict[int, int] = {}
+    for outer in np.flatnonzero(standing_alone).tolist():
         for inner in np.flatnonzero(
-            hole
-            & (quads.dark_inside != quads.dark_inside[outer])
+            (quads.dark_inside != quads.dark_inside[outer])
             & (areas < areas[outer])
             & in_box(quads.corners[outer], middles)
-        ).tolist()
-        if _concentric(quads, outer, inner)
-        and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
-    ]
+        ).tolist():
+            size = _concentric_size(quads, outer, inner)
+            if size is None or not _same_ground(
+                ground[outer], figure[inner], quads.contrasts[outer]
+            ):
+                continue
+            if size >= FRAME_SIZES[1]:
+                beside[inner], beside[outer] = outer, inner
+            elif size > FRAME_SIZES[0] and hole[inner] and not uniform[outer]:
+                frames.append(FramedSquare(outer, inner))
     inners = {frame.inner for frame in frames}
-    solids = [FramedSquare(i, None) for i in np.flatnonzero(solid).tolist() if i not in inners]
+    solids = [
+        FramedSquare(i, None, beside=beside.get(i))
+        for i in np.flatnonzero(solid).tolist()
+        if i not in inners
+    ]
     tags: list[FramedSquare] = []
     if read_tags is not None:
         candidates = np.flatnonzero(standing_alone & ~uniform & quads.dark_inside)
@@ -251,16 +264,15 @@ def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]
     return np.asarray(uneven.mean(axis=1) <= MAX_UNEVEN_SHARE + UNEVEN_PER_HIDDEN * hidden)
 
 
-def _concentric(quads: Quads, outer: int, inner: int) -> bool:
-    """Whether one quad is the other's concentric, parallel square in their common plane."""
+def _concentric_size(quads: Quads, outer: int, inner: int) -> float | None:
+    """Size of a quad over another's, if it is a concentric, parallel square in their plane."""
     corners = quads.corners[outer]
     mapped = seen_in_square(quads.corners[inner], corners)
     mapped = np.roll(mapped, alignment(mapped, SQUARE), axis=0)
     size = float((mapped * SQUARE).mean())
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).min()
     tolerance = 2.0 * (FRAME_TOLERANCE + FRAME_TOLERANCE_PIXELS / side)
-    in_place = bool(np.abs(mapped - size * SQUARE).max() < tolerance)
-    return in_place and FRAME_SIZES[0] < size < FRAME_SIZES[1]
+    return size if np.abs(mapped - size * SQUARE).max() < tolerance else None
 
 
 def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:

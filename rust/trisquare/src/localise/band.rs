@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::curve::Curve;
+use super::far_edge::FarEdge;
 use super::flip::Flip;
 use super::grid_crossings::GridCrossings;
 use crate::image::{Grey, GreyReader};
@@ -39,6 +40,7 @@ impl Pixel {
 }
 
 /// A neighbouring side's curve: pixels nearer than `clearance`, or beyond it, are not used.
+#[derive(Clone, Copy)]
 pub(super) struct SearchLimit<'a> {
     pub curve: &'a Curve,
     /// +1 if this side lies where the distance from the curve is positive, else -1.
@@ -69,6 +71,8 @@ pub(super) struct Band<'a> {
     pub hidden: &'a [[f64; 2]],
     /// Lines that cross this one and exchange light and dark.
     pub crossings: Option<&'a GridCrossings>,
+    /// Where the light changes back, of a thin bar.
+    pub far_edge: Option<FarEdge<'a>>,
     /// Take only every so many columns (or rows, of a steep side).
     pub stride: usize,
 }
@@ -167,9 +171,15 @@ impl Band<'_> {
         }
     }
 
-    /// What the lines that cross make of each pixel of a column; those of markers become unreadable.
+    /// What a far edge or the lines that cross make of each pixel of a column; those of markers become
+    /// unreadable.
     fn flips(&self, column: &Column, top: usize, greys: &mut [Grey], flips: &mut Vec<Flip>) {
         flips.clear();
+        if let Some(far_edge) = &self.far_edge {
+            let rows = top..top + greys.len();
+            flips.extend(rows.map(|row| far_edge.flip(column.place(row as f64))));
+            return;
+        }
         let Some(crossings) = self.crossings.map(|crossings| crossings.about(column.s)) else {
             flips.resize(greys.len(), Flip::NONE);
             return;

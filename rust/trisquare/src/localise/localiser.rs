@@ -7,6 +7,7 @@ use super::band::{Band, Pixel};
 use super::blur::BlurShape;
 use super::coarse::CoarseEdge;
 use super::equations::Normal;
+use super::far_edge::{FarEdge, refuse_thin_bars};
 use super::grid_crossings::GridCrossings;
 use super::measured::Measured;
 use super::prediction::Prediction;
@@ -32,6 +33,8 @@ const PREVIEW_STEPS: usize = 12;
 /// Rounds of a crossed line's spread, and of all else with it.
 const SPREAD_ROUNDS: usize = 3;
 const FINAL_STEPS: usize = 6;
+/// Rounds in which the two edges of a thin bar settle, each as the other was last seen.
+const BAR_ROUNDS: usize = 4;
 /// Contrast over noise below which a step of this length, pixels, or less cannot be told from
 /// texture. It is the whole side that shows a step: a longer one may have less, by the root of its
 /// length.
@@ -86,15 +89,28 @@ impl<'a> Localiser<'a> {
     /// Fits the edges of all spans to some of their pixels.
     pub fn previews(&mut self, sought: &mut Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
         let indices = 0..sought.spans.len();
-        let mut previews: Vec<_> = indices.map(|index| self.preview(sought, index)).collect();
-        for index in sought.settle_crossings(&self.reader, &previews) {
-            previews[index] = self.preview(sought, index);
+        let is_of_bar = |index: &usize| sought.spans[*index].far_edge.is_some();
+        let of_bars: Vec<usize> = indices.clone().filter(is_of_bar).collect();
+        let mut previews: Vec<_> = indices
+            .map(|index| self.preview(sought, index, &[]))
+            .collect();
+        let moved = sought.settle_crossings(&self.reader, &previews);
+        let rounds = std::iter::repeat_n(of_bars, BAR_ROUNDS).flatten();
+        for index in moved.into_iter().chain(rounds) {
+            previews[index] = self.preview(sought, index, &previews);
         }
+        refuse_thin_bars(&sought.spans, &mut previews);
         previews
     }
 
-    /// Fits a span's edge to some of its pixels, away from its ends.
-    fn preview(&mut self, sought: &Sought<'_>, index: usize) -> Result<Preview, NoEdge> {
+    /// Fits a span's edge to some of its pixels, away from its ends, with the far edge of a thin bar
+    /// where it is known best.
+    fn preview<'b>(
+        &mut self,
+        sought: &'b Sought<'_>,
+        index: usize,
+        known: &'b [Result<Preview, NoEdge>],
+    ) -> Result<Preview, NoEdge> {
         let spans = &sought.spans;
         let span = &spans[index];
         let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
@@ -111,19 +127,35 @@ impl<'a> Localiser<'a> {
             is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
         };
         let crossed = crossings(&side);
-        let band = |curve, near, reach, crossings| Band {
+        let far_curve = |other: usize| match (known.get(other), &sought.coarse[other]) {
+            (Some(Ok(preview)), _) => Ok(&preview.side.curve),
+            (None, Ok(coarse)) => Ok(&coarse.curve),
+            _ => Err(NoEdge::Cramped),
+        };
+        let beside = span.far_edge.map(far_curve).transpose()?;
+        let far_edge =
+            |side: &Side| beside.map(|curve| FarEdge::beside(side, curve, side.mean_blur()));
+        let band = |curve, near, reach, crossings, far_edge: Option<FarEdge<'b>>| Band {
             curve,
             near,
             reach,
             ends: [-end, end],
-            limits: Vec::new(),
+            limits: far_edge.iter().map(FarEdge::limit).collect(),
             hidden: &coarse.hidden,
             crossings,
+            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
             stride: 2 * (0.5 * length / PREVIEW_COLUMNS) as usize + 1,
         };
         let narrow = near(&side);
         let curve = side.curve.clone();
-        self.gather(&band(curve, narrow, within(narrow), crossed.as_ref()))?;
+        let far_edge_seen = far_edge(&side);
+        self.gather(&band(
+            curve,
+            narrow,
+            within(narrow),
+            crossed.as_ref(),
+            far_edge_seen,
+        ))?;
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
@@ -137,7 +169,15 @@ impl<'a> Localiser<'a> {
         let far = within(far.max(near));
         let crossed = crossings(&side);
         let curve = side.curve.clone();
-        self.gather(&band(curve, far[0].max(far[1]), far, crossed.as_ref()))?;
+        let far_edge = far_edge(&side);
+        side.feels_far_edge = far_edge.is_some_and(|far_edge| far_edge.is_felt);
+        self.gather(&band(
+            curve,
+            far[0].max(far[1]),
+            far,
+            crossed.as_ref(),
+            far_edge,
+        ))?;
         std::mem::swap(&mut self.pixels, &mut self.wide);
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
@@ -216,10 +256,18 @@ impl<'a> Localiser<'a> {
         let found = |line| preview::found(previews, line);
         let crossings = is_crossed
             .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.edge_shape()), found));
-        let (ends, limits) = match is_crossed {
+        let other = span.far_edge.map(|other| previews[other].as_ref());
+        let far_edge = match other.transpose() {
+            Ok(other) => other.map(|Preview { side: other, .. }| {
+                FarEdge::beside(&side, &other.curve, other.mean_blur())
+            }),
+            Err(&reason) => return Err(reason),
+        };
+        let (ends, mut limits) = match is_crossed {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
         };
+        limits.extend(far_edge.iter().map(FarEdge::limit));
         let margin = margin(spans, index, &side);
         let near = near(&side).min(margin[0].max(margin[1]));
         let band = Band {
@@ -230,8 +278,10 @@ impl<'a> Localiser<'a> {
             limits,
             hidden,
             crossings: crossings.as_ref(),
+            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
             stride: 1,
         };
+        side.feels_far_edge = band.far_edge.is_some();
         self.gather(&band)?;
         self.predict(&side);
         let normal = self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
@@ -287,6 +337,7 @@ impl<'a> Localiser<'a> {
             blur_degree: 0,
             shape: BlurShape::NORMAL,
             spread: is_crossed.then_some(0.0),
+            feels_far_edge: false,
         }
     }
 

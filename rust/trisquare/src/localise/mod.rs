@@ -15,6 +15,7 @@ mod coarse;
 mod curve;
 mod displacement;
 mod equations;
+mod far_edge;
 mod faults;
 mod flip;
 mod grid_crossings;

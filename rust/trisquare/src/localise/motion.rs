@@ -89,6 +89,7 @@ mod tests {
                     blur_degree: 0,
                     shape: BlurShape::NORMAL,
                     spread: None,
+                    feels_far_edge: false,
                 },
                 noise: 0.01,
                 reach: [3.0; 2],

@@ -53,6 +53,8 @@ pub(super) struct Side {
     /// where ink has spread, or the cells of a board do not touch. `None` without crossings, where the
     /// curve itself is there.
     pub spread: Option<f64>,
+    /// Whether the far edge of a thin bar is modelled beside it: what that leaves is no tone curve's.
+    pub feels_far_edge: bool,
 }
 
 /// Where a pixel lies in the blur of its edge.
@@ -440,6 +442,7 @@ mod tests {
             blur_degree: 0,
             shape: BlurShape::NORMAL,
             spread: None,
+            feels_far_edge: false,
         };
         let pixels = clipped_pixels(&truth, &tone);
         assert!(pixels.iter().any(|pixel| pixel.is_clipped));

@@ -120,6 +120,7 @@ impl<'a> Sought<'a> {
         for span in &mut self.spans {
             let [before, after] = span.bounds;
             span.bounds = [before.and_then(last), after.and_then(first)];
+            span.far_edge = span.far_edge.and_then(first);
             for (crossing, _) in &mut span.crossings {
                 *crossing = crossing.and_then(first);
             }

@@ -34,6 +34,9 @@ pub struct EdgeSpan {
     pub margin: [f64; 2],
     /// Whether other things lie beside the edge, so that the light there changes along it.
     pub is_beside_others: bool,
+    /// The far edge of the thin bar that this is an edge of: the span, as an index into the same
+    /// slice, at which the light changes back.
+    pub far_edge: Option<usize>,
 }
 
 impl EdgeSpan {
@@ -50,17 +53,19 @@ impl EdgeSpan {
             tag_border: 0.0,
             margin: [f64::INFINITY; 2],
             is_beside_others: false,
+            far_edge: None,
         }
     }
 
     /// What of it no picture could make right; `count` spans are given together.
     pub(super) fn fault(&self, count: usize) -> Option<&'static str> {
         let crossings = self.crossings.iter().filter_map(|crossing| crossing.0);
-        let mut met = self.bounds.into_iter().flatten().chain(crossings);
+        let beside = self.bounds.into_iter().flatten().chain(self.far_edge);
+        let mut met = beside.chain(crossings);
         if self.polarity == 0.0 || self.polarity.is_nan() {
             Some("its polarity must be 1 or -1")
         } else if met.any(|other| other >= count) {
-            Some("its bounds and crossings must be indices of the spans that are given with it")
+            Some("the spans that it names must be indices of those that are given with it")
         } else if !self.crossings.is_empty() && self.crossings.len() != self.path.len() {
             Some("its crossings must be one for each point of its path, or none")
         } else if !self.margin.iter().all(|margin| *margin >= 0.0) {

@@ -7,7 +7,7 @@ use super::side::Side;
 use super::span::{EdgeSpan, NoEdge};
 
 /// How far from the curve pixels hold an edge: so many blurs, and at least so many pixels.
-const NEAR_BLURS: f64 = 3.5;
+pub(super) const NEAR_BLURS: f64 = 3.5;
 const MIN_NEAR: f64 = 3.0;
 /// How far the plateaus beside it are read, at most: so many times further, but only a share of the
 /// length, because small targets stand close together.

@@ -263,9 +263,8 @@ impl ToneShare {
 
 fn is_sound(side: &Side, tone: &ToneCurve, noise: f64) -> bool {
     let margin = CLIPPED_VALUE.max(CLIPPED_DEVIATIONS * noise);
-    side.plateaus()
-        .iter()
-        .all(|light| (margin..=1.0 - margin).contains(&tone.encode_with_slope(*light).0))
+    let is_whole = |light| (margin..=1.0 - margin).contains(&tone.encode_with_slope(light).0);
+    !side.feels_far_edge && side.plateaus().into_iter().all(is_whole)
 }
 
 /// Whether a misfit of the profiles is held against them: not before the curve is the best one.
@@ -499,6 +498,7 @@ mod tests {
                     blur_degree: 0,
                     shape: BlurShape::NORMAL,
                     spread,
+                    feels_far_edge: false,
                 },
                 noise: 0.01,
                 reach: [5.0; 2],

@@ -1,0 +1,58 @@
+"""Frames so thin that both edges of a bar are blurred into each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness.rows import Row
+
+import trisquare as ts
+from trisquare import simulate
+
+SCENES = 20
+SEED = 9
+INNER = (0.93, 0.95, 0.965)
+"""Sides of the holes, over the frames': bars of 4 to 13 pixels."""
+
+BLURS = (0.6, 1.2)  # pixels
+NAMES = ("fx", "fy", "cx", "cy")
+SIGMAS = 4.0
+TARGET = 1.3
+
+
+def measure() -> list[Row]:
+    """Return a row for each width of the bars."""
+    return [_row(inner) for inner in INNER]
+
+
+def _row(inner: float) -> Row:
+    ratios, errors, refused, silent = [], [], 0, 0
+    for scene_seed in range(SCENES):
+        rng = np.random.default_rng([SEED, scene_seed])
+        scene = simulate.random_scene(rng, kind="frame", inner=inner)
+        noise, blur = rng.uniform(1.0, 3.0), rng.uniform(*BLURS)
+        picture = simulate.render(scene, rng, noise=noise, blur=blur, tone="srgb")
+        try:
+            result = ts.calibrate(picture)
+        except ts.TrisquareError as refusal:
+            refused += 1
+            print(f"  hole {inner:g}, scene {scene_seed}: {type(refusal).__name__}: {refusal}")
+            continue
+        ratio = np.array(
+            [
+                (getattr(result.camera, name) - getattr(scene.camera, name)) / result.std[name]
+                for name in NAMES
+            ]
+        )
+        is_told = any(warning.severity != "low" for warning in result.warnings)
+        silent += not is_told and bool(np.abs(ratio).max() > SIGMAS)
+        ratios.append(ratio)
+        errors.append(abs(result.camera.fx / scene.camera.fx - 1.0))
+        print(f"  hole {inner:g}, scene {scene_seed}, blur {blur:.2f} px: {np.round(ratio, 1)}")
+    worst = float(np.sqrt(np.mean(np.square(ratios), axis=0)).max())
+    return Row(
+        f"frames whose hole is {inner:g} of the side, {SCENES} scenes: error / std rms, worst "
+        f"parameter; median error of fx; refused; off by {SIGMAS:g} std without a warning",
+        f"{worst:.2f}; {100 * np.median(errors):.4f} %; {refused}; {silent}",
+        f"<= {TARGET}; ; ; 0",
+        worst <= TARGET and silent == 0,
+    )
