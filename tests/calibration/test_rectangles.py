@@ -165,6 +165,21 @@ def test_bare_sheets_right_on_the_clutter_are_found_and_measured(seed):
     assert result.std["fx"] < 1e-3 * scene.camera.fx
 
 
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+def test_two_rectangles_of_other_shapes_are_left_out(seed):
+    rng = np.random.default_rng([146, seed])
+    scene = random_scene(rng, count=5, aspect=A4)
+    targets = list(scene.targets)
+    for index, stretch in ((0, 0.8), (3, 1.2)):
+        corners = targets[index].outlines()[0] * [1.0, stretch]
+        targets[index] = replace(targets[index], printed=corners)
+    picture = render(replace(scene, targets=tuple(targets)), rng, noise=2.0, blur=0.8, tone="srgb")
+    result = ts.calibrate(picture, targets="a4")
+    assert sum(plane.is_used for plane in result.planes) == 3
+    assert abs(result.camera.fx / scene.camera.fx - 1.0) < 1e-3
+    assert not [warning for warning in result.warnings if warning.severity == "high"]
+
+
 def test_three_faces_at_the_corner_of_a_box_calibrate_without_their_aspects():
     rng = np.random.default_rng(149)
     camera = random_camera(rng)

@@ -82,8 +82,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
 
-    Of what looks like squares, the largest set is used that one camera sees as such; the others
-    are in the result's ``rejected``, and a warning tells where the choice is uncertain.
+    Of what looks like squares, or rectangles of a named shape, the largest set is used that one
+    camera sees as such; the others are in the result's ``rejected``, and a warning tells where the
+    choice is uncertain.
 
     Parameters
     ----------
@@ -271,7 +272,7 @@ def calibrate_photographs(
             nothing = nothing_found(kinds, gathered.image_size)
             raise DetectionError("; ".join(untold) if by_hand else nothing)
         # What was asked for by its layout or drawn by hand is vouched for.
-        choosing = kinds.squares and not by_hand
+        choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
         edges = [*gathered.figures, *gathered.lines]
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)

@@ -1,4 +1,4 @@
-"""Choosing, of what was found and measured, the squares that one camera explains."""
+"""Choosing, of what was found and measured, the planes that one camera explains."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trisquare.edges import PlaneEdges
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
-NO_SQUARE = "not a square to the camera that the other planes determine"
+FALSE_PLANE = "not true to its shape for the camera that the other planes determine"
 
 LEAST_REJECTED = 3
 """One or two planes may be no squares; more that are left out together have a common cause."""
@@ -32,7 +32,7 @@ def chosen_by(
     quads: Mapping[int, FloatArray],
     names: Sequence[str],
 ) -> Chosen:
-    """Read which planes the core kept: the largest set that one camera sees as true squares.
+    """Read which planes the core kept: the largest set that one camera sees as they should be.
 
     It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane, and
     `names` what messages call every picture.
@@ -44,7 +44,7 @@ def chosen_by(
         if plane is not None:
             figure = figures[verdict.figure]
             rejected.append(
-                Rejected(figure.kind, figure.image, quads[plane], NO_SQUARE, verdict.residual)
+                Rejected(figure.kind, figure.image, quads[plane], FALSE_PLANE, verdict.residual)
             )
     kept = [figure for figure in figures if figure.plane not in dropped]
     planes = {figure.plane for figure in kept if figure.plane is not None}
@@ -53,14 +53,14 @@ def chosen_by(
     warnings = []
     if text := _pictures_disagree(kept, rejected, names):
         warnings.append(CalibrationWarning(text, "pictures_disagree", "high"))
-    chosen = f"of {len(verdicts)} planes found, {len(planes)} are squares that one camera explains"
+    chosen = f"one camera explains {len(planes)} of {len(verdicts)} planes found"
     if doubt is not None:
         text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
         warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
         text = (
-            f"{chosen}; {larger} of the rejected are larger than one of these: if they are true "
-            "squares, the answer is wrong"
+            f"{chosen}; {larger} of the rejected are larger than one of these: if they are "
+            "true targets, the answer is wrong"
         )
         warnings.append(CalibrationWarning(text, "larger_rejected"))
     return Chosen(kept, rejected, warnings)

@@ -77,6 +77,11 @@ class TargetKinds:
     grids: bool = False
     rectangles: RectangleShape | None = None
 
+    @property
+    def has_rectangles_of_known_shape(self) -> bool:
+        """Whether a rectangle that is found may be of another shape than those looked for."""
+        return self.rectangles is not None and self.rectangles.aspect is not None
+
     @classmethod
     def parse(cls, text: str) -> TargetKinds:
         """Read a name of `CHOICES`.
