@@ -509,3 +509,12 @@ def test_diagnosis_follows_the_tables(run, asked, photo):
         code, _, error = run("calibrate", photo, "--diagnose", other)
         assert code == 2
         assert other in error
+
+
+@pytest.mark.parametrize("size", ["1280x960", "960x1280", "1080x1920", "960x960"])
+@pytest.mark.parametrize("focal", [0.7, 1.2])
+def test_squares_are_planned_whichever_way_up_the_picture_is(run, size, focal):
+    pixels = focal * min(map(int, size.split("x")))
+    code, out, err = run("predict", "--size", size, "--focal", pixels, "--json")
+    assert (code, err) == (0, "")
+    assert len(json.loads(out)["squares"]) == 3

@@ -75,6 +75,15 @@ def windows(rng, canvas):
         circle(canvas, rng.uniform(0, [width, height]), rng.uniform(0.02, 0.2) * width, rng)
 
 
+def small_windows(rng, canvas):
+    """Fill many small squares in rows: only the rows are long."""
+    height, width = canvas.shape[:2]
+    pitch = 0.045 * width
+    for x in np.arange(0.1 * width, 0.9 * width, pitch):
+        for y in np.arange(0.1 * height, 0.9 * height, pitch):
+            fill(canvas, np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.6 * pitch + [x, y], rng)
+
+
 def arches(rng, canvas):
     """Draw arcs about a point below the picture, and nothing else."""
     height, width = canvas.shape[:2]

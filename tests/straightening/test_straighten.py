@@ -7,7 +7,7 @@ import re
 import cv2
 import numpy as np
 import pytest
-from plumb_scenes import arches, circles, plumb_scene, quads, spokes, windows
+from plumb_scenes import arches, circles, plumb_scene, quads, small_windows, spokes, windows
 from quick import first_quick
 
 import trisquare as ts
@@ -47,6 +47,13 @@ def test_known_lenses_are_undone(draw, count):
         good += off.mean() <= MEAN and off.max() <= WORST
         assert np.quantile(np.abs(in_std), 0.95) < 4
     assert good >= max(count - 1, 1)
+
+
+def test_short_edges_in_a_row_are_one_long_line():
+    scene = plumb_scene(np.random.default_rng(8), SIZE, -0.15, small_windows)
+    off, _ = errors(ts.straighten(scene.picture), scene)
+    assert off.mean() <= MEAN
+    assert off.max() <= WORST
 
 
 @pytest.mark.parametrize("k3", [0.0, -0.09])

@@ -33,8 +33,11 @@ EXAMPLES = (
 )
 
 # Planned where nothing else is said: three squares over the picture, as the page "Taking the
-# photograph" of the documentation wants them. Parts of width, height and height; degrees.
-DEFAULT_SQUARES = ("23%,30%,36%,35,0", "77%,30%,36%,35,120", "50%,72%,36%,35,240")
+# photograph" of the documentation wants them. Centres in parts of the picture's longer and shorter
+# side, directions in degrees; and sides in parts of the shorter one, the first that fits.
+DEFAULT_SQUARES = ((0.23, 0.30, 0.0), (0.77, 0.30, 120.0), (0.50, 0.72, 240.0))
+DEFAULT_TILT = 35.0
+DEFAULT_SIDES = (0.36, 0.33, 0.30, 0.27, 0.24, 0.21, 0.18)
 SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 
 
@@ -50,7 +53,7 @@ def predict_command(
         "X,Y,SIDE,TILT,DIRECTION[,SPIN]",
         "A square: its centre and side in pixels, or in % of the picture's width, height and "
         "height (25%,30%,35%,35,0); its tilt, the direction of the axis it is tilted about, and "
-        "its spin in degrees. Repeatable; by default three good ones.",
+        "its spin in degrees. Repeatable; by default three that fill the picture.",
     ),
     frame: float | None = option(
         None, "PART", "Make all squares frames, with a hole of this part of their side."
@@ -96,8 +99,10 @@ def predict_command(
         planned = []
         if written is not None and not square:
             planned = [planned_square(own, guess, frame) for own in written.objects("squares")]
-    if written is None or square:
-        planned = [_square(text, guess, frame) for text in square or DEFAULT_SQUARES]
+    if square:
+        planned = [_square(text, guess, frame) for text in square]
+    elif written is None:
+        planned = _default_squares(guess, frame)
     prediction = predict(
         guess,
         planned,
@@ -131,6 +136,40 @@ def _pinhole(
     if focal is None:
         focal = float(width) if written is None else written.number_or("focal", width)
     return centred_pinhole(focal, (width, height))
+
+
+def _default_squares(camera: Camera, frame: float | None) -> list[PlannedSquare]:
+    """Plan three squares as large as fit into the picture, whichever way up it is."""
+    size = np.array(camera.image_size)
+    order = [0, 1] if size[0] >= size[1] else [1, 0]
+    planned = []
+    for part in DEFAULT_SIDES:
+        planned = [
+            PlannedSquare.at(
+                camera,
+                tuple(((size - 1) * np.array(centre)[order]).tolist()),
+                part * float(size.min()),
+                tilt=DEFAULT_TILT,
+                direction=direction,
+                inner=frame,
+            )
+            for *centre, direction in DEFAULT_SQUARES
+        ]
+        if all(_is_in_picture(own, camera) for own in planned):
+            break
+    return planned
+
+
+def _is_in_picture(planned: PlannedSquare, camera: Camera) -> bool:
+    along = np.linspace(-0.5, 0.5, 9)
+    across = np.full_like(along, 0.5)
+    sides = [(along, across), (along, -across), (across, along), (-across, along)]
+    outline = np.hstack([np.stack([x, y, np.zeros_like(x)]) for x, y in sides]).T
+    try:
+        pixels = camera.project(outline @ planned.rotation.T + planned.translation)
+    except ValueError:  # beyond what the lens sees
+        return False
+    return bool((pixels >= 0.0).all() and (pixels <= np.array(camera.image_size) - 1.0).all())
 
 
 def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:

@@ -174,8 +174,11 @@ def straighten(image: ImageSource) -> Straightened:
     radius = 0.5 * float(np.hypot(*size))
     middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
     problem = Problem(arcs.curves, middle, radius, arcs.pixel)
-    _check_count(_spans(arcs.curves) / radius, "edges")
+    lengths = _spans(arcs.curves) / radius
+    if len(lengths) < LEAST_LINES:
+        _check_count(lengths, "edges")
     fit = fit_lens(problem)
+    _check_count(_seen_lengths(fit, lengths), "edges")
     _check_curves(problem, fit)
     free, with_third = with_third_free(problem, fit)
     known = uncertainty(free, with_third)
@@ -199,7 +202,7 @@ def straighten(image: ImageSource) -> Straightened:
     is_used = fit.weights >= STRAIGHT_WEIGHT
     used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
     rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
-    _check_count(_spans(used) / radius, "straight lines")
+    _check_count(_seen_lengths(fit, lengths)[is_used], "straight lines")
     _check_known(camera)
     squares = fit.straightness.residuals[fit.straightness.bundle.spread(is_used)] ** 2
     return Straightened(camera, used, rejected, float(np.sqrt(squares.mean())), centre_held)
@@ -208,6 +211,14 @@ def straighten(image: ImageSource) -> Straightened:
 def _spans(lines: tuple[FloatArray, ...] | list[FloatArray]) -> FloatArray:
     """Distances of the lines' ends."""
     return np.array([np.linalg.norm(line[-1] - line[0]) for line in lines])
+
+
+def _seen_lengths(fit: Fit, lengths: FloatArray) -> FloatArray:
+    """Length of each line without its gaps, from those of its arcs.
+
+    Arcs that chance puts in a row, as in leaves, are short, and their gaps are long.
+    """
+    return np.array([lengths[group].sum() for group in fit.groups])
 
 
 def _check_count(lengths: FloatArray, what: str) -> None:

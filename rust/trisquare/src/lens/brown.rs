@@ -70,7 +70,8 @@ pub struct Brown {
 }
 
 impl Brown {
-    /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`, without skew.
+    /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`, without skew. The focal lengths have to be positive;
+    /// calibrations and files are checked, this is not.
     pub fn new(parameters: [f64; 9]) -> Self {
         let [fx, fy, _, _, k1, k2, k3, p1, p2] = parameters;
         Self {
