@@ -194,6 +194,11 @@ def test_three_faces_at_the_corner_of_a_box_calibrate_without_their_aspects():
     assert result.std["fx"] < 2e-3 * camera.fx
     for plane in result.planes:
         assert abs(plane.aspect - 1.0) < SURE * plane.aspect_std
+    # Nothing shows that the right angles are some, nor that the faces are at right angles.
+    for related in ([], [(0, 1), (0, 2), (1, 2)]):
+        own = ts.calibrate_edges(edges, camera.image_size, fix="aspect", orthogonal=related)
+        (told,) = (warning for warning in own.warnings if warning.code == "targets_unchecked")
+        assert "right angles are off by 0.2 degrees" in told.text
 
 
 def test_sheets_of_any_aspect_are_found_with_their_aspects():

@@ -91,6 +91,15 @@ impl Line {
         }
     }
 
+    /// The line that it becomes where all points move along X by so many times their Y.
+    pub(crate) fn sheared(&self, by: f64) -> Self {
+        let [x, y, z] = self.coefficients.into();
+        let coefficients = Vector3::new(x, y - by * x, z);
+        Self {
+            coefficients: coefficients / coefficients.xy().norm(),
+        }
+    }
+
     /// Signed distance of a point, positive on the side the normal points to.
     pub fn distance(&self, point: &Vector2<f64>) -> f64 {
         self.normal().dot(point) + self.coefficients.z

@@ -7,7 +7,7 @@ use super::band::{Band, Pixel};
 use super::blur::BlurShape;
 use super::coarse::CoarseEdge;
 use super::equations::Normal;
-use super::far_edge::{FarEdge, refuse_thin_bars};
+use super::far_edge::FarEdge;
 use super::grid_crossings::GridCrossings;
 use super::measured::Measured;
 use super::prediction::Prediction;
@@ -16,7 +16,9 @@ use super::side::{BLUR_RANGE, LAST_STEP, Side};
 use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
-use super::surroundings::{FAR_RATIO, far_margin, inner_end, limits, margin, near};
+use super::surroundings::{
+    FAR_RATIO, far_margin, inner_end, limit_at, limits, margin, near, refuse_thin_bars,
+};
 use super::tone_fit::{self, ToneShare};
 use super::{blur_differences, patches, plateaus, thinning};
 
@@ -134,13 +136,13 @@ impl<'a> Localiser<'a> {
         };
         let beside = span.far_edge.map(far_curve).transpose()?;
         let far_edge =
-            |side: &Side| beside.map(|curve| FarEdge::beside(side, curve, side.mean_blur()));
+            |side: &Side| beside.map(|curve| FarEdge::beside(&side.curve, curve, side.mean_blur()));
         let band = |curve, near, reach, crossings, far_edge: Option<FarEdge<'b>>| Band {
             curve,
             near,
             reach,
             ends: [-end, end],
-            limits: far_edge.iter().map(FarEdge::limit).collect(),
+            limits: far_edge.iter().map(limit_at).collect(),
             hidden: &coarse.hidden,
             crossings,
             far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
@@ -259,7 +261,7 @@ impl<'a> Localiser<'a> {
         let other = span.far_edge.map(|other| previews[other].as_ref());
         let far_edge = match other.transpose() {
             Ok(other) => other.map(|Preview { side: other, .. }| {
-                FarEdge::beside(&side, &other.curve, other.mean_blur())
+                FarEdge::beside(&side.curve, &other.curve, other.mean_blur())
             }),
             Err(&reason) => return Err(reason),
         };
@@ -267,7 +269,7 @@ impl<'a> Localiser<'a> {
             true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
             false => limits(span, &side, previews),
         };
-        limits.extend(far_edge.iter().map(FarEdge::limit));
+        limits.extend(far_edge.iter().map(limit_at));
         let margin = margin(spans, index, &side);
         let near = near(&side).min(margin[0].max(margin[1]));
         let band = Band {

@@ -65,7 +65,9 @@ impl EdgeSpan {
         if self.polarity == 0.0 || self.polarity.is_nan() {
             Some("its polarity must be 1 or -1")
         } else if met.any(|other| other >= count) {
-            Some("the spans that it names must be indices of those that are given with it")
+            Some(
+                "its bounds, crossings and far edge must be indices of the spans that are given with it",
+            )
         } else if !self.crossings.is_empty() && self.crossings.len() != self.path.len() {
             Some("its crossings must be one for each point of its path, or none")
         } else if !self.margin.iter().all(|margin| *margin >= 0.0) {

@@ -245,6 +245,15 @@ impl PlaneEdges {
         }
     }
 
+    /// The same, its lines being those of a figure that leans along X by so many times its Y.
+    pub(crate) fn sheared(&self, by: f64) -> Self {
+        let lines = self.lines.iter();
+        Self {
+            lines: lines.map(|line| line.sheared(by)).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Number of samples on all lines.
     pub fn sample_count(&self) -> usize {
         self.points.iter().map(Vec::len).sum()

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
     cause_of_errors, contradiction, lines_not_used, numbered_sample, of_figure, or_held,
-    part_of_whole, planes_in_directions, raised, signed_two_digits, times, two_digits,
+    part_of_whole, planes_in_directions, raised, signed_two_digits, times, two_digits, untrue,
     with_its_std, without_it,
 };
 use crate::error::counted;
@@ -274,11 +274,10 @@ pub enum Warning {
     },
     /// The planes are no more than the camera needs, so that nothing tells whether they are true.
     #[error(
-        "nothing checks the targets: {} no more than this camera needs. If they are {:.1} % longer \
-         one way than the other, as printers make them, fx is off by {} px, and its standard \
-         deviation, {} px, does not show it: show one more, tilted another way",
+        "nothing checks the targets: {} no more than this camera needs. If {}, fx is off by {} px, \
+         and its standard deviation, {} px, does not show it: show one more, tilted another way",
         planes_in_directions(*.planes, *.directions),
-        100.0 * .stretch, two_digits(*.change), two_digits(*.std)
+        untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
     TargetsUnchecked {
         /// How many planes there are.
@@ -286,8 +285,11 @@ pub enum Warning {
         /// In how many directions they and their sides stand; 0 where that was not stored.
         #[cfg_attr(feature = "serde", serde(default))]
         directions: usize,
-        /// By what part each square may be longer than wide.
+        /// By what part each square may be longer than wide, or its right angles be off, radians.
         stretch: f64,
+        /// Whether it is right angles alone that are known of the planes.
+        #[cfg_attr(feature = "serde", serde(default))]
+        are_angles: bool,
         /// What that makes of `fx`, one way or the other in each direction, pixels (rms).
         change: f64,
         /// The stated standard deviation of `fx`, pixels.

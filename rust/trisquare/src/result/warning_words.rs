@@ -145,6 +145,20 @@ pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     }
 }
 
+/// What may be wrong with targets that nothing checks.
+pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
+    match are_angles {
+        true => format!(
+            "their right angles are off by {:.1} degrees",
+            stretch.to_degrees()
+        ),
+        false => format!(
+            "they are {:.1} % longer one way than the other, as printers make them",
+            100.0 * stretch
+        ),
+    }
+}
+
 /// What makes sides err together.
 pub(super) fn cause_of_errors(height: Option<f64>) -> String {
     match height {

@@ -7,7 +7,8 @@ use crate::lens::{Lens, MATRIX};
 use crate::observations::{ObservedPlane, PlaneEdges};
 use crate::result::{Calibration, Warning};
 
-/// What printers stretch one direction by, as a part, and nobody sees.
+/// What printers stretch one direction by, as a part, and nobody sees; right angles are taken to be
+/// off by as much.
 const STRETCH: f64 = 0.003;
 
 /// Samples of a line that tell well enough what a stretch changes.
@@ -20,7 +21,9 @@ const ALIKE: f64 = 10.0;
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
-/// the stretch, which planes that stand alike are taken to share. `focal` gives `fx` from other edges.
+/// the stretch, which planes that stand alike are taken to share. Nor do three planes, as at a box's
+/// corner, whose right angles alone are known, if these are none: that they are at right angles to one
+/// another then says nothing more. `focal` gives `fx` from other edges.
 pub(crate) fn unchecked_targets<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -52,26 +55,35 @@ pub(crate) fn unchecked_targets<L: Lens>(
         }
     }
     let std = found.std_of("fx")?;
-    if edges.iter().any(|own| !own.relations.is_empty()) {
+    let are_angles = used.iter().all(|plane| equations(plane) == 1);
+    if !are_angles && edges.iter().any(|own| !own.relations.is_empty()) {
         return None;
     }
     let thinned: Vec<PlaneEdges> = edges.iter().map(|own| own.thinned(SAMPLES)).collect();
     let before = focal(&thinned)?;
     let mut square = 0.0;
     for group in &alike {
-        let mut stretched = thinned.clone();
+        let mut changed = thinned.clone();
         // An extent that is free takes up all of a stretch.
-        for plane in group.iter().filter(|plane| equations(plane) > 1) {
+        for plane in group
+            .iter()
+            .filter(|plane| are_angles || equations(plane) > 1)
+        {
             for figure in &planes[*plane].figures {
-                stretched[figure.index] = thinned[figure.index].stretched(1.0 + STRETCH);
+                let own = &thinned[figure.index];
+                changed[figure.index] = match are_angles {
+                    true => own.sheared(STRETCH),
+                    false => own.stretched(1.0 + STRETCH),
+                };
             }
         }
-        square += (focal(&stretched)? - before).powi(2);
+        square += (focal(&changed)? - before).powi(2);
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
         directions: alike.len(),
         stretch: STRETCH,
+        are_angles,
         change: square.sqrt(),
         std,
     })

@@ -440,10 +440,11 @@ fn what_no_picture_could_make_right_is_told_as_that() {
     let (found, ..) = localise(&picture, &good, Tone::Linear);
     assert!(found.iter().all(Result::is_ok), "{found:?}");
     type Change = fn(&mut EdgeSpan);
-    let changes: [(Change, &str); 6] = [
+    let changes: [(Change, &str); 7] = [
         (|span| span.polarity = 0.0, "polarity"),
         (|span| span.polarity = f64::NAN, "polarity"),
         (|span| span.bounds[1] = Some(4), "bounds"),
+        (|span| span.far_edge = Some(4), "far edge"),
         (|span| span.crossings = vec![(None, 0); 5], "crossings"),
         (|span| span.margin[0] = f64::NAN, "margins"),
         (|span| span.margin[1] = -1.0, "margins"),
