@@ -59,8 +59,8 @@ class SquareOutline:
 
     Or a rectangle, whose side 0 is `aspect` times as long as its side 1, or None if that is
     unknown. The corners of a tag begin at the top left of its code. Other things may lie right
-    beside the sides of one that `is_beside_others`; of a thin frame, of which one outline is the
-    square, the other one lies `beside` it.
+    beside the sides of one that `is_beside_others`; `beside` it there may be an outline that is
+    not used, such as the other one of a thin frame.
     """
 
     outer: Outline

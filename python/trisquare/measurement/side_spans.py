@@ -41,7 +41,7 @@ class SideSpan:
     is_beside_others : bool
         Whether other things lie beside the edge, so that the light there changes along it.
     far_edge : int or None
-        The span at which the light changes back, if this is an edge of a thin bar.
+        The span at which the light changes again, if this is an edge of a thin bar.
     """
 
     path: FloatArray

@@ -39,8 +39,8 @@ from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
 
-WIDEST_BAR = 30.0
-"""Pixels: what is blurred on either side of a wider bar of a frame does not meet."""
+WIDEST_BAR = 16.0
+"""Pixels: what a fit to the pixels reads about one side of a wider bar, the other does not blur."""
 
 
 def find_squares(
@@ -143,7 +143,7 @@ def _squares_of(
         outline = None
         if other is not None:
             places = alignment(quads.corners[other], quads.corners[figure.outer])
-            outline = Outline.of(sides[other], not outer.dark_inside, places)
+            outline = Outline.of(sides[other], bool(quads.dark_inside[other]), places)
         inner, beside = (outline, None) if figure.beside is None else (None, outline)
         if beside is not None and _width_between(outer, beside) > WIDEST_BAR:
             beside = None

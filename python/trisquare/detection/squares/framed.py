@@ -62,6 +62,9 @@ FRAME_SIZES = (0.15, 0.75)
 """Inner over outer side of a frame. A thinner ring may as well be the rim of a sheet of paper,
 cut by hand; then the inner outline alone is the square, which is true of a thin frame too."""
 
+LEAST_RATIO = 0.5
+"""Of the areas of two outlines that lie right beside each other."""
+
 MIN_RELATIVE_SIDE = 0.4
 """Of the third largest figure's mean side, when there are more than three. A smaller square adds
 next to nothing to the calibration, and most are cells of boards with their neighbours hidden,
@@ -79,7 +82,8 @@ own on some other ground, not a frame: the sheet's rim is cut by hand and no par
 class FramedSquare:
     """Indices of a square's outlines among the quads; `inner` is a frame's inner outline.
 
-    Of a frame too thin for two, `beside` is the outline that is not used.
+    Right `beside` a square's outline there may be another, of a frame too thin for two or of the
+    sheet.
     """
 
     outer: int
@@ -112,26 +116,21 @@ def find_framed_squares(
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     middles = quads.corners.mean(axis=1)
-    frames: list[FramedSquare] = []
-    beside: dict[int, int] = {}
-    for outer in np.flatnonzero(standing_alone).tolist():
+    frames = [
+        FramedSquare(outer, inner)
+        for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
         for inner in np.flatnonzero(
-            (quads.dark_inside != quads.dark_inside[outer])
+            hole
+            & (quads.dark_inside != quads.dark_inside[outer])
             & (areas < areas[outer])
             & in_box(quads.corners[outer], middles)
-        ).tolist():
-            size = _concentric_size(quads, outer, inner)
-            if size is None or not _same_ground(
-                ground[outer], figure[inner], quads.contrasts[outer]
-            ):
-                continue
-            if size >= FRAME_SIZES[1]:
-                beside[inner], beside[outer] = outer, inner
-            elif size > FRAME_SIZES[0] and hole[inner] and not uniform[outer]:
-                frames.append(FramedSquare(outer, inner))
+        ).tolist()
+        if _is_hole(_concentric_size(quads, outer, inner))
+        and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
+    ]
     inners = {frame.inner for frame in frames}
     solids = [
-        FramedSquare(i, None, beside=beside.get(i))
+        FramedSquare(i, None, beside=_outline_beside(quads, areas, middles, i))
         for i in np.flatnonzero(solid).tolist()
         if i not in inners
     ]
@@ -273,6 +272,24 @@ def _concentric_size(quads: Quads, outer: int, inner: int) -> float | None:
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).min()
     tolerance = 2.0 * (FRAME_TOLERANCE + FRAME_TOLERANCE_PIXELS / side)
     return size if np.abs(mapped - size * SQUARE).max() < tolerance else None
+
+
+def _is_hole(size: float | None) -> bool:
+    return size is not None and FRAME_SIZES[0] < size < FRAME_SIZES[1]
+
+
+def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index: int) -> int | None:
+    """Return the outline, about a quad's or within it, at which a bar ends that begins there."""
+    ratios = areas / areas[index]
+    near = (ratios > LEAST_RATIO) & (ratios < 1.0 / LEAST_RATIO)
+    near &= quads.dark_inside != quads.dark_inside[index]
+    sizes = {}
+    for other in np.flatnonzero(near & in_box(quads.corners[index], middles)).tolist():
+        outer, inner = (other, index) if ratios[other] > 1.0 else (index, other)
+        size = _concentric_size(quads, outer, inner)
+        if size is not None and size >= FRAME_SIZES[1]:
+            sizes[other] = size
+    return max(sizes, key=sizes.__getitem__, default=None)
 
 
 def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-//! The far edge of a thin bar, at which the light changes back.
+//! The far edge of a thin bar, at which the light changes again.
 
 use nalgebra::Vector2;
 
@@ -10,7 +10,7 @@ use crate::numeric::cdf;
 /// the other one within 4 of its own.
 const FELT_BLURS: f64 = 3.5 + COMPLETE;
 
-/// An edge beside a side, with the light before the side beyond it.
+/// An edge beside a side.
 #[derive(Clone, Copy)]
 pub(super) struct FarEdge<'a> {
     pub curve: &'a Curve,
@@ -18,21 +18,26 @@ pub(super) struct FarEdge<'a> {
     pub blur: f64,
     /// +1 if distances from the curve are positive where the side is, else -1.
     pub sign: f64,
-    /// +1 if it lies on the positive side of the side's own curve, else -1.
-    place: f64,
+    /// What the light rises by beyond it, over the side's own contrast: -1 or 1 where it is again as
+    /// before the bar.
+    rise: f64,
     /// Whether it is so near that the side is blurred by it.
     pub is_felt: bool,
 }
 
 impl<'a> FarEdge<'a> {
-    /// Beside a side of this curve, with a curve and a blur of its own.
-    pub fn beside(side: &Curve, curve: &'a Curve, blur: f64) -> Self {
-        let middle = |curve: &Curve| curve.point(0.0, 0.0);
+    /// Of a curve and a contrast, beside a side with its own.
+    pub fn beside(
+        (side, contrast): (&Curve, f64),
+        (curve, own_contrast): (&'a Curve, f64),
+        blur: f64,
+    ) -> Self {
+        let sign = curve.signed_distance(side.point(0.0, 0.0)).signum();
         Self {
             curve,
             blur,
-            sign: curve.signed_distance(middle(side)).signum(),
-            place: side.signed_distance(middle(curve)).signum(),
+            sign,
+            rise: -sign * own_contrast / contrast,
             is_felt: width(side, curve) < FELT_BLURS * blur,
         }
     }
@@ -42,7 +47,7 @@ impl<'a> FarEdge<'a> {
         let beyond = -self.sign * self.curve.signed_distance(place) / self.blur;
         Flip {
             slope: 1.0,
-            shift: -2.0 * self.place * cdf(beyond),
+            shift: 2.0 * self.rise * cdf(beyond),
         }
     }
 }

@@ -129,14 +129,24 @@ impl<'a> Localiser<'a> {
             is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
         };
         let crossed = crossings(&side);
-        let far_curve = |other: usize| match (known.get(other), &sought.coarse[other]) {
-            (Some(Ok(preview)), _) => Ok(&preview.side.curve),
-            (None, Ok(coarse)) => Ok(&coarse.curve),
+        let seen = |other: usize| match (known.get(other), &sought.coarse[other]) {
+            (Some(Ok(Preview { side, .. })), _) => Ok((&side.curve, side.contrast[0])),
+            (
+                None,
+                Ok(CoarseEdge {
+                    curve, plateaus, ..
+                }),
+            ) => {
+                let [before, after] = plateaus.map(|coded| self.tone.decode(coded));
+                Ok((curve, after - before))
+            }
             _ => Err(NoEdge::Cramped),
         };
-        let beside = span.far_edge.map(far_curve).transpose()?;
-        let far_edge =
-            |side: &Side| beside.map(|curve| FarEdge::beside(&side.curve, curve, side.mean_blur()));
+        let beside = span.far_edge.map(seen).transpose()?;
+        let far_edge = |side: &Side| {
+            let own = (&side.curve, side.contrast[0]);
+            beside.map(|other| FarEdge::beside(own, other, side.mean_blur()))
+        };
         let band = |curve, near, reach, crossings, far_edge: Option<FarEdge<'b>>| Band {
             curve,
             near,
@@ -261,7 +271,11 @@ impl<'a> Localiser<'a> {
         let other = span.far_edge.map(|other| previews[other].as_ref());
         let far_edge = match other.transpose() {
             Ok(other) => other.map(|Preview { side: other, .. }| {
-                FarEdge::beside(&side.curve, &other.curve, other.mean_blur())
+                FarEdge::beside(
+                    (&side.curve, side.contrast[0]),
+                    (&other.curve, other.contrast[0]),
+                    other.mean_blur(),
+                )
             }),
             Err(&reason) => return Err(reason),
         };

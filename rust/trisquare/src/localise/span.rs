@@ -35,7 +35,7 @@ pub struct EdgeSpan {
     /// Whether other things lie beside the edge, so that the light there changes along it.
     pub is_beside_others: bool,
     /// The far edge of the thin bar that this is an edge of: the span, as an index into the same
-    /// slice, at which the light changes back.
+    /// slice, at which the light changes again.
     pub far_edge: Option<usize>,
 }
 
