@@ -131,15 +131,12 @@ def test_estimating_the_curve_moves_no_side_by_itself():
     assert np.std(shifts) < 0.5 * np.mean(stds)
 
 
-def test_a_shift_that_is_not_told_from_zero_is_said_to_be_unknown():
+def test_a_shift_that_is_not_told_from_zero_is_said_to_be_none():
     tones = {
         index: PictureTone("srgb", "srgb", shift=shift)
         for index, shift in enumerate([(0.0, 1.0874), (-0.02, 0.031), (0.1234, 0.0312), None])
     }
     text = shift_text(tones, [f"{index}.png" for index in tones])
     assert text is not None
-    assert text.endswith(
-        "(0.png: unknown, with a standard deviation of 1.1 px; "
-        "1.png: unknown, with a standard deviation of 0.031 px; 2.png: 0.123 +- 0.031 px)"
-    )
+    assert text.endswith("(0.png: 0 +- 1.1 px; 1.png: 0 +- 0.031 px; 2.png: 0.123 +- 0.031 px)")
     assert shift_text({3: tones[3]}, ["3.png"] * 4) is None

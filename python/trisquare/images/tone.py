@@ -115,7 +115,7 @@ def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | 
 def _its_size(shift: float, std: float) -> str:
     """Write a shift in pixels; one that is not told from zero is no estimate."""
     if abs(shift) < std:
-        return f"unknown, with a standard deviation of {with_its_std(0.0, std)[1]} px"
+        return f"0 +- {with_its_std(0.0, std)[1]} px"
     return f"{plus_minus(shift, std)} px"
 
 
