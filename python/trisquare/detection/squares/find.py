@@ -39,7 +39,7 @@ from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
 
-WIDEST_BAR = 16.0
+WIDEST_BAR = 14.0
 """Pixels: what a fit to the pixels reads about one side of a wider bar, the other does not blur."""
 
 
