@@ -170,11 +170,12 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     if faults.blur > WIDE_BLUR && !picture.has_two_levels() {
         // A usual curve is too far from the profiles of linear light for one fit to tell the two.
         previews = Localiser::new(picture, Tone::Linear).previews(&mut sought);
-        let rival = tone_fit::estimate_tone(Tone::Linear.power(), &mut previews);
+        let mut rival = tone_fit::estimate_tone(Tone::Linear.power(), &mut previews);
         if rival.shift_std.is_none() {
             let (edges, estimate) = with_curve(picture, &sought, &previews, &rival);
-            if estimate.shift_std.is_none() {
-                return (sought.joined(edges), estimate, faults);
+            match estimate.shift_std {
+                None => return (sought.joined(edges), estimate, faults),
+                Some(std) => rival.misfit_shift = rival.misfit_shift.max(std),
             }
         }
         let is_sure = rival.is_like_linear() == first.is_like_linear();
