@@ -135,16 +135,18 @@ def _squares_of(
 
     # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
     sides = scale * quads.sides
+
+    def aligned(other: int | None, outer: int) -> Outline | None:
+        if other is None:
+            return None
+        places = alignment(quads.corners[other], quads.corners[outer])
+        return Outline.of(sides[other], bool(quads.dark_inside[other]), places)
+
     squares = []
     for figure in find_framed_squares(smooth, quads, None if tag_search is None else read_tags):
         turns = figure.tag.turns if figure.tag else 0
         outer = Outline.of(sides[figure.outer], bool(quads.dark_inside[figure.outer]), turns)
-        other = figure.beside if figure.inner is None else figure.inner
-        outline = None
-        if other is not None:
-            places = alignment(quads.corners[other], quads.corners[figure.outer])
-            outline = Outline.of(sides[other], bool(quads.dark_inside[other]), places)
-        inner, beside = (outline, None) if figure.beside is None else (None, outline)
+        inner, beside = (aligned(one, figure.outer) for one in (figure.inner, figure.beside))
         if beside is not None and _width_between(outer, beside) > WIDEST_BAR:
             beside = None
         squares.append(SquareOutline(outer, inner, figure.tag, beside=beside))

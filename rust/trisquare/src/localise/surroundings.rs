@@ -32,6 +32,7 @@ const BOUND_CLEARANCE: f64 = 2.5;
 /// Bars narrower than so many blurs are not measured: of one of 3.8 an edge was 0.05 pixels off; those of
 /// one of 2.5 were seen 0.4 blurs too far apart, with less blur and contrast than they have.
 const LEAST_WIDTH_BLURS: f64 = 4.5;
+
 /// How far from a side's curve its edge is felt, pixels.
 pub(super) fn near(side: &Side) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
@@ -105,24 +106,23 @@ pub(super) fn limit_at<'a>(far_edge: &FarEdge<'a>) -> SearchLimit<'a> {
 
 /// Refuses the edges of bars that are too thin for the blur that the picture's edges have.
 pub(super) fn refuse_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Preview, NoEdge>]) {
+    if spans.iter().all(|span| span.far_edge.is_none()) {
+        return;
+    }
     let found = previews.iter().flatten();
     let Some(blur) = median(found.map(|own| own.side.mean_blur()).collect()) else {
         return;
     };
-    let least = LEAST_WIDTH_BLURS * blur;
-    let is_thin = |(index, span): &(usize, &EdgeSpan)| {
-        let curve = |index: usize| Some(&previews.get(index)?.as_ref().ok()?.side.curve);
-        match (curve(*index), span.far_edge.and_then(curve)) {
-            (Some(own), Some(other)) => width(own, other) < least,
-            _ => span.far_edge.is_some(),
-        }
+    let curve = |index: usize| Some(&previews.get(index)?.as_ref().ok()?.side.curve);
+    let is_thin = |index: &usize| {
+        spans[*index].far_edge.is_some_and(|other| {
+            let width = curve(*index)
+                .zip(curve(other))
+                .map(|(own, other)| width(own, other));
+            width.is_none_or(|width| width < LEAST_WIDTH_BLURS * blur)
+        })
     };
-    let thin: Vec<usize> = spans
-        .iter()
-        .enumerate()
-        .filter(is_thin)
-        .map(|(index, _)| index)
-        .collect();
+    let thin: Vec<usize> = (0..spans.len()).filter(is_thin).collect();
     for index in thin {
         previews[index] = Err(NoEdge::Cramped);
     }

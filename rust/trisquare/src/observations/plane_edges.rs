@@ -236,20 +236,10 @@ impl PlaneEdges {
         }
     }
 
-    /// The same, its lines being those of a figure that is so many times as long along X.
-    pub(crate) fn stretched(&self, factor: f64) -> Self {
-        let lines = self.lines.iter();
+    /// The same as samples of a figure whose lines are others, each made of its own.
+    pub(crate) fn with_lines(&self, other: impl Fn(&Line) -> Line) -> Self {
         Self {
-            lines: lines.map(|line| line.stretched(factor)).collect(),
-            ..self.clone()
-        }
-    }
-
-    /// The same, its lines being those of a figure that leans along X by so many times its Y.
-    pub(crate) fn sheared(&self, by: f64) -> Self {
-        let lines = self.lines.iter();
-        Self {
-            lines: lines.map(|line| line.sheared(by)).collect(),
+            lines: self.lines.iter().map(other).collect(),
             ..self.clone()
         }
     }

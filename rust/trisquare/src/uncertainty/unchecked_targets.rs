@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use crate::geometry::Pose;
+use crate::geometry::{Line, Pose};
 use crate::lens::{Lens, MATRIX};
 use crate::observations::{ObservedPlane, PlaneEdges};
 use crate::result::{Calibration, Warning};
@@ -61,20 +61,18 @@ pub(crate) fn unchecked_targets<L: Lens>(
     }
     let thinned: Vec<PlaneEdges> = edges.iter().map(|own| own.thinned(SAMPLES)).collect();
     let before = focal(&thinned)?;
+    let untrue = |line: &Line| match are_angles {
+        true => line.sheared(STRETCH),
+        false => line.stretched(1.0 + STRETCH),
+    };
     let mut square = 0.0;
     for group in &alike {
         let mut changed = thinned.clone();
         // An extent that is free takes up all of a stretch.
-        for plane in group
-            .iter()
-            .filter(|plane| are_angles || equations(plane) > 1)
-        {
+        let is_changed = |plane: &&usize| are_angles || equations(plane) > 1;
+        for plane in group.iter().filter(is_changed) {
             for figure in &planes[*plane].figures {
-                let own = &thinned[figure.index];
-                changed[figure.index] = match are_angles {
-                    true => own.sheared(STRETCH),
-                    false => own.stretched(1.0 + STRETCH),
-                };
+                changed[figure.index] = thinned[figure.index].with_lines(untrue);
             }
         }
         square += (focal(&changed)? - before).powi(2);
