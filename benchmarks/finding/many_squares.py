@@ -78,11 +78,8 @@ class Case:
 
     @property
     def told(self) -> bool:
-        """Whether a warning of more than low severity says that something may be amiss.
-
-        That larger things were rejected, which is so in all of these scenes, does not count.
-        """
-        return any(code != "larger_rejected" for code in self.warnings)
+        """Whether a warning of more than low severity says that something may be amiss."""
+        return bool(self.warnings)
 
     def __str__(self) -> str:
         """Return it in a line."""

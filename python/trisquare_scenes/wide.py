@@ -1,4 +1,4 @@
-"""Seeded scenes of boards and of tags that a wide lens sees, for `trisquare.simulate.render`."""
+"""Seeded scenes that a wide lens sees, for `trisquare.simulate.render`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,35 @@ from dataclasses import replace
 
 import numpy as np
 
+from trisquare._support.rotations import tilted
 from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import wide_scene
-from trisquare.simulate.fisheye import TrueFisheye
-from trisquare.simulate.scene import Scene
+from trisquare.simulate.fisheye import TrueFisheye, meet, towards
+from trisquare.simulate.scene import Scene, Target, rectangle
 from trisquare_scenes.boards import with_boards
 from trisquare_scenes.tagged import MarkedTarget
+
+BESIDE = ((0.08, 0.82), (0.92, 0.82), (0.5, 0.1))
+"""Where rectangles lie beside the squares of `wide_scene`, over the picture's size."""
+
+SHORTEST_SIDE = (0.6, 0.85)  # of a rectangle, over its longer one
+LENGTH = 0.09  # of that one in the picture, over its width; nearly
+TILT_RANGE = (15.0, 45.0)  # degrees
+
+
+def scene_among_rectangles(rng: np.random.Generator, camera: TrueFisheye) -> Scene:
+    """Draw the frames of `wide_scene`, and up to three rectangles where there is room."""
+    scene = wide_scene(rng, camera, kind="frame")
+    targets = list(scene.targets)
+    for place in BESIDE:
+        ray = camera.rays(np.array([place]) * camera.image_size)[0]
+        turn = tilted(rng.uniform(*TILT_RANGE), *rng.uniform(0.0, 360.0, 2))
+        corners = rectangle(0.5, 0.5 * rng.uniform(*SHORTEST_SIDE))
+        distance = camera.fx / (LENGTH * camera.image_size[0])
+        one = Target(towards(ray) @ turn, ray * distance, printed=corners)
+        if not meet(camera, [*targets, one]):
+            targets.append(one)
+    return replace(scene, targets=tuple(targets))
 
 
 def wide_board_scene(

@@ -17,6 +17,7 @@ from trisquare.simulate import (
     render,
     wide_scene,
 )
+from trisquare_scenes.wide import scene_among_rectangles
 
 SIZE = (1280, 960)
 FREE = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
@@ -213,3 +214,16 @@ def test_a_prediction_is_what_the_edges_then_tell(wide):
     assert 0.8 < min(ratios) <= max(ratios) < 1.25
     with pytest.raises(ValueError, match="no model of this camera"):
         ts.predict(camera, scene.targets, NOISE, model="radial2")
+
+
+@pytest.mark.parametrize("seed", first_quick([0, 4, 6, 9], 2))
+def test_squares_are_told_from_rectangles_beside_them_whatever_the_lens(seed):
+    rng = np.random.default_rng(seed)
+    scene = scene_among_rectangles(rng, fisheye(170.0))
+    result = ts.calibrate(render(scene, rng, tone="srgb"), model="auto")
+    assert not [warning for warning in result.warnings if warning.severity != "low"]
+    used = [plane for plane in result.planes if plane.rejection is None]
+    assert len(used) == 3
+    for name in ("fx", "fy", "cx", "cy"):
+        error = getattr(result.camera, name) - getattr(scene.camera, name)
+        assert abs(error) < 4.0 * result.std[name], name

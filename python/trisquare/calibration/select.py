@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,9 @@ FALSE_PLANE = "not true to its shape for the camera that the other planes determ
 
 LEAST_REJECTED = 3
 """One or two planes may be no squares; more that are left out together have a common cause."""
+
+OTHER_SHAPE = 0.01
+"""What is farther from a target than this part of its size has another shape, as in the core."""
 
 
 class Chosen(NamedTuple):
@@ -49,7 +53,7 @@ def chosen_by(
     kept = [figure for figure in figures if figure.plane not in dropped]
     planes = {figure.plane for figure in kept if figure.plane is not None}
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
-    larger = sum(quad_areas(one.corners) > smallest for one in rejected)
+    larger = [one for one in rejected if quad_areas(one.corners) > smallest]
     warnings = []
     if text := _pictures_disagree(kept, rejected, names):
         warnings.append(CalibrationWarning(text, "pictures_disagree", "high"))
@@ -59,11 +63,19 @@ def chosen_by(
         warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
         text = (
-            f"{chosen}; {larger} of the rejected are larger than one of these: if they are "
+            f"{chosen}; {len(larger)} of the rejected are larger than one of these: if they are "
             "true targets, the answer is wrong"
         )
-        warnings.append(CalibrationWarning(text, "larger_rejected"))
+        severity = "low" if all(map(_has_other_shape, larger)) else "medium"
+        warnings.append(CalibrationWarning(text, "larger_rejected", severity))
     return Chosen(kept, rejected, warnings)
+
+
+def _has_other_shape(one: Rejected) -> bool:
+    """Return whether something that was rejected is far from the shape of a target."""
+    if one.residual is None:
+        return False
+    return one.residual > OTHER_SHAPE * math.sqrt(float(quad_areas(one.corners)))
 
 
 def _pictures_disagree(

@@ -190,19 +190,19 @@ def wide_scene(
             ray = camera.rays(pixel[None])[0]
             direction = first + 360.0 * i / count + jitter
             spin = rng.uniform(0.0, 360.0)
-            rotation = _towards(ray) @ tilted(rng.uniform(*TILT_RANGE), direction, spin)
+            rotation = towards(ray) @ tilted(rng.uniform(*TILT_RANGE), direction, spin)
             if rotation[:, 2] @ ray < np.cos(np.deg2rad(STEEPEST_SIGHT)):
                 break
             target = Target(rotation, ray * camera.fx / side, kind=kind, dark=dark)  # type: ignore[arg-type]
             if not _is_inside(camera, target):
                 break
             targets.append(target)
-        if len(targets) == count and not _meet(camera, targets):
+        if len(targets) == count and not meet(camera, targets):
             return Scene(camera, tuple(targets))
     raise ValueError(f"no {count} squares fit this camera's picture")
 
 
-def _towards(ray: Array) -> Array:
+def towards(ray: Array) -> Array:
     """Return the shortest rotation that turns the axis into a unit ray, shape (3, 3)."""
     axis = np.array([0.0, 0.0, 1.0])
     across = np.cross(axis, ray)
@@ -230,7 +230,7 @@ def _is_inside(camera: TrueFisheye, target: Target) -> bool:
     return bool(np.all(pixels > low) and np.all(pixels < high))
 
 
-def _meet(camera: TrueFisheye, targets: list[Target]) -> bool:
+def meet(camera: TrueFisheye, targets: list[Target]) -> bool:
     """Whether two squares' paper sheets meet in the picture, to a few pixels."""
     sheet = rectangle(0.5 + SHEET_RIM[1], 0.5 + SHEET_RIM[1])
     width, height = camera.image_size

@@ -1,5 +1,7 @@
 //! The whole calibration.
 
+use std::cmp::Ordering;
+
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -266,8 +268,8 @@ impl Task<'_> {
                 ..*options
             };
             let choice = self.chosen(options);
-            let choice = with_more_planes(choice, || self.chosen(&rich));
-            let choice = with_more_planes(choice, || self.chosen(&wide))?;
+            let choice = better_choice(choice, || self.chosen(&rich));
+            let choice = better_choice(choice, || self.chosen(&wide))?;
             self.keep(choice.as_ref())?;
             let photographs = self.photographs.as_ref();
             let found =
@@ -298,8 +300,15 @@ impl Task<'_> {
     }
 }
 
-/// The choice that keeps more planes, of equals the first; the other is made where that drops any.
-fn with_more_planes(
+/// Of choices that keep as many planes, one whose camera leaves less than this part of what another's
+/// leaves is better: a lens of the wrong family makes squares of other things.
+const MUCH_LESS: f64 = 0.5;
+
+/// With less than this part it is better although it keeps fewer.
+const FAR_LESS: f64 = 0.1;
+
+/// The better of two choices; the other is made where the first drops any.
+fn better_choice(
     first: Result<Option<Choice>, Error>,
     other: impl FnOnce() -> Result<Option<Choice>, Error>,
 ) -> Result<Option<Choice>, Error> {
@@ -311,8 +320,24 @@ fn with_more_planes(
         return first;
     }
     match other() {
-        Ok(other) if kept(&other) > kept(choice) => Ok(other),
+        Ok(other) if is_better(&other, choice) => Ok(other),
         _ => first,
+    }
+}
+
+/// Whether a choice keeps more planes than another, or its camera explains them much better.
+fn is_better(one: &Option<Choice>, other: &Option<Choice>) -> bool {
+    let left = [one, other].map(|choice| choice.as_ref().and_then(|choice| choice.residual));
+    let part = match left {
+        [Some(one), Some(other)] => one / other,
+        [Some(_), None] => 0.0,
+        [None, _] => f64::INFINITY,
+    };
+    match kept(one).cmp(&kept(other)) {
+        // Any two squares agree.
+        Ordering::Less => part < FAR_LESS && kept(one) > 2,
+        Ordering::Equal => part < MUCH_LESS,
+        Ordering::Greater => part < FAR_LESS.recip(),
     }
 }
 

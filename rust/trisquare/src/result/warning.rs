@@ -108,6 +108,9 @@ pub enum Warning {
         plane: usize,
         /// Root mean square distance of its samples, px.
         distance: f64,
+        /// Whether it is something else beyond doubt: no board, and far from the shape of a target.
+        #[cfg_attr(feature = "serde", serde(default))]
+        is_other: bool,
     },
     /// The planes cannot all be true squares seen by one camera.
     #[error("{}", contradiction(*.factor, *.displacement, *.planes, .held))]
@@ -477,7 +480,9 @@ impl Warning {
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideRejected { .. }
-            | Self::PlaneRejected { .. }
+            | Self::PlaneRejected {
+                is_other: false, ..
+            }
             | Self::PrincipalPointOffCentre { .. }
             | Self::TargetsUnchecked { .. }
             | Self::LensEndsInPicture { .. }
@@ -490,6 +495,7 @@ impl Warning {
             }
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
+            | Self::PlaneRejected { is_other: true, .. }
             | Self::StraySamples { .. }
             | Self::PixelsNotUsed { .. }
             | Self::LinesNotUsed { sigmas: None }

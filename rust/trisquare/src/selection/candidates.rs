@@ -23,7 +23,16 @@ pub(crate) struct Pool<L> {
 
 impl<L: Lens> Pool<L> {
     pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
-        let Straightness { undistortion, bent } = Straightness::of(planes, problem);
+        Self::by(Straightness::of(planes, problem), planes, problem)
+    }
+
+    /// Through the lens that makes the sides so straight.
+    pub fn by(
+        straightness: Straightness<L>,
+        planes: &[ObservedPlane],
+        problem: &JointProblem<'_, L>,
+    ) -> Self {
+        let Straightness { undistortion, bent } = straightness;
         let mut pool = Self {
             bent,
             undistortion,

@@ -8,9 +8,11 @@
 
 use std::cell::OnceCell;
 
-use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT};
+use super::hypothesis::Hypothesis;
+use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT, is_triple};
 use super::joint_fit::Fit;
 use super::propose::propose;
+use super::straightness::CURVED;
 use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -24,6 +26,10 @@ const BOARD_STICKS_OUT: f64 = 0.1;
 
 /// Samples of each side that the choice looks at: a false square shows in few.
 const SAMPLES_PER_SIDE: usize = 16;
+
+/// Lenses by which the planes are looked at again: what is clearly wrong in the first is right in the
+/// third.
+const MAX_LENSES: usize = 2;
 
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
@@ -53,7 +59,7 @@ pub fn choose<L: Lens>(
     options.check()?;
     let planes = sort_by_plane(edges)?;
     if planes.len() < LEAST_CANDIDATES {
-        return Ok(Choice::of_all(&planes));
+        return Ok(Choice::of_all(&planes, None));
     }
     let subsampled: Vec<_> = planes
         .iter()
@@ -69,16 +75,16 @@ pub fn choose<L: Lens>(
         planes: &subsampled,
         pool: &OnceCell::new(),
     });
-    if chooser.all_agree() {
-        return Ok(Choice::of_all(&subsampled));
+    if let Some(residual) = chooser.all_agree() {
+        return Ok(Choice::of_all(&subsampled, Some(residual)));
     }
     if let Some(choice) = chooser.beside_boards() {
         return Ok(choice);
     }
-    let found = chooser.choice();
-    Ok(found
-        .filter(|choice| !chooser.is_outlier_anyway(choice))
-        .unwrap_or_else(|| Choice::of_all(&subsampled)))
+    Ok(match chooser.choice() {
+        Some(choice) if !chooser.is_outlier_anyway(&choice) => choice,
+        found => Choice::of_all(&subsampled, found.and_then(|choice| choice.residual)),
+    })
 }
 
 struct Chooser<'a, L: Lens>(Inliers<'a, L>);
@@ -95,28 +101,27 @@ impl<L: Lens> Chooser<'_, L> {
             .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
     }
 
-    fn all_agree(&self) -> bool {
+    /// What the camera of all planes leaves of their residuals, root mean square, if they agree (px).
+    fn all_agree(&self) -> Option<f64> {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
         // Among many, some show what is wrong as well, and otherwise about which camera it is.
         let step = all.len().div_ceil(MAX_FITTED);
         let refined = if step > 1 {
             let some: Vec<usize> = all.iter().copied().step_by(step).collect();
             let planes: Vec<_> = some.iter().map(|i| self.0.planes[*i].clone()).collect();
-            let Some(sketch) = self.0.problem.sketched(&planes) else {
-                return false;
-            };
+            let sketch = self.0.problem.sketched(&planes)?;
             let sketch = self.0.judged(&some, &planes, sketch);
             if !self.0.agrees(&sketch) {
-                return false;
+                return None;
             }
             let lens = &sketch.refined.view.lens;
             self.0.problem.optimum_from(lens, self.0.planes)
         } else {
             None
         };
-        refined
-            .or_else(|| self.0.problem.optimum(self.0.planes).ok())
-            .is_some_and(|refined| self.0.agrees(&self.0.judged(&all, self.0.planes, refined)))
+        let refined = refined.or_else(|| self.0.problem.optimum(self.0.planes).ok())?;
+        let fit = self.0.judged(&all, self.0.planes, refined);
+        self.0.agrees(&fit).then(|| fit.residual())
     }
 
     /// What agrees with boards as well as these among themselves, where they show the camera alone:
@@ -153,18 +158,49 @@ impl<L: Lens> Chooser<'_, L> {
         let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
         Some(Choice {
             doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
+            residual: Some(root_mean_square(refined.residuals.iter().flatten())),
             verdicts,
         })
     }
 
     fn choice(&self) -> Option<Choice> {
+        self.choice_in(MAX_LENSES)
+    }
+
+    /// The choice once the lens is known as well as the planes tell it, tried so many times.
+    fn choice_in(&self, lenses: usize) -> Option<Choice> {
+        let (best, fits) = self.fits()?;
+        let pool = (lenses > 0).then(|| self.0.pool_by_fits(&best, &fits));
+        let Some(pool) = pool.flatten() else {
+            return Some(self.best_of(&best, fits));
+        };
+        let pool = OnceCell::from(pool);
+        let again = Chooser(Inliers {
+            pool: &pool,
+            ..self.0
+        });
+        again.choice_in(lenses - 1)
+    }
+
+    /// The best hypothesis, and the joint fits that all lead to.
+    fn fits(&self) -> Option<(Hypothesis, Vec<Fit<L>>)> {
         let inliers = &self.0;
         let hypotheses = propose(inliers.problem, inliers.pool());
-        let best = hypotheses.first()?;
+        let best = hypotheses.first()?.clone();
         let mut fits = inliers.fits(&hypotheses);
         if !fits.iter().any(|fit| inliers.agrees(fit)) {
             fits.extend(inliers.fits_without_one_of_all(&hypotheses));
         }
+        let bent = inliers.pool().bent.min(CURVED);
+        if !fits.iter().any(|fit| is_triple(fit) && fit.agrees(bent)) {
+            fits.extend(inliers.fits_of_triples(&best));
+        }
+        Some((best, fits))
+    }
+
+    /// The joint fit that agrees and is worth most.
+    fn best_of(&self, best: &Hypothesis, mut fits: Vec<Fit<L>>) -> Choice {
+        let inliers = &self.0;
         let order = |fit: &Fit<L>| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
@@ -185,10 +221,11 @@ impl<L: Lens> Chooser<'_, L> {
                 residual: lens.and_then(|lens| self.residual(plane, lens)),
             }
         };
-        Some(Choice {
+        Choice {
             verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
+            residual: chosen.as_ref().map(Fit::residual),
             doubt: chosen.and_then(|fit| doubt_of_choice(inliers, best, &fit, fits.collect())),
-        })
+        }
     }
 
     /// How far a plane's samples are from the best square that a camera allows.
@@ -266,6 +303,7 @@ mod tests {
         };
         let found = Choice {
             verdicts: (0..edges.len()).map(verdict).collect(),
+            residual: None,
             doubt: None,
         };
         found.keep(&mut edges);

@@ -13,7 +13,9 @@ use super::hypothesis::{Hypothesis, alike, squared_deviation};
 use super::joint_fit::Fit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose};
 use super::squareness::Pinhole;
+use super::straightness::{CURVED, Straightness};
 use super::subsets::triples;
+use crate::geometry::camera_matrix_from_planes;
 use crate::lens::Lens;
 use crate::linear::{first_view, view_by_lens};
 use crate::noise::{Misfit, Noise, account_for_drift};
@@ -62,6 +64,14 @@ const SQUARE_EVIDENCE: f64 = 5.0;
 
 /// What the joint fit that a triple grows to is worth at most: all of it standing apart.
 const MOST_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
+
+/// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
+pub(super) const LEAST_EVIDENCE: f64 = 8.0;
+
+/// Whether a joint fit has planes that can contradict each other.
+pub(super) fn is_triple<L>(fit: &Fit<L>) -> bool {
+    fit.members.len() + 1 >= LEAST_CANDIDATES
+}
 
 /// What agrees is sought among these planes.
 #[derive(Clone, Copy)]
@@ -218,6 +228,29 @@ impl<L: Lens> Inliers<'_, L> {
         fits
     }
 
+    /// The joint fits of three planes that agree, with what else does, whatever the hypotheses make
+    /// of them: these know a wide lens too badly to tell its squares from other things.
+    pub fn fits_of_triples(&self, best: &Hypothesis) -> Vec<Fit<L>> {
+        let known = self.problem.options.known_intrinsics(&self.problem.size);
+        let mut fits = Vec::new();
+        for seed in triples(&self.pool().places, MAX_SEEDS) {
+            let homographies = self.pool().homographies_of(&seed).of_planes();
+            let start = match camera_matrix_from_planes(&homographies, &known) {
+                Ok(matrix) => pinhole(&matrix, self.problem.size),
+                Err(_) => best.camera,
+            };
+            let agrees = |fit: &Fit<L>| fit.is_settled() && self.agrees(fit);
+            if let Some(seed) = self.fit(&seed, &start).filter(agrees) {
+                let own = Hypothesis {
+                    camera: seed.camera,
+                    ..best.clone()
+                };
+                self.keep(seed, &own, &mut fits);
+            }
+        }
+        fits
+    }
+
     /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
         let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
@@ -265,6 +298,22 @@ impl<L: Lens> Inliers<'_, L> {
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
     pub fn worth(&self, fit: &Fit<L>) -> f64 {
         fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
+    }
+
+    /// The planes by the lens of the joint fit that makes all sides straightest, where straight sides
+    /// alone did not show the lens well: a fit knows its centre, too, which moves a fisheye's sides
+    /// far.
+    pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[Fit<L>]) -> Option<Pool<L>> {
+        let bent = self.pool().bent;
+        if bent < CURVED && best.evidence >= LEAST_EVIDENCE {
+            return None;
+        }
+        let agreeing = fits.iter().filter(|fit| is_triple(fit) && self.agrees(fit));
+        let by_lens =
+            agreeing.filter_map(|fit| Straightness::by_lens(self.planes, fit.refined.view.lens));
+        let straightness = by_lens.min_by(|a, b| a.bent.total_cmp(&b.bent))?;
+        let is_better = straightness.bent < bent.max(CURVED);
+        is_better.then(|| Pool::by(straightness, self.planes, self.problem))
     }
 
     /// The squares of a hypothesis that tell most of its camera: of those that stand alike one

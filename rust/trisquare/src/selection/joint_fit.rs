@@ -12,6 +12,10 @@ use crate::refine::{Refined, root_mean_square};
 /// variance of the curvature that no lens takes out: paper that is not flat does both.
 const AGREED: f64 = 2.0;
 
+/// Mean square curvature of straight sides, in units of their noise, is 1; less than this it is where
+/// the noise is no noise.
+const LEAST_CURVED: f64 = 0.25;
+
 /// Standard deviations of chance that are allowed beyond what is expected.
 const CHANCE: f64 = 4.0;
 
@@ -41,6 +45,18 @@ impl<L: Lens> Fit<L> {
         let misfit = &self.misfit;
         within(misfit.straight, misfit.straight_freedom)
             && within(misfit.curved, misfit.curved_freedom)
+    }
+
+    /// Root mean square distance of all samples from their lines, px.
+    pub fn residual(&self) -> f64 {
+        root_mean_square(self.refined.residuals.iter().flatten())
+    }
+
+    /// Whether its residuals are its sides' noise: a fit that has run away leaves so much that nothing
+    /// stands out.
+    pub fn is_settled(&self) -> bool {
+        let misfit = &self.misfit;
+        self.refined.is_exact() || misfit.curved > LEAST_CURVED * misfit.curved_freedom
     }
 
     /// By how much an ordinary member puts its sides in the wrong place: more than noise alone, at

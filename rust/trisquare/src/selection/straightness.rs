@@ -12,12 +12,12 @@ use crate::lens::Lens;
 use crate::linear::{Straightening, Undistortion};
 use crate::noise::{Misfit, Noise};
 use crate::observations::{ObservedPlane, Sample, Side};
-use crate::refine::{Residual, Residuals, robust_scale};
+use crate::refine::{Residual, Residuals, robust_scale, straightness_residuals};
 use crate::solver::JointProblem;
 
 /// Mean square curvature, in units of the noise, from which lenses of some planes are tried: that
 /// of paper which is clearly not flat, or of two cameras.
-const CURVED: f64 = 2.0;
+pub(super) const CURVED: f64 = 2.0;
 
 /// Triples of planes whose lens is tried: all of six, of which half are right.
 const MAX_TRIPLES: usize = 20;
@@ -66,6 +66,15 @@ impl<L: Lens> Straightness<L> {
                 bent,
             },
         }
+    }
+
+    /// That of a known lens; `None` where it does not see all sides.
+    pub fn by_lens(planes: &[ObservedPlane], lens: L) -> Option<Self> {
+        let found = Straightened::of(planes, Undistortion::Known(lens));
+        (!found.misfits.is_empty()).then(|| Self {
+            bent: found.mean_below(f64::INFINITY),
+            undistortion: found.undistortion,
+        })
     }
 }
 
@@ -129,8 +138,12 @@ fn curvature(misfit: &Misfit) -> f64 {
     misfit.curved / misfit.curved_freedom.max(1.0)
 }
 
-/// A side's distances from its line in the undistorted picture.
+/// A side's distances from its line: in the picture where the lens is known, otherwise in the
+/// undistorted one, which wide lenses do not have.
 fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec<Residual>> {
+    if let Undistortion::Known(lens) = undistortion {
+        return straightness_residuals(lens, side);
+    }
     let pixels = side
         .samples
         .iter()

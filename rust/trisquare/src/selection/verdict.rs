@@ -1,16 +1,13 @@
 //! What a choice among candidates returns, and why it may be wrong.
 
 use super::hypothesis::Hypothesis;
-use super::inliers::{CLOSE_RIVAL, Inliers, MAX_FITTED};
+use super::inliers::{CLOSE_RIVAL, Inliers, LEAST_EVIDENCE, MAX_FITTED};
 use super::joint_fit::Fit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
 pub(crate) const LEAST_BOARDS: usize = 3;
-
-/// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
-const LEAST_EVIDENCE: f64 = 8.0;
 
 /// Cameras whose focal lengths differ by more than this part are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
@@ -29,6 +26,9 @@ const ODD_CENTRE: f64 = 0.12;
 pub struct Choice {
     /// One for each plane, in the order of the planes' first figures.
     pub verdicts: Vec<Verdict>,
+    /// Root mean square distance of the samples from the squares of the camera that explains those
+    /// planes that agree (px); `None` where none was found, or sought among three planes or fewer.
+    pub residual: Option<f64>,
     /// Why the choice may be wrong, if so.
     pub doubt: Option<Doubt>,
 }
@@ -112,7 +112,7 @@ impl Choice {
     }
 
     /// The choice that keeps all.
-    pub(crate) fn of_all(planes: &[ObservedPlane]) -> Self {
+    pub(crate) fn of_all(planes: &[ObservedPlane], residual: Option<f64>) -> Self {
         let kept = |plane: &ObservedPlane| Verdict {
             figure: plane.figures[0].index,
             kept: true,
@@ -120,6 +120,7 @@ impl Choice {
         };
         Self {
             verdicts: planes.iter().map(kept).collect(),
+            residual,
             doubt: None,
         }
     }

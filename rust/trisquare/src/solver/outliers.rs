@@ -6,10 +6,15 @@ use super::solve::Solution;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Moments, Noise, SideMoments};
-use crate::observations::{Figure, ObservedPlane, Side, relations_of};
+use crate::observations::{Figure, ObservedPlane, Side, has_grid, relations_of};
 use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
+
+/// A plane whose samples are farther from a target, over its longest side, has another shape: this
+/// is how far a rectangle of 1.06 : 1 is from a square. What is nearer may be a target of another
+/// size than it should have, which then speaks against the others as well.
+const OTHER_SHAPE: f64 = 0.01;
 
 /// Planes that must remain where one is rejected: two cannot show which of three is false.
 const LEAST_PLANES: usize = 3;
@@ -416,6 +421,16 @@ fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     own.collect()
 }
 
+/// Whether a plane that does not fit is no target at all, by how far its samples are from one (px).
+fn is_other(plane: &ObservedPlane, distance: f64) -> bool {
+    let length = |side: &Side| {
+        let ends = side.samples.first().zip(side.samples.last());
+        ends.map_or(0.0, |(first, last)| (last.pixel - first.pixel).norm())
+    };
+    let longest = plane.sides().map(length).fold(0.0, f64::max);
+    distance > OTHER_SHAPE * longest && !plane.figures.iter().any(has_grid)
+}
+
 /// Names the outliers.
 fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     let mut warnings = Vec::new();
@@ -424,7 +439,11 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
         let residuals = &solution.refined.residuals[p];
         if plane.is_outlier() {
             let distance = root_mean_square(residuals.iter());
-            warnings.push(Warning::PlaneRejected { plane: p, distance });
+            warnings.push(Warning::PlaneRejected {
+                plane: p,
+                distance,
+                is_other: is_other(plane, distance),
+            });
             continue;
         }
         let mut rest = &residuals[..];
