@@ -19,6 +19,7 @@ from trisquare.calibration.gather import LOG, Gathered, gather
 from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
+from trisquare.calibration.unexplained_pictures import disagreement_text, unexplained_pictures
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
@@ -277,9 +278,7 @@ def calibrate_photographs(
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:
-            gathered.figures, others, remarks = chosen_by(
-                outcome, gathered.figures, gathered.quads, gathered.names
-            )
+            gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
             gathered.rejected += others
             gathered.warnings += remarks
         gathered.warnings += _doubts_of_side(side)
@@ -456,23 +455,29 @@ def _calibration(
         model=settings.model_of(found.model),
         valid_radius=None if found.valid_radius == math.inf else found.valid_radius,
     )
+    planes = tuple(
+        _plane(
+            plane,
+            kind=figures[plane.figure].kind,
+            image=images[plane.image] if images else plane.image,
+            side=sides[number],
+            side_error=side_errors[number],
+            rejection=OUTLIER if number in outliers else None,
+        )
+        for number, plane in enumerate(found.planes)
+    )
+    if unexplained := unexplained_pictures(planes, gathered.rejected, coherence.displacements):
+        names = gathered.names or [f"picture {image}" for image in range(max(unexplained) + 1)]
+        text = disagreement_text([names[image] for image in unexplained])
+        # It is why the choice is uncertain, or planes contradict each other.
+        gathered.warnings.insert(0, CalibrationWarning(text, "pictures_disagree", "high"))
     return of_core(
         Calibration,
         camera=camera,
         std=ReadOnlyDict(found.std),
         covariance=found.covariance,
         parameters=tuple(found.parameters),
-        planes=tuple(
-            _plane(
-                plane,
-                kind=figures[plane.figure].kind,
-                image=images[plane.image] if images else plane.image,
-                side=sides[number],
-                side_error=side_errors[number],
-                rejection=OUTLIER if number in outliers else None,
-            )
-            for number, plane in enumerate(found.planes)
-        ),
+        planes=planes,
         rms=found.rms,
         noise_scale=found.noise_scale,
         warnings=tuple(by_severity([*gathered.warnings, *warnings])),

@@ -15,9 +15,6 @@ from trisquare.results.rejected import Rejected
 
 FALSE_PLANE = "not true to its shape for the camera that the other planes determine"
 
-LEAST_REJECTED = 3
-"""One or two planes may be no squares; more that are left out together have a common cause."""
-
 OTHER_SHAPE = 0.01
 """What is farther from a target than this part of its size has another shape, as in the core."""
 
@@ -34,12 +31,10 @@ def chosen_by(
     outcome: _core.Outcome,
     figures: Sequence[PlaneEdges],
     quads: Mapping[int, FloatArray],
-    names: Sequence[str],
 ) -> Chosen:
     """Read which planes the core kept: the largest set that one camera sees as they should be.
 
-    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane, and
-    `names` what messages call every picture.
+    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
     """
     verdicts, doubt = outcome.verdicts, outcome.doubt
     dropped = {figures[one.figure].plane: one for one in verdicts if not one.kept}
@@ -55,8 +50,6 @@ def chosen_by(
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
     larger = [one for one in rejected if quad_areas(one.corners) > smallest]
     warnings = []
-    if text := _pictures_disagree(kept, rejected, names):
-        warnings.append(CalibrationWarning(text, "pictures_disagree", "high"))
     chosen = f"one camera explains {len(planes)} of {len(verdicts)} planes found"
     if doubt is not None:
         text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
@@ -76,19 +69,3 @@ def _has_other_shape(one: Rejected) -> bool:
     if one.residual is None:
         return False
     return one.residual > OTHER_SHAPE * math.sqrt(float(quad_areas(one.corners)))
-
-
-def _pictures_disagree(
-    kept: Sequence[PlaneEdges], rejected: Sequence[Rejected], names: Sequence[str]
-) -> str:
-    """Return which pictures show nothing that the camera of the others explains, if any do."""
-    used = {figure.image for figure in kept}
-    unused = sorted({one.image for one in rejected} - used)
-    if not unused or len(rejected) < LEAST_REJECTED:
-        return ""
-    named = ", ".join(names[image] for image in unused)
-    return (
-        f"no camera explains all pictures: {len(rejected)} planes, with all of {named}, "
-        "are left out. Was another zoom, focus or camera used, or is one turned? Calibrate "
-        "those pictures on their own"
-    )

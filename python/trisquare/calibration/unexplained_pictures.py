@@ -1,0 +1,51 @@
+"""Pictures that one camera does not explain together with the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from trisquare.calibration.select import FALSE_PLANE
+from trisquare.results.plane import Plane
+from trisquare.results.rejected import Rejected
+
+BOARDS = ("chessboard", "charuco", "sheet")
+"""Kinds that nothing else is taken for."""
+
+LEAST_PLANES = 3
+"""One or two squares may be false ones; more that do not fit have a common cause, ..."""
+
+LEAST_BOARDS = 2
+"""... as have two boards."""
+
+BENT = 10.0
+"""A plane whose sides are displaced by so many times what those of the flattest are is not bent:
+it was seen by another camera. The boards of real sets differ by less than 2."""
+
+
+def unexplained_pictures(
+    planes: Sequence[Plane], rejected: Iterable[Rejected], displacements: Sequence[float]
+) -> list[int]:
+    """Return the pictures in which no plane fits the camera of the others, unless these are few.
+
+    `displacements` are, of every plane, the distance (px) by which its sides err together; of the
+    `rejected` those count that the choice among candidates left out.
+    """
+    used = [own for own in range(len(planes)) if planes[own].rejection is None]
+    flattest = min((displacements[own] for own in used), default=0.0)
+    fitting = {planes[own].image for own in used if displacements[own] <= BENT * flattest}
+    kinds = [(plane.image, plane.kind) for plane in planes]
+    kinds += [(one.image, one.kind) for one in rejected if one.reason == FALSE_PLANE]
+    others = [(image, kind) for image, kind in kinds if image not in fitting]
+    boards = sum(kind in BOARDS for _, kind in others)
+    if len(others) < LEAST_PLANES and boards < LEAST_BOARDS:
+        return []
+    return sorted({image for image, _ in others})
+
+
+def disagreement_text(pictures: Sequence[str]) -> str:
+    """Return what is said of pictures that are unexplained, by their names."""
+    return (
+        f"no camera explains all pictures: nothing in {', '.join(pictures)} fits the camera of the "
+        "others as a flat target does. Was another zoom, focus or camera used, or is one turned? "
+        "Calibrate those pictures on their own"
+    )
