@@ -37,6 +37,16 @@ def test_cells_that_do_not_touch_are_no_tone_curve_and_no_motion(gap):
     assert abs(result.camera.fx - camera.fx) < 4.0 * result.std["fx"]
 
 
+@pytest.mark.parametrize("seed", first_quick([0, 1, 2]))
+def test_cells_that_do_not_touch_are_no_pattern_of_the_light(seed):
+    rng = np.random.default_rng([88, seed])
+    camera = simulate.random_camera(rng)
+    scenes = [gapped_scene(rng, 0.3, cell=40.0, camera=camera) for _ in range(3)]
+    pictures = [simulate.render(scene, rng, blur=0.8, noise=0.5, tone="srgb") for scene in scenes]
+    codes = {warning.code for warning in ts.calibrate(pictures).warnings}
+    assert "periodic_pattern" not in codes
+
+
 def test_an_overlap_is_dark_only_once():
     scene = gapped_scene(np.random.default_rng(86), -2.0, cell=40.0)
     light = {"noise": 0.0, "blur": 0.5, "contrast": 100.0}

@@ -179,6 +179,16 @@ def test_a_charuco_box_calibrates_a_camera(box):
     assert result.std["fx"] < 0.02 * scene.camera.fx
 
 
+def test_the_layout_of_a_sheet_under_a_tone_curve_costs_nothing():
+    """Its markers were moved by what the tone curve does to the grid's lines, which is less."""
+    rng = np.random.default_rng(1)
+    scene = charuco_box_scene(rng, squares=5, name="4X4_1000")
+    picture = simulate.render(scene, rng, tone="srgb", noise=1.0)
+    stated = ts.calibrate(picture, targets="charuco:5x5:0.75:4X4_1000")
+    assert stated.std["fx"] < 1.1 * ts.calibrate(picture).std["fx"]
+    assert abs(stated.camera.fx - scene.camera.fx) < 4.0 * stated.std["fx"]
+
+
 def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
     _, picture = box
     edges = ts.detect(picture, targets="charuco:4x4:0.75", tone="linear")

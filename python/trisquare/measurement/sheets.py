@@ -95,6 +95,10 @@ class Sheet:
             figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
         if figures:
             markers = [marker for marker in markers if self._stands_apart(marker[0])]
+            # A tone curve shifts markers otherwise than crossed lines, which the joint fit accounts
+            # for.
+            if any(side.drift is not None for _, _, own in markers for side in own):
+                shift = 0.0
         else:
             models = np.array([model for _, model, _ in markers])
             shift = marker_shift(models, [[side.points for side in own] for _, _, own in markers])

@@ -52,10 +52,19 @@ pub(super) fn pattern<'a>(
 
 /// The amplitude, over the contrast, of the wave that explains what the light beside a side shows.
 fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
-    let columns = columns(preview);
+    let mut columns = columns(preview);
+    let count: f64 = columns
+        .iter()
+        .map(|column| column.pixels.len() as f64)
+        .sum();
+    let values = columns.iter().flat_map(|column| &column.pixels);
+    // Light that is all off by the same looks like a wave where every other cell of a board shows it.
+    let mean = values.map(|(_, value)| value).sum::<f64>() / count;
+    for (_, value) in columns.iter_mut().flat_map(|column| &mut column.pixels) {
+        *value -= mean;
+    }
     let values = || columns.iter().flat_map(|column| &column.pixels);
     let power: f64 = values().map(|(_, value)| value * value).sum();
-    let count = values().count() as f64;
     let is_even = power < count * (LEAST_VARIATION * contrast).powi(2);
     if columns.len() < MIN_COLUMNS || is_even {
         return None;
