@@ -38,7 +38,7 @@ def chosen_among(figures, size, quads, fixed=()):
         pictures=None,
         tones=[],
     )
-    return chosen_by(outcome, figures, quads, ["picture 0"])
+    return chosen_by(outcome, figures, quads)
 
 
 def chosen(figures, quads=None, fixed=()):

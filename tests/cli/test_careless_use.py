@@ -46,6 +46,10 @@ def folder(tmp_path, monkeypatch):
         ),
         (("target", "--check", "several"), 2, "--check takes one photograph of the sheet, not 2"),
         (("batch", os.devnull, "-o", "out"), 2, "cannot read a pipe or device"),
+        (("calibrate", "photo.png", "--targets", "chessboard"), 2, "name its inner corners"),
+        (("calibrate", "photo.png", "--targets", "charuco"), 2, "name its layout, charuco:10x10"),
+        (("predict", "--size", "64x48", "--focal", "50mm"), 2, "the focal length in mm, times"),
+        (("calibrate", "photo.png", "--fail-on", "all"), 2, "unknown --fail-on 'all'"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(run, folder, words, code, said):
@@ -57,6 +61,34 @@ def test_what_cannot_be_meant_is_refused(run, folder, words, code, said):
     assert (found, out) == (code, "")
     assert said in err
     assert sorted(Path().rglob("*")) == before
+
+
+def test_a_link_to_nowhere_is_named_as_one(run, folder):
+    Path("link.png").symlink_to("gone.png")
+    code, _, err = run("calibrate", "link.png")
+    assert code == 5
+    assert "link.png: a link to gone.png, which is not there" in err
+
+
+def test_a_warning_may_be_a_failure_and_all_is_written_all_the_same(run, folder):
+    wide = cv2.resize(PHOTO, None, fx=1.05, fy=1.0, interpolation=cv2.INTER_AREA)
+    cv2.imwrite("wide.png", wide)
+    assert ts.calibrate("wide.png").warnings[0].severity == "high"
+    for severity in ("high", "medium", "low"):
+        code, out, _ = run("calibrate", "wide.png", "-o", "kept.json", "--fail-on", severity)
+        assert code == 6
+        assert "wrote kept.json" in out
+    assert ts.calibrate("photo.png").warnings == ()
+    assert run("calibrate", "photo.png", "--fail-on", "low")[0] == 0
+
+
+def test_one_board_is_told_to_be_photographed_again(run, folder):
+    rng = np.random.default_rng(3)
+    scene = simulate.chessboard_scene(rng, simulate.random_camera(rng))
+    cv2.imwrite("board.png", simulate.render(scene, rng))
+    code, _, err = run("calibrate", "board.png")
+    assert code == 3
+    assert "of a board take more pictures" in err
 
 
 def test_what_may_not_be_looked_at_is_not_called_missing(folder, monkeypatch):

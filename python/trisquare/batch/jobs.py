@@ -93,6 +93,11 @@ class Job(Frozen):
         if not name.strip():
             raise ValueError("a job's name must not be empty")
         given = (photographs,) if isinstance(photographs, str | os.PathLike) else photographs
+        if isinstance(photographs, bytes | bytearray) or not isinstance(given, Iterable):
+            raise TypeError(
+                "a job's photographs are paths, which its own process opens (write bytes to a "
+                f"file), not {type(photographs).__name__}"
+            )
         paths = strings([os.fspath(path) for path in given], "photographs")
         if fault is None and not paths:
             raise ValueError(f"the job {name!r} has no photograph")

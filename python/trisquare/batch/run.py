@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, closing
@@ -12,6 +11,7 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 from trisquare._support.arrays import Frozen
+from trisquare._support.log import LOG
 from trisquare._support.terminal_text import printable
 from trisquare._support.threads import usable_cores
 from trisquare.batch.jobs import Job, faulty_job
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from trisquare.batch.store import Store
     from trisquare.batch.worker import Answer
 
-LOG = logging.getLogger("trisquare")
 
 WINDOW = 256
 """Jobs that are submitted at a time: enough for a hundred processes, and no memory to speak of."""
@@ -177,9 +176,9 @@ def _calibrated(
         for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
             error, name = own.record.get("error"), printable(own.job.name)
             if error is None:
-                LOG.info("%s: done", name)
+                LOG.info("%s: done", printable(name))
             else:
-                LOG.warning("%s: %s: %s", name, error["code"], printable(error["text"]))
+                LOG.warning("%s: %s: %s", printable(name), error["code"], printable(error["text"]))
             yield own
         if store is not None:
             store.finish()

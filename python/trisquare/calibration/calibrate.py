@@ -11,11 +11,13 @@ import numpy as np
 import trisquare._core as _core
 from trisquare._support.arrays import ReadOnlyDict, size_of_image
 from trisquare._support.lengths import length_in
+from trisquare._support.log import LOG
+from trisquare._support.number_text import listed
 from trisquare._support.records import of_core
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
-from trisquare.calibration.gather import LOG, Gathered, gather
+from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
@@ -25,7 +27,7 @@ from trisquare.camera.settings import PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
-from trisquare.images.faults import fault_warnings
+from trisquare.images.faults import SPOILT, fault_warnings
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
@@ -422,17 +424,22 @@ def _calibration(
     measured = {figure.image for figure in gathered.figures}
     faults = dict(zip(images, gathered.faults, strict=True))
     faults = {image: own for image, own in faults.items() if image in measured}
-    warnings += [
-        CalibrationWarning(*own) for own in fault_warnings(faults, tone_of_image, gathered.names)
-    ]
+    told = fault_warnings(faults, tone_of_image, gathered.names)
+    warnings += [CalibrationWarning(*own) for own in told]
+    spoilt = [SPOILT[code] for _, code, _ in told if code in SPOILT]
     untold = {i: tone_of_image[i] for i, own in faults.items() if not own.is_shifted}
     if shifted := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     kinds = {figure.kind for figure in gathered.figures}
     may_be_rectangles = bool(images) and kinds <= {"square", "frame"}
     for text, code, severity, plane, picture in found.warnings:
-        if may_be_rectangles and code == "planes_contradict":
-            text += NO_SQUARES_HINT
+        if code == "planes_contradict":
+            if spoilt:
+                text += (
+                    f". The picture is {listed(spoilt)}, which may be why: take a better one first"
+                )
+            elif may_be_rectangles:
+                text += NO_SQUARES_HINT
         if picture is not None:
             text = contradiction_text(contradicting or gathered.names[images[picture]], text)
         warnings.append(CalibrationWarning(text, code, severity, plane))

@@ -7,9 +7,12 @@ from dataclasses import replace
 
 from trisquare._support.number_text import listed
 from trisquare.calibration.gather import Gathered
-from trisquare.errors import TrisquareError
+from trisquare.calibration.unexplained_pictures import BOARDS
+from trisquare.errors import NotEnoughPlanesError, TrisquareError
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
+
+MORE_PICTURES = "of a board take more pictures, each tilted otherwise, and give them all at once"
 
 MOST_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
@@ -20,6 +23,10 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
     error.found = tuple(partial_detections(gathered.figures))
     error.rejected = (*gathered.rejected, *rejected_shapes(gathered))
     texts = [str(error)]
+    if isinstance(error, NotEnoughPlanesError) and any(
+        own.kind in BOARDS for own in gathered.figures
+    ):
+        texts.append(MORE_PICTURES)
     for heading, things in (("found", error.found), ("not used", error.rejected)):
         if things:
             texts.append(f"{heading}: {_named(things, gathered.names)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
+from trisquare._support.log import LOG
 from trisquare._support.terminal_text import printable
 from trisquare._support.threads import in_order
 from trisquare.calibration.measured_photograph import (
@@ -40,8 +40,6 @@ TO_HEED = {"orientation_ignored"}
 """Remarks on photographs that ask for an action: whoever loads one turned has another camera."""
 
 LEAVE_OUT = "to calibrate without it, name the others, or move it out of the folder"
-
-LOG = logging.getLogger("trisquare")
 
 
 @dataclass(slots=True)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trisquare._support.arrays import NORMAL_MEDIAN, FloatArray
+from trisquare._support.log import LOG
 from trisquare.calibration.calibrate import calibrate
-from trisquare.calibration.gather import LOG
 from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of

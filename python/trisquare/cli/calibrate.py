@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.calibration.calibrate import calibrate_photographs
@@ -17,7 +18,7 @@ from trisquare.calibration.missed_squares import missed_squares
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
-from trisquare.cli.framework import command_line, reading
+from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, command_line, reading
 from trisquare.cli.input_files import camera_alone, photographs_named
 from trisquare.cli.options import (
     FIX,
@@ -52,6 +53,7 @@ from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import TONE_CURVES, Image, checked_tone
 from trisquare.images.video import is_video
 from trisquare.report import check_extra, report_page
+from trisquare.results.calibration_warning import SEVERITIES
 
 EXAMPLES = (
     "trisquare calibrate photo.jpg",
@@ -168,6 +170,13 @@ def calibrate_command(
     with_diagnosis: bool = flag(
         "Show what limits each parameter, and what would improve it.", "--diagnose"
     ),
+    fail_on: str | None = option(
+        None,
+        "SEVERITY",
+        "Exit with code 6 where a warning is of this severity (high, medium or low), or a higher "
+        "one; all is printed and written.",
+        offer=SEVERITIES,
+    ),
     verbose: bool = flag("Show all warnings, not only the most severe.", "--verbose", "-v"),
 ) -> None:
     """Calibrate a camera from its photographs."""
@@ -175,6 +184,8 @@ def calibrate_command(
         raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     if with_diagnosis and quiet:
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
+    if fail_on is not None and fail_on not in SEVERITIES:
+        raise unknown("--fail-on", fail_on, SEVERITIES)
     photos = photographs_named(photos, with_videos=frames is not None)
     clips = 0 if frames is None else sum(map(is_video, photos))
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
@@ -250,3 +261,6 @@ def calibrate_command(
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
     outputs.raise_first_failure()
+    severities = [warning.severity for warning in calibration.warnings]
+    if fail_on is not None and set(severities) & set(SEVERITIES[: SEVERITIES.index(fail_on) + 1]):
+        raise typer.Exit(NOT_ALL_PASSED_EXIT)

@@ -44,7 +44,7 @@ SQUARE_FIELDS = ("centre x", "centre y", "side", "tilt", "direction", "spin")
 def predict_command(
     plan: Path | None = argument(None, "[PLAN]", "A plan as JSON; options override it."),
     size: str | None = option(None, "WxH", "Size of the picture in pixels, such as 1280x960."),
-    focal: float | None = option(None, "PX", "Guess of the focal length; by default the width."),
+    focal: str | None = option(None, "PX", "Guess of the focal length; by default the width."),
     camera: Path | None = option(
         None, "FILE", "A camera, as convert reads it, instead of --size and --focal."
     ),
@@ -87,15 +87,14 @@ def predict_command(
     """Predict the standard deviations that a planned photograph will have."""
     if camera is not None and (size is not None or focal is not None):
         raise ValueError("--camera states the size and focal length: leave out --size and --focal")
-    if focal is not None and not 0.0 < focal < np.inf:
-        raise ValueError(f"--focal must be positive, not {focal:g}")
+    pixels = None if focal is None else _pixels(focal)
     if frame is not None and not 0.0 < frame < 1.0:
         raise ValueError(f"--frame must be between 0 and 1, not {frame:g}")
     stated = None if size is None else parse_size(size)
     known = None if camera is None else camera_alone(camera)
     written = None if plan is None else read_plan(plan)
     with nullcontext() if plan is None else naming(plan):
-        guess = _pinhole(written, stated, focal) if known is None else known
+        guess = _pinhole(written, stated, pixels) if known is None else known
         planned = []
         if written is not None and not square:
             planned = [planned_square(own, guess, frame) for own in written.objects("squares")]
@@ -121,6 +120,20 @@ def read_plan(plan: Path) -> JsonFields:
         text = read_text(plan)
     with naming(plan):
         return JsonFields.parse(text, PLAN_FORMAT)
+
+
+def _pixels(focal: str) -> float:
+    """Return a focal length that is stated in pixels."""
+    try:
+        pixels = float(focal)
+    except ValueError as error:
+        raise ValueError(
+            f"--focal must be a number of pixels, not {focal}: it is the focal length in mm, times "
+            "the picture's width, over the sensor's width in mm"
+        ) from error
+    if not 0.0 < pixels < np.inf:
+        raise ValueError(f"--focal must be positive, not {focal}")
+    return pixels
 
 
 def _pinhole(

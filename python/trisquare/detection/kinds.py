@@ -23,6 +23,15 @@ from trisquare.results.rejected import Rejected
 if TYPE_CHECKING:
     from trisquare.detection.sheets.layout import Layout
 
+_BOARD = "name its inner corners, chessboard:9x6, or nothing at all: boards are found untold"
+
+OF_LAYOUT = {
+    "chessboard": _BOARD,
+    "checkerboard": _BOARD,
+    "charuco": "name its layout, charuco:10x10:0.75 (squares across and down, marker over square)",
+}
+"""What to say of boards that are named without their layout."""
+
 SMALLEST_BOARD = 3
 """Inner corners per direction that a chessboard must have."""
 
@@ -110,6 +119,8 @@ class TargetKinds:
 
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
+        if match is None and text in OF_LAYOUT:
+            raise ValueError(f"{text!r} is no target by itself: {OF_LAYOUT[text]}")
         if match is None:
             raise unknown("targets", text, (*TAG_SEARCHES, *NAMED, "rectangle"), CHOICES)
         cols, rows = int(match[1]), int(match[2])

@@ -107,6 +107,14 @@ def fault_warnings(
     ]
 
 
+SPOILT = {
+    "overexposed": "overexposed",
+    "motion_blurred": "blurred by motion",
+    "out_of_focus": "out of focus",
+}
+"""What a picture is that has these warnings, which may move edges unevenly."""
+
+
 _ADVICE = {
     "interlaced": (
         "the odd rows show another moment or place than the even ones, which alone are measured: "

@@ -194,7 +194,8 @@ def _checked_array(source: object) -> Image:
     if np.ma.is_masked(source):
         raise ValueError("a picture must have no masked pixels: set them to the grey around them")
     if source.dtype not in PIXEL_TYPES:
-        raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}")
+        cure = ": picture.astype(np.float32)" if source.dtype == np.float64 else ""
+        raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}{cure}")
     if source.ndim not in (2, 3) or source.shape[2:] not in SHAPES or source.size == 0:
         raise ValueError(
             f"a picture has the shape (H, W), (H, W, 3) or (H, W, 4), not {source.shape}"

@@ -117,6 +117,11 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
     try:  # before what else may be wrong: a video is known by its content
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
+        if os.path.islink(name):
+            text = f"{name}: a link to {os.readlink(name)}, which is not there"
+            raise MissingImageError(text) from error
+        if not name:
+            raise MissingImageError("the name of a picture is empty") from error
         raise MissingImageError(f"{name}: No such file or directory") from error
     except OSError as error:
         raise ImageError(f"{name}: {error.strerror or error}") from error

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 import time
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from trisquare._support.log import LOG
 from trisquare._support.terminal_text import printable
-
-LOG = logging.getLogger("trisquare")
 
 ERROR_HEADER = "X-Trisquare-Error"
 """Holds the code of an answer that is an error."""
