@@ -438,7 +438,7 @@ def _calibration(
                 text += (
                     f". The picture is {listed(spoilt)}, which may be why: take a better one first"
                 )
-            elif may_be_rectangles:
+            if may_be_rectangles:
                 text += NO_SQUARES_HINT
         if picture is not None:
             text = contradiction_text(contradicting or gathered.names[images[picture]], text)

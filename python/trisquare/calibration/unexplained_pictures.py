@@ -21,6 +21,9 @@ BENT = 10.0
 """A plane whose sides are displaced by so many times what those of the flattest are is not bent:
 it was seen by another camera. The boards of real sets differ by less than 2."""
 
+FLAT = 0.05
+"""A displacement (px) that is no more than this is none: where there is no other, all have some."""
+
 
 def unexplained_pictures(
     planes: Sequence[Plane], rejected: Iterable[Rejected], displacements: Sequence[float]
@@ -31,8 +34,8 @@ def unexplained_pictures(
     `rejected` those count that the choice among candidates left out.
     """
     used = [own for own in range(len(planes)) if planes[own].rejection is None]
-    flattest = min((displacements[own] for own in used), default=0.0)
-    fitting = {planes[own].image for own in used if displacements[own] <= BENT * flattest}
+    limit = max(BENT * min((displacements[own] for own in used), default=0.0), FLAT)
+    fitting = {planes[own].image for own in used if displacements[own] <= limit}
     kinds = [(plane.image, plane.kind) for plane in planes]
     kinds += [(one.image, one.kind) for one in rejected if one.reason == FALSE_PLANE]
     others = [(image, kind) for image, kind in kinds if image not in fitting]
