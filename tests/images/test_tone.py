@@ -69,6 +69,22 @@ def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
     assert np.sqrt(np.mean(np.square(errors))) < 1.6
 
 
+def test_boards_need_no_tone_curve_wherever_the_light_falls():
+    """Along their lines the dark changes sides, and with it the shift that no curve describes."""
+    rng = np.random.default_rng(95)
+    camera = simulate.random_camera(rng)
+    scenes = [simulate.chessboard_scene(rng, camera) for _ in range(4)]
+    pictures = [simulate.render(own, rng, tone="srgb", shading=0.4) for own in scenes]
+    level = np.arange(256) / 255.0
+    contrasted = 255.0 * (level - np.sin(2.0 * np.pi * level) / (4.0 * np.pi))
+    table = np.rint(contrasted).astype(np.uint8)
+    plain, result = ts.calibrate(pictures), ts.calibrate([table[own] for own in pictures])
+    assert result.std["fx"] < 3.0 * plain.std["fx"]
+    for name in ("fx", "fy", "cx", "cy"):
+        error = getattr(result.camera, name) - getattr(camera, name)
+        assert abs(error) < 4.0 * result.std[name], name
+
+
 def test_pictures_of_one_camera_have_a_tone_each():
     other = squares(93, camera=SCENE.camera)
     second = simulate.render(other, np.random.default_rng(94), tone=1.4)
