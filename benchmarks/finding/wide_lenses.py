@@ -111,12 +111,13 @@ def _among_rectangles() -> Row:
             continue
         clean += 1
         errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+    ratio = rms(np.array(errors))
     return Row(
         f'{SCENES} such pictures of three frames and up to three rectangles, model="auto": '
         "answered without a warning; fx, error / std, rms of these",
-        f"{clean} of {SCENES}; {rms(np.array(errors)):.2f} (worst {np.abs(errors).max():.1f})",
+        f"{clean} of {SCENES}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
         f">= {LEAST_FOUND}; {RATIO[0]}-{RATIO[1]}",
-        clean >= LEAST_FOUND and RATIO[0] <= rms(np.array(errors)) <= RATIO[1],
+        clean >= LEAST_FOUND and RATIO[0] <= ratio <= RATIO[1],
     )
 
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from trisquare.batch.store import Store
     from trisquare.batch.worker import Answer
 
-
 WINDOW = 256
 """Jobs that are submitted at a time: enough for a hundred processes, and no memory to speak of."""
 
@@ -176,9 +175,9 @@ def _calibrated(
         for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
             error, name = own.record.get("error"), printable(own.job.name)
             if error is None:
-                LOG.info("%s: done", printable(name))
+                LOG.info("%s: done", name)
             else:
-                LOG.warning("%s: %s: %s", printable(name), error["code"], printable(error["text"]))
+                LOG.warning("%s: %s: %s", name, error["code"], printable(error["text"]))
             yield own
         if store is not None:
             store.finish()

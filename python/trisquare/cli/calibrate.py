@@ -261,6 +261,6 @@ def calibrate_command(
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
     outputs.raise_first_failure()
-    severities = [warning.severity for warning in calibration.warnings]
-    if fail_on is not None and set(severities) & set(SEVERITIES[: SEVERITIES.index(fail_on) + 1]):
+    failing = () if fail_on is None else SEVERITIES[: SEVERITIES.index(fail_on) + 1]
+    if any(warning.severity in failing for warning in calibration.warnings):
         raise typer.Exit(NOT_ALL_PASSED_EXIT)

@@ -119,9 +119,9 @@ class TargetKinds:
 
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
-        if match is None and text in OF_LAYOUT:
-            raise ValueError(f"{text!r} is no target by itself: {OF_LAYOUT[text]}")
         if match is None:
+            if text in OF_LAYOUT:
+                raise ValueError(f"{text!r} is no target by itself: {OF_LAYOUT[text]}")
             raise unknown("targets", text, (*TAG_SEARCHES, *NAMED, "rectangle"), CHOICES)
         cols, rows = int(match[1]), int(match[2])
         if min(cols, rows) < SMALLEST_BOARD:

@@ -121,7 +121,7 @@ impl<L: Lens> Chooser<'_, L> {
         };
         let refined = refined.or_else(|| self.0.problem.optimum(self.0.planes).ok())?;
         let fit = self.0.judged(&all, self.0.planes, refined);
-        self.0.agrees(&fit).then(|| fit.residual())
+        self.0.agrees(&fit).then(|| fit.refined.rms())
     }
 
     /// What agrees with boards as well as these among themselves, where they show the camera alone:
@@ -158,7 +158,7 @@ impl<L: Lens> Chooser<'_, L> {
         let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
         Some(Choice {
             doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
-            residual: Some(root_mean_square(refined.residuals.iter().flatten())),
+            residual: Some(refined.rms()),
             verdicts,
         })
     }
@@ -223,7 +223,7 @@ impl<L: Lens> Chooser<'_, L> {
         };
         Choice {
             verdicts: self.0.planes.iter().enumerate().map(verdict).collect(),
-            residual: chosen.as_ref().map(Fit::residual),
+            residual: chosen.as_ref().map(|fit| fit.refined.rms()),
             doubt: chosen.and_then(|fit| doubt_of_choice(inliers, best, &fit, fits.collect())),
         }
     }

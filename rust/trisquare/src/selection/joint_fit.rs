@@ -47,11 +47,6 @@ impl<L: Lens> Fit<L> {
             && within(misfit.curved, misfit.curved_freedom)
     }
 
-    /// Root mean square distance of all samples from their lines, px.
-    pub fn residual(&self) -> f64 {
-        root_mean_square(self.refined.residuals.iter().flatten())
-    }
-
     /// Whether its residuals are its sides' noise: a fit that has run away leaves so much that nothing
     /// stands out.
     pub fn is_settled(&self) -> bool {
