@@ -100,6 +100,15 @@ def test_trisquares_own_file_keeps_model_and_valid_radius(tmp_path):
     assert Camera.load(tmp_path / "camera.json").valid_radius is None
 
 
+def test_a_camera_goes_through_text_without_a_file(tmp_path):
+    camera = random_camera(5, "brown", valid_radius=0.9)
+    camera.save(tmp_path / "camera.json")
+    assert camera.to_json() == (tmp_path / "camera.json").read_text()
+    assert Camera.from_json(camera.to_json()) == camera
+    with pytest.raises(ValueError, match='"format" must be'):
+        Camera.from_json(camera.to_json().replace("trisquare-camera", "another"))
+
+
 def test_a_calibration_is_read_as_its_camera(tmp_path):
     camera = random_camera(4, "radial2")
     result = ts.Calibration(
@@ -109,6 +118,7 @@ def test_a_calibration_is_read_as_its_camera(tmp_path):
     )
     (tmp_path / "result.json").write_text(result.to_json())
     assert_same(Camera.load(tmp_path / "result.json"), camera)
+    assert_same(Camera.from_json(result.to_json()), camera)
 
 
 def opencv_storage(path, **members):

@@ -40,12 +40,13 @@ class JsonFields:
         self._where = where
 
     @classmethod
-    def parse(cls, text: str | bytes, expected_format: str) -> JsonFields:
-        """Parse a whole text and check its ``format`` member."""
+    def parse(cls, text: str | bytes, expected_format: str | None = None) -> JsonFields:
+        """Parse a whole text and check its ``format`` member, unless any will do."""
         if not isinstance(text, str | bytes):
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
         fields = cls(parse_json(text))
-        fields.check_format(expected_format)
+        if expected_format is not None:
+            fields.check_format(expected_format)
         return fields
 
     def check_format(self, expected: str) -> None:

@@ -113,10 +113,10 @@ def calibrate(
         tangential terms together do what another axis of the camera does: with the prism models
         the principal point may have to be fixed. ``"auto"`` takes the model of "none" to
         "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
-        fit, or a fisheye where these leave sides that err together and it explains them clearly
-        better, by Schwarz's criterion (1978); the rejected ones are in ``alternatives``, and what
-        they would say stays, by their probabilities, in the covariance. It needs ``method="ml"``
-        and a free distortion.
+        fit, or a fisheye where these leave sides that err together, or bend a wide field as one
+        does, and it explains the edges clearly better, by Schwarz's criterion (1978); the rejected
+        ones are in ``alternatives``, and what they would say stays, by their probabilities, in the
+        covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         Held at the values of `initial`, or else at aspect 1, the image centre, and zero. The model
         of a distortion that is held is that of `initial`; without one the lens is taken for one

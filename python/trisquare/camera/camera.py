@@ -487,6 +487,33 @@ class Camera(RebuiltByConstructor):
             .camera
         )
 
+    def to_json(self) -> str:
+        """Return the camera as JSON text that `from_json` reads back exactly.
+
+        Examples
+        --------
+        >>> ts.Camera.from_json(camera.to_json()) == camera
+        True
+        """
+        return registered_files().to_json(self)
+
+    @classmethod
+    def from_json(cls, text: str) -> Camera:
+        """Read what `to_json` wrote, or the camera of a `Calibration`'s JSON.
+
+        Raises
+        ------
+        ValueError
+            If the text is not JSON, is of another format, or a key is missing, of the wrong type
+            or not finite; the message names it.
+
+        Examples
+        --------
+        >>> ts.Camera.from_json(result.to_json()) == result.camera
+        True
+        """
+        return registered_files().from_json(text)
+
     def __eq__(self, other: object) -> bool:
         """Whether all numbers are the same, to the last bit."""
         if not isinstance(other, Camera):

@@ -28,12 +28,15 @@ class CameraFiles(NamedTuple):
     """Reads and writes camera files; the arguments are those of `Camera.save` and `Camera.load`.
 
     `is_own` says of a path and a format, or None, whether that is trisquare's own, which holds
-    results as well; it raises ValueError where the name tells no format.
+    results as well; it raises ValueError where the name tells no format. `to_json` and `from_json`
+    are between a camera and trisquare's own JSON.
     """
 
     save: Callable[..., Approximation | None]
     load: Callable[..., Loaded]
     is_own: Callable[[str | os.PathLike[str], str | None], bool]
+    to_json: Callable[[Camera], str]
+    from_json: Callable[[str], Camera]
 
 
 _registered: list[CameraFiles] = []

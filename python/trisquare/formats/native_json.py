@@ -57,6 +57,16 @@ def _camera(members: JsonFields) -> Camera:
 
 def write(camera: Camera, suffix: str) -> str:
     """Write a camera."""
+    return camera_json(camera)
+
+
+def camera_from_json(text: str) -> Camera:
+    """Read a camera; see `Camera.from_json`."""
+    return _camera(JsonFields.parse(text))
+
+
+def camera_json(camera: Camera) -> str:
+    """Write a camera; see `Camera.to_json`."""
     return dump_members(
         {
             "format": CAMERA_FORMAT,

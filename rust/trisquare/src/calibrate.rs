@@ -182,24 +182,31 @@ pub(crate) fn calibrate_agreeing<L: Lens>(
     run(edges, size, options, None, Purpose::Agreement)
 }
 
-/// Whether all planes agree with a lens, or leave residuals (rms, in pixels) below a limit: by one fit,
-/// without the search for false planes. True where the fit fails, for that search may mend it.
-pub(crate) fn may_fit<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    most_rms: f64,
-) -> bool {
-    let Ok(planes) = sort_by_plane(edges) else {
-        return true;
-    };
-    let work = Rc::new(Work::for_planes(&planes));
-    let nested = &mut NestedOptima::default();
-    let problem = JointProblem::of_planes(&planes, size, options, &work, nested);
-    let found = problem.solve(&planes);
-    found.map_or(true, |found| {
-        found.agrees(&problem) || found.refined.rms() < most_rms
-    })
+/// What one fit of a lens to all planes leaves.
+pub(crate) struct FirstFit {
+    /// Whether the planes agree.
+    pub agrees: bool,
+    /// Of the residuals, in pixels.
+    pub rms: f64,
+}
+
+impl FirstFit {
+    /// Without the search for false planes; `None` where the fit fails, which that search may mend.
+    pub(crate) fn of<L: Lens>(
+        edges: &[PlaneEdges],
+        size: ImageSize,
+        options: &Options<L>,
+    ) -> Option<Self> {
+        let planes = sort_by_plane(edges).ok()?;
+        let work = Rc::new(Work::for_planes(&planes));
+        let nested = &mut NestedOptima::default();
+        let problem = JointProblem::of_planes(&planes, size, options, &work, nested);
+        let found = problem.solve(&planes).ok()?;
+        Some(Self {
+            agrees: found.agrees(&problem),
+            rms: found.refined.rms(),
+        })
+    }
 }
 
 /// What models that are compared share, and tell beside their calibration.

@@ -6,9 +6,9 @@
 
 use std::collections::HashMap;
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector2};
 
-use crate::calibrate::{calibrate_photographs, may_fit};
+use crate::calibrate::{FirstFit, calibrate_photographs};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
@@ -23,6 +23,13 @@ use crate::uncertainty::{unlikely_camera, widen};
 /// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
 /// or fewer, has such a lens.
 const PREFERENCE: f64 = 3.0;
+
+/// The angle from the axis, in radians, from which on a fisheye is told from a distorted pinhole.
+const WIDE: f64 = 0.7;
+
+/// What a fisheye may leave of the residuals of a distorted pinhole that leaves nothing but noise: with
+/// more it has no odds.
+const AS_GOOD: f64 = 1.1;
 
 /// Warnings that a lens of another family may be the cause of.
 const SYMPTOMS: [&str; 9] = [
@@ -61,7 +68,8 @@ pub struct RejectedFamily {
 /// Calibrates with the lens, of any family, that has the largest evidence.
 ///
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
-/// asked about where a distorted pinhole leaves sides that err together. What the other family says
+/// asked about where a distorted pinhole leaves sides that err together, or sees a wide field whose
+/// rim it draws in as a fisheye does. What the other family says
 /// of focal length and principal point stays, by its probability, in the covariance.
 ///
 /// ```
@@ -90,8 +98,15 @@ pub fn calibrate_by_family(
     check_comparable(options)?;
     let wide_options = of_family::<_, Fisheye>(options);
     let plain = Weighed::of(edges, size, options);
-    if let Some(plain) = plain.as_ref().filter(|plain| is_clean(plain.chosen().1)) {
-        // Of what leaves nothing but noise no other lens can leave less.
+    let may_be_wide = |fit: &Calibration<_>| {
+        let limit = AS_GOOD * fit.rms;
+        bends_as_a_fisheye(fit)
+            && FirstFit::of(&telling(edges), size, &wide_options)
+                .is_none_or(|wide| wide.rms < limit)
+    };
+    let is_enough =
+        |plain: &&Weighed<_>| is_clean(plain.chosen().1) && !may_be_wide(plain.chosen().1);
+    if let Some(plain) = plain.as_ref().filter(is_enough) {
         let choice = plain.answer(edges, size, options, photographs)?;
         return Ok((FamilyChoice::Pinhole(choice), None));
     }
@@ -197,7 +212,8 @@ pub fn heed_fisheye<L: Lens>(
     let wide_options = of_family::<_, Fisheye>(options);
     // Real boards are never quite flat, which a fisheye leaves as it is.
     let limit = WORTH_WEIGHING * calibration.rms;
-    if !may_fit(&some, size, &wide_options, limit) {
+    let may_explain = |fit: FirstFit| fit.agrees || fit.rms < limit;
+    if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
         return;
     }
     let wide = Weighed::of(&some, size, &wide_options);
@@ -316,6 +332,22 @@ fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
 /// Whether the residuals of the samples show no sides that err together.
 fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
     fit.residual_correlation.probability < 0.5
+}
+
+/// Whether the picture's corners are imaged as far out as a fisheye would, rather than a pinhole, and
+/// see so far from the axis that both are told apart by more than noise.
+///
+/// The radius is the angle for one and its tangent for the other.
+fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
+    let lens = &fit.camera;
+    let bends = |corner: &Vector2<f64>| {
+        lens.unproject(corner).is_none_or(|ray| {
+            let radius = (lens.inverse_focal_matrix() * (corner - lens.principal_point())).norm();
+            let angle = ray.xy().norm().atan2(ray.z);
+            angle > WIDE && radius < 0.5 * (angle + angle.tan())
+        })
+    };
+    fit.image_size.corners().iter().any(bends)
 }
 
 /// The same wishes for a lens of another family.

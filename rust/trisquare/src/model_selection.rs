@@ -29,6 +29,9 @@ use crate::uncertainty::widen;
 /// evidence that is not worth a mention does not choose it.
 const ENDS_IN_PICTURE: f64 = 1.0;
 
+/// What a coefficient that was left out may be all the same, as a part of what lenses have.
+const SMALL: f64 = 0.03;
+
 /// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
 
@@ -300,9 +303,13 @@ fn doubt<L: Lens>(
         let mut own = &difference * difference.transpose();
         if i > chosen {
             let shared = shared_covariance(&reference.fit, &candidate.fit)?;
-            own += raising_part(shared - &reference.fit.covariance)?;
+            own += raising_part(shared, &reference.fit.covariance)?;
         }
         doubt += own * (weight(candidate) / total);
+    }
+    if let Some(richest) = candidates.last().filter(|_| chosen + 1 < candidates.len()) {
+        let shared = with_small_coefficients(reference, richest)?;
+        doubt += raising_part(shared, &reference.fit.covariance)?;
     }
     doubt.iter().all(|v| v.is_finite()).then_some(doubt)
 }
@@ -365,29 +372,56 @@ fn log_evidence<L: Lens>(
         .collect()
 }
 
+/// The covariance of a richer fit, in the free parameters of `simpler`, once the coefficients that
+/// this one leaves out are held to zero with a standard deviation of [`SMALL`].
+fn with_small_coefficients<L: Lens>(
+    simpler: &Candidate<L>,
+    richer: &Candidate<L>,
+) -> Option<DMatrix<f64>> {
+    let fit = &richer.fit;
+    let usual = fit.camera.coefficient_priors(fit.image_size);
+    let kept = simpler.model.columns();
+    let left_out: Vec<usize> = (richer.model.columns().iter())
+        .filter(|column| !kept.contains(*column))
+        .collect();
+    let place = |column: &usize| fit.position(L::parameter_names()[*column]);
+    let places: Vec<usize> = left_out.iter().map(place).collect::<Option<_>>()?;
+    let across = fit.covariance.select_columns(&places);
+    let mut own = across.select_rows(&places);
+    for (i, column) in left_out.iter().enumerate() {
+        own[(i, i)] += (SMALL * usual[column - INTRINSICS]).powi(2);
+    }
+    let held = &fit.covariance - &across * Cholesky::new(own)?.solve(&across.transpose());
+    let shared = shared_places(&simpler.fit, fit)?;
+    Some(held.select_rows(&shared).select_columns(&shared))
+}
+
 /// The covariance of a richer fit, in the free parameters of `reference`.
 fn shared_covariance<L: Lens>(
     reference: &Calibration<L>,
     richer: &Calibration<L>,
 ) -> Option<DMatrix<f64>> {
-    let places: Vec<usize> = reference
-        .parameters
-        .iter()
-        .map(|name| richer.position(name))
-        .collect::<Option<_>>()?;
-    let size = places.len();
-    Some(DMatrix::from_fn(size, size, |i, j| {
-        richer.covariance[(places[i], places[j])]
-    }))
+    let places = shared_places(reference, richer)?;
+    let covariance = &richer.covariance;
+    Some(covariance.select_rows(&places).select_columns(&places))
 }
 
-/// A symmetric matrix without its negative eigenvalues, in units of its diagonal's sizes.
-fn raising_part(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let size = matrix.nrows();
-    let unit = matrix
-        .diagonal()
-        .map(|d| d.abs().sqrt().max(f64::MIN_POSITIVE));
-    let scaled = DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] / (unit[i] * unit[j]));
+/// Where a richer fit has the free parameters of `reference`.
+fn shared_places<L: Lens>(
+    reference: &Calibration<L>,
+    richer: &Calibration<L>,
+) -> Option<Vec<usize>> {
+    let names = reference.parameters.iter();
+    names.map(|name| richer.position(name)).collect()
+}
+
+/// What raises one covariance to another: their difference without its negative eigenvalues, in units
+/// of the first one's standard deviations.
+fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let size = to.nrows();
+    let unit = from.diagonal().map(|d| d.sqrt().max(f64::MIN_POSITIVE));
+    let by = to - from;
+    let scaled = DMatrix::from_fn(size, size, |i, j| by[(i, j)] / (unit[i] * unit[j]));
     let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_EIGEN_ITERATIONS)?;
     let values = eigen.eigenvalues.map(|v| v.max(0.0));
     let vectors = &eigen.eigenvectors;
