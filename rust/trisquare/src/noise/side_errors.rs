@@ -169,6 +169,7 @@ impl SideErrors {
             prior: self.system.prior.clone(),
             prior_gradient: self.system.prior_gradient.clone(),
             blocks: blocks?,
+            eliminated: None,
         })
     }
 

@@ -132,6 +132,7 @@ fn freed<L: Lens>(
         prior: system.prior.clone().resize(count, count, 0.0),
         prior_gradient: system.prior_gradient.clone().resize_vertically(count, 0.0),
         blocks: blocks.collect(),
+        eliminated: None,
     };
     for picture in known..count {
         // A unit is one standard deviation; the factor makes the covariance of the information.

@@ -92,6 +92,31 @@ pub(crate) struct ArrowSystem {
     /// The gradient that belongs to it.
     pub prior_gradient: DVector<f64>,
     pub blocks: Vec<Block>,
+    /// What was shared besides, where it was eliminated.
+    pub eliminated: Option<Eliminated>,
+}
+
+/// Shared parameters that were eliminated: what they leave open where the others are given.
+#[derive(Debug, Clone)]
+pub(crate) struct Eliminated {
+    /// Of every block, the eliminated parameters that it depends on, and its cross terms with them.
+    crosses: Vec<(Vec<usize>, DMatrix<f64>)>,
+    /// Their covariance where the kept parameters are given, in units of the noise.
+    pub covariance: DMatrix<f64>,
+    /// How they follow the kept parameters.
+    pub by_kept: DMatrix<f64>,
+}
+
+impl Eliminated {
+    /// Adds to how some parameters follow the eliminated ones what a block contributes, whose own
+    /// gradient they follow by `response`.
+    pub fn add_moves(&self, moves: &mut DMatrix<f64>, block: usize, response: &DMatrix<f64>) {
+        let (columns, cross) = &self.crosses[block];
+        for (column, moved) in columns.iter().zip((response * cross).column_iter()) {
+            let mut sum = moves.column_mut(*column);
+            sum += moved;
+        }
+    }
 }
 
 /// A step of all parameters, and by how much the linearised cost should fall.
@@ -140,6 +165,7 @@ impl ArrowSystem {
             prior: DMatrix::zeros(shared, shared),
             prior_gradient: DVector::zeros(shared),
             blocks: blocks.collect(),
+            eliminated: None,
         }
     }
 
@@ -199,6 +225,7 @@ impl ArrowSystem {
             prior: self.prior.select_rows(shared).select_columns(shared),
             prior_gradient: self.prior_gradient.select_rows(shared),
             blocks: self.blocks.iter().map(|b| b.renumbered(place)).collect(),
+            eliminated: None,
         }
     }
 
@@ -273,9 +300,20 @@ impl ArrowSystem {
         let further = full.nrows() - kept;
         let cross = full.view((kept, 0), (further, kept)).into_owned();
         let square = full.view((kept, kept), (further, further)).into_owned();
-        let lost = cross.tr_mul(&square.cholesky()?.solve(&cross));
+        let factor = square.cholesky()?;
+        let by_kept = -factor.solve(&cross);
         let mut system = self.leading(kept);
-        system.prior -= lost;
+        system.prior += cross.tr_mul(&by_kept);
+        let place = |column: usize| column.checked_sub(kept);
+        let crosses = self.blocks.iter().map(|block| {
+            let further = block.renumbered(place);
+            (further.columns, further.cross)
+        });
+        system.eliminated = Some(Eliminated {
+            crosses: crosses.collect(),
+            covariance: factor.inverse(),
+            by_kept,
+        });
         Some(system)
     }
 }
@@ -378,6 +416,27 @@ mod tests {
         let after = (&jacobian * &expected + &residual).norm_squared();
         let decrease = 0.5 * (residual.norm_squared() - after);
         assert!((step.predicted_decrease - decrease).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_was_eliminated_leaves_a_block_as_open_as_the_dense_covariance_says() {
+        let (jacobian, _, arrow) = dense_and_arrow();
+        // Given the first shared parameter, with the second one unknown.
+        let hessian = jacobian.tr_mul(&jacobian);
+        let dense = hessian.view((1, 1), (7, 7)).into_owned();
+        let covariance = dense.try_inverse().unwrap();
+        let follows = -(&covariance * hessian.view((1, 0), (7, 1)));
+
+        let system = arrow.marginal(1).unwrap();
+        let eliminated = system.eliminated.as_ref().unwrap();
+        let block = &system.blocks[1];
+        let inverse = block.hessian.clone().try_inverse().unwrap();
+        let mut moves = DMatrix::zeros(3, 1);
+        eliminated.add_moves(&mut moves, 1, &-&inverse);
+        let own = &inverse + &moves * &eliminated.covariance * moves.transpose();
+        assert!((own - covariance.view((4, 4), (3, 3))).norm() < 1e-12);
+        let followed = -(&inverse * &block.cross) + &moves * &eliminated.by_kept;
+        assert!((followed - follows.rows(4, 3)).norm() < 1e-12);
     }
 
     #[test]

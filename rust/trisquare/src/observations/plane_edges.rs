@@ -74,7 +74,8 @@ pub struct PlaneEdges {
     /// something else, as the bits of a tag. Absent if nothing is known of it.
     pub border: Option<f64>,
     /// Standard deviation (px) of an error that all samples of a side share, known beforehand: what
-    /// a fault of the picture leaves. It enters the covariance only.
+    /// a fault of the picture leaves. It enters the covariance only, which allows that it turns and
+    /// bends the side a little as well: of a mere shift, that of the camera is too large.
     #[cfg_attr(feature = "serde", serde(default))]
     pub side_error: f64,
     /// How its plane is known to stand to those of other figures of the picture, by their indices.

@@ -18,9 +18,16 @@ impl<L: Lens> Calibration<L> {
     /// Says how well the poses of the optimum are known that it was assembled from.
     pub(crate) fn state_poses(&mut self, solution: &Solution<L>) {
         let independent = &self.covariance - &self.residual_correlation.added;
-        let displacements = &self.residual_correlation.displacements;
         let (planes, refined) = (&solution.planes, &solution.refined);
-        let poses = pose_uncertainties(planes, refined, &independent, displacements);
+        let shown = self.residual_correlation.displacements.iter();
+        let displacements: Vec<f64> = shown
+            .zip(planes)
+            .map(|(shown, plane)| shown.max(plane.side_error))
+            .collect();
+        let names = L::parameter_names();
+        let place = |name: &&str| names.iter().position(|own| own == name);
+        let columns: Vec<usize> = self.parameters.iter().filter_map(place).collect();
+        let poses = pose_uncertainties(planes, refined, (&independent, &columns), &displacements);
         for (i, found) in poses.into_iter().enumerate() {
             let Some(found) = found else { continue };
             let stds: Vec<f64> = found.shape.iter().map(|own| own.std(self)).collect();

@@ -5,7 +5,8 @@
 //! the noise) where the camera is given. The covariance of camera and pose together follows from
 //! these and from the camera's own, whether it was found from the same planes or from others.
 //! Where the sides of a plane err together (paper that is not flat), each side's error moves the
-//! pose as the sum of its samples' gradients.
+//! pose as the sum of its samples' gradients. What was eliminated, the error of a picture's tone curve,
+//! is a part of both: it follows the camera, and is not known where that is given.
 //!
 //! The aspect of a rectangle, where it is unknown, is one more parameter of its plane, as is every
 //! unknown radius of a circle.
@@ -56,15 +57,17 @@ impl ShapeUncertainty {
 
 /// Of every plane of an optimum, `None` where its own samples do not determine its pose.
 ///
-/// `independent` is the covariance of the free parameters that independent noise gives, and
-/// `displacements` are what the sides of each plane err by beyond it, px.
+/// `independent` is the covariance that independent noise gives the free parameters, which are in
+/// these `columns` of the camera's; `displacements` are what the sides of each plane err by beyond
+/// it, px.
 pub(crate) fn pose_uncertainties<L: Lens>(
     planes: &[ObservedPlane],
     refined: &Refined<L>,
-    independent: &DMatrix<f64>,
+    (independent, columns): (&DMatrix<f64>, &[usize]),
     displacements: &[f64],
 ) -> Vec<Option<PlaneUncertainty>> {
     let free = independent.nrows();
+    let eliminated = refined.system.eliminated.as_ref();
     let system = refined.system.leading(free);
     let variance = match (free, system.reduced_information()) {
         (1.., Some(information)) => (information * independent).trace() / free as f64,
@@ -107,10 +110,27 @@ pub(crate) fn pose_uncertainties<L: Lens>(
                 }
             }
         }
-        let by_camera = -match &following_ties {
+        let mut by_camera = -match &following_ties {
             Some(ties) => factor.solve(&ties.cross(follows)),
             None => factor.solve(&follows.cross),
         };
+        if let Some(eliminated) = eliminated {
+            let mut moves = DMatrix::zeros(own, eliminated.covariance.nrows());
+            let mut add = |block, response: DMatrix<f64>| {
+                eliminated.add_moves(&mut moves, block, &response.rows(0, own).into_owned());
+            };
+            add(i, -inverse);
+            if let Some(ties) = &ties {
+                let others = (0..system.blocks.len()).filter(|other| *other != i);
+                others.for_each(|other| add(other, ties.between(i, other)));
+            }
+            given_camera += &moves * &eliminated.covariance * moves.transpose() * variance;
+            let followed = moves * &eliminated.by_kept;
+            for (place, column) in columns.iter().enumerate() {
+                let mut by_own = by_camera.column_mut(*column);
+                by_own += followed.column(place);
+            }
+        }
         let mut numbers = given_camera.iter().chain(by_camera.iter());
         let finite = numbers.all(|number| number.is_finite());
         let of_shape = refined.view.planes[i].figures[0].parameter_count();
