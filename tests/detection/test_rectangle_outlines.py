@@ -63,3 +63,24 @@ def test_a_label_is_not_taken_for_the_sheet_that_it_lies_on():
     cv2.fillPoly(picture, [label.astype(np.int32)], 60, cv2.LINE_AA)
     (found,) = find_plain_rectangles(picture, A4)
     assert distance_from_sheet(found) < TOLERANCE
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.3), (0.5, 0.5), (0.35, 0.6), (0.62, 0.42), (0.7, 0.7)])
+@pytest.mark.parametrize("size", [0.15, 0.2, 0.25])
+def test_a_picture_of_the_sheets_own_shape_is_not_taken_for_the_sheet(place, size):
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    rotation, _ = cv2.Rodrigues(np.array([0.5, 0.4, 0.1]))
+
+    def seen(corners):
+        on_sheet = np.column_stack([(corners - 0.5) * [297.0, 210.0], np.zeros(4)])
+        x, y, z = rotation @ on_sheet.T + [[0.0], [0.0], [460.0]]
+        return np.stack([400.0 * x / z + 210.0, 400.0 * y / z + 160.0], axis=1)
+
+    picture = np.full((320, 420), 90, np.uint8)
+    printed = np.array(place) + size * (unit - 0.5)
+    for corners, level in ((unit, 210), (printed, 60)):
+        outline = np.rint(16 * seen(corners)).astype(np.int32)
+        cv2.fillPoly(picture, [outline], level, cv2.LINE_AA, 4)
+    (found,) = find_plain_rectangles(cv2.GaussianBlur(picture, (0, 0), 0.8), A4)
+    off = [np.abs(np.roll(found.outer.corners, k, axis=0) - seen(unit)).max() for k in range(4)]
+    assert min(off) < TOLERANCE

@@ -33,6 +33,12 @@ DRAWING_BONUS = 0.1
 """Deviation by which a drawing in the middle of its sheet may be worse than the sheet, whose shape
 with equal margins is nearly its own."""
 
+CORNER_ERROR = 2.0
+"""Pixels by which corners may be off here: a small figure on a sheet may have its shape by chance."""
+
+LEAST_DRAWING = 0.25
+"""Area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
+
 MIDDLE = 0.08
 """How far the middle of a drawing may be from its sheet's, over half the sheet."""
 
@@ -57,7 +63,7 @@ def find_rectangles(
     """Return the indices of the quads that are figures of their own, none within another.
 
     Of a sheet and what lies on it, that counts which is nearer to the shape that is looked for: a
-    drawing in the middle of its sheet, but not a label. Where any shape will do, what is even and
+    drawing in the middle of its sheet, but not a label, nor a picture that is much smaller. Where any shape will do, what is even and
     stands alone, as a drawing, comes first; of all others the outermost counts, whatever it bears.
 
     Parameters
@@ -74,7 +80,8 @@ def find_rectangles(
     else:
         size = (picture.shape[1], picture.shape[0])
         deviations, _ = seen_together(quads.corners, size, aspect)
-        drawings = [i for i in solid if _is_in_the_middle_of_any(quads.corners, i)]
+        deviations += CORNER_ERROR / np.sqrt(quads.areas)
+        drawings = [i for i in solid if _is_drawing(quads, i)]
         deviations[drawings] -= DRAWING_BONUS
         order = np.argsort(deviations, kind="stable").tolist()
     kept: list[int] = []
@@ -84,10 +91,12 @@ def find_rectangles(
     return np.array(of_comparable_size(quads, kept), dtype=np.intp)
 
 
-def _is_in_the_middle_of_any(corners: FloatArray, inner: int) -> bool:
-    """Tell whether a quad, of corners (Q, 4, 2), has equal opposite margins within another."""
-    others = corners[np.arange(len(corners)) != inner]
-    return any(_is_in_the_middle(corners[inner], outer) for outer in others)
+def _is_drawing(quads: Quads, inner: int) -> bool:
+    """Tell whether a quad has equal opposite margins within another, much of which it fills."""
+    is_sheet = quads.areas * LEAST_DRAWING <= quads.areas[inner]
+    is_sheet[inner] = False
+    sheets = quads.corners[is_sheet]
+    return any(_is_in_the_middle(quads.corners[inner], sheet) for sheet in sheets)
 
 
 def _is_in_the_middle(inner: FloatArray, outer: FloatArray) -> bool:
