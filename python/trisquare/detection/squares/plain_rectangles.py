@@ -34,7 +34,7 @@ DRAWING_BONUS = 0.1
 with equal margins is nearly its own."""
 
 CORNER_ERROR = 2.0
-"""Pixels by which corners may be off here: a small figure on a sheet may have its shape by chance."""
+"""Pixels by which corners may be off here: small figures have the shape by chance."""
 
 LEAST_DRAWING = 0.25
 """Area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
@@ -63,8 +63,9 @@ def find_rectangles(
     """Return the indices of the quads that are figures of their own, none within another.
 
     Of a sheet and what lies on it, that counts which is nearer to the shape that is looked for: a
-    drawing in the middle of its sheet, but not a label, nor a picture that is much smaller. Where any shape will do, what is even and
-    stands alone, as a drawing, comes first; of all others the outermost counts, whatever it bears.
+    drawing in the middle of its sheet, but not a label, nor a picture that is much smaller. Where
+    any shape will do, what is even and stands alone, as a drawing, comes first; of all others the
+    outermost counts, whatever it bears.
 
     Parameters
     ----------
