@@ -7,6 +7,7 @@ import pytest
 
 import trisquare as ts
 from trisquare.simulate import cramer_rao_bound, edge_points, random_camera, random_scene
+from trisquare.simulate.scene import rectangle
 from trisquare_scenes.boards import with_boards
 
 SIZE = (1280, 960)
@@ -120,6 +121,24 @@ def test_three_facades_leave_the_camera_open():
     _, points = facades(0)
     with pytest.raises(ts.NotEnoughPlanesError, match="only a right angle is known tells one"):
         ts.calibrate_edges(edges_of(points), SIZE)
+
+
+@pytest.mark.parametrize("rejected", [False, True])
+def test_what_nothing_checks_is_told_the_more_where_a_facade_was_rejected(rejected):
+    rng = np.random.default_rng(156)
+    camera = replace(random_camera(rng), fx=900.0, fy=900.0)
+    scene = random_scene(rng, camera=camera, count=4 if rejected else 3)
+    if rejected:
+        shear = np.array([[1.0, 0.0], [np.radians(3.0), 1.0]])
+        first = replace(scene.targets[0], printed=rectangle(0.5, 0.5) @ shear)
+        scene = replace(scene, targets=(first, *scene.targets[1:]))
+    sides = edge_points(scene, rng, noise=NOISE)
+    edges = [ts.PlaneEdges.families(own[::2], own[1::2]) for own in sides]
+    result = ts.calibrate_edges(edges, SIZE, fix="aspect")
+    (told,) = (warning for warning in result.warnings if warning.code == "targets_unchecked")
+    assert told.severity == ("high" if rejected else "medium")
+    assert ("nor that the rejected plane is the false one" in told) == rejected
+    assert "right angles are off by 0.2 degrees" in told
 
 
 def test_a_facade_has_its_plane_for_itself():

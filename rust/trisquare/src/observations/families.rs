@@ -5,6 +5,7 @@
 
 use nalgebra::Vector2;
 
+use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
 
@@ -101,6 +102,32 @@ pub(super) fn outermost_lines(
             false => [high, right, low, left],
         },
     )
+}
+
+impl PlaneEdges {
+    /// Of two families of lines the rectangle of unknown aspect that the outermost make, whose sides
+    /// need not be at right angles; any other figure as it is.
+    pub(crate) fn as_rectangle(&self) -> Self {
+        let outermost = match self.freedom {
+            Freedom::Offsets => outermost_lines(0, &self.lines, &self.points).ok(),
+            _ => None,
+        };
+        let Some(sides) = outermost else {
+            return self.clone();
+        };
+        fn of_sides<T: Clone>(lines: &[Vec<T>], sides: [usize; 4]) -> Vec<Vec<T>> {
+            sides.iter().map(|side| lines[*side].clone()).collect()
+        }
+        let chosen = |lines: &Vec<Vec<f64>>| of_sides(lines, sides);
+        Self {
+            lines: rectangle_lines(1.0, 1.0).to_vec(),
+            points: of_sides(&self.points, sides),
+            std: self.std.as_ref().map(chosen),
+            tone_drift: self.tone_drift.as_ref().map(|own| of_sides(own, sides)),
+            freedom: Freedom::Aspect,
+            ..self.clone()
+        }
+    }
 }
 
 /// The two lines of a family that are farthest apart, in the order given.

@@ -134,6 +134,15 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
     format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
 }
 
+/// What planes that were rejected leave open, where nothing checks the others.
+pub(super) fn after_rejections(rejected: usize) -> &'static str {
+    match rejected {
+        0 => "",
+        1 => ", nor that the rejected plane is the false one",
+        _ => ", nor that the rejected planes are the false ones",
+    }
+}
+
 /// How many planes there are, and in how many directions if those are fewer.
 pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     match (planes, directions) {

@@ -23,7 +23,8 @@ const ALIKE: f64 = 10.0;
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
 /// the stretch, which planes that stand alike are taken to share. Nor do three planes, as at a box's
 /// corner, whose right angles alone are known, if these are none: that they are at right angles to one
-/// another then says nothing more. `focal` gives `fx` from other edges.
+/// another then says nothing more. Where a plane was rejected, any of those that are left may be the
+/// false one instead. `focal` gives `fx` from other edges.
 pub(crate) fn unchecked_targets<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -59,7 +60,8 @@ pub(crate) fn unchecked_targets<L: Lens>(
     if !are_angles && edges.iter().any(|own| !own.relations.is_empty()) {
         return None;
     }
-    let thinned: Vec<PlaneEdges> = edges.iter().map(|own| own.thinned(SAMPLES)).collect();
+    let thinned = edges.iter().map(|own| own.as_rectangle().thinned(SAMPLES));
+    let thinned: Vec<PlaneEdges> = thinned.collect();
     let before = focal(&thinned)?;
     let untrue = |line: &Line| match are_angles {
         true => line.sheared(STRETCH),
@@ -79,6 +81,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
+        rejected: planes.len() - used.len(),
         directions: alike.len(),
         stretch: STRETCH,
         are_angles,
