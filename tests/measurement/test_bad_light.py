@@ -70,6 +70,23 @@ def offsets(points, side, centre):
     return ((points - side[nearest]) * normal).sum(axis=1)
 
 
+@pytest.mark.parametrize("seed", [8, 11])
+def test_a_lamp_nearby_passes_for_no_tone_curve(seed):
+    """Its light falls to a third over a third of the picture's width."""
+    scene = squares(seed)
+    picture = simulate.render(scene, np.random.default_rng(seed), tone="linear", noise=0.0)
+    height, width = picture.shape
+    y, x = np.mgrid[:height, :width] / width
+    light = (1.0 + ((x - 0.4) ** 2 + (y - 0.3) ** 2) / 0.35**2) ** -1.5
+    coded = 255.0 * (picture / 255.0 * light) ** (1.0 / 2.2)
+    noisy = coded + np.random.default_rng(8).normal(0.0, 1.0, coded.shape)
+    result = ts.calibrate(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    assert result.stage == "edges"
+    assert "pixels_not_used" in {warning.code for warning in result.warnings}
+    errors = errors_in_std(result, scene)
+    assert max(abs(error) for error in errors.values()) < STDS, errors
+
+
 def test_a_motion_moves_no_edge():
     # With a normal blur in the box's place, the sides would lie 0.01-0.02 px off, all inward.
     scene = squares(7351)
