@@ -38,5 +38,6 @@ class Approximation(Frozen):
 
     def __str__(self) -> str:
         said = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
-        where = f" of the {100 * self.covered:.0f} % of the picture that have a direction"
+        part = min(100 * self.covered, 99.9)  # a part is not rounded to the whole
+        where = f" of the {part:.3g} % of the picture that have a direction"
         return said + (where if self.covered < 1 else "")

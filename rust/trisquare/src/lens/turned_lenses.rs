@@ -137,8 +137,13 @@ fn closest_rotation(
             break;
         }
     }
+    if pixels.is_empty() {
+        return Err(Error::InvalidArgument(
+            "the cameras are to be compared at no pixel".into(),
+        ));
+    }
     let is_seen = |pixel: &&Vector2<f64>| see_again(lenses, &rotation, pixel).is_some();
-    let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len().max(1) as f64;
+    let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len() as f64;
     if part < LEAST_IN_COMMON {
         return Err(Error::InvalidArgument(format!(
             "the cameras have too little in common: their distortions can be inverted together \

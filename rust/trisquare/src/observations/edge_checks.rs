@@ -17,6 +17,9 @@ const BORDER_SLACK: f64 = 2.0;
 /// are some pixels at most, and no tone curve displaces an edge by more than its blur.
 const LARGEST_DRIFT: f64 = 10.0;
 
+/// Pixels by which a fault of the picture may displace a whole side: beyond, it is not measured.
+const LARGEST_SIDE_ERROR: f64 = 100.0;
+
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
 
@@ -59,9 +62,9 @@ impl PlaneEdges {
             outermost_lines(figure, &self.lines, &self.points)?;
         }
         self.check_drift(figure)?;
-        if !(self.side_error >= 0.0 && self.side_error.is_finite()) {
+        if !(0.0..=LARGEST_SIDE_ERROR).contains(&self.side_error) {
             return Err(Error::InvalidArgument(format!(
-                "the side error of figure {figure} must be finite and not negative"
+                "the side error of figure {figure} must be from 0 to {LARGEST_SIDE_ERROR} pixels"
             )));
         }
         if let Some(border) = self.border
