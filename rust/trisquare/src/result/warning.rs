@@ -225,8 +225,8 @@ pub enum Warning {
         lines_not_used(*.sigmas)
     )]
     LinesNotUsed {
-        /// By how many standard deviations the lens would move; `None` where none of them is the
-        /// image of a straight line, or nothing is free.
+        /// By how many standard deviations the lens would move; `None` where hardly any of them is
+        /// the image of a straight line, or nothing is free.
         sigmas: Option<f64>,
     },
     /// The pixels of the camera do not come out as squares.

@@ -63,8 +63,8 @@ pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
             "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
              most of them curved, or is the lens beyond its model?)"
         ),
-        None => "none of them is straight under a lens that the planes allow, or nothing is free \
-             that they tell of"
+        None => "hardly any of them is straight under a lens that the planes allow, or nothing is \
+             free that they tell of"
             .to_owned(),
     }
 }
