@@ -504,8 +504,7 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If the text is not JSON, is of another format, or a key is missing, of the wrong type
-            or not finite; the message names it.
+            As `load`, if the text is no such JSON.
 
         Examples
         --------

@@ -68,9 +68,9 @@ pub struct RejectedFamily {
 /// Calibrates with the lens, of any family, that has the largest evidence.
 ///
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
-/// asked about where a distorted pinhole leaves sides that err together, or sees a wide field whose
-/// rim it draws in as a fisheye does. What the other family says
-/// of focal length and principal point stays, by its probability, in the covariance.
+/// asked about where a distorted pinhole leaves sides that err together, or bends a wide field as a
+/// fisheye does. What the other family says of focal length and principal point stays, by its
+/// probability, in the covariance.
 ///
 /// ```
 /// use trisquare::{Error, FamilyChoice, ImageSize, Options, PlaneEdges, calibrate_by_family};

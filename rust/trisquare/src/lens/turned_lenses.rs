@@ -115,6 +115,11 @@ fn closest_rotation(
     lenses: (&dyn Sight, &dyn Sight),
     pixels: &[Vector2<f64>],
 ) -> Result<Matrix3<f64>, Error> {
+    if pixels.is_empty() {
+        return Err(Error::InvalidArgument(
+            "the cameras are to be compared at no pixel".into(),
+        ));
+    }
     let mut rotation = Matrix3::identity();
     for _ in 0..MAX_STEPS {
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
@@ -136,11 +141,6 @@ fn closest_rotation(
         if step.norm() < CONVERGED {
             break;
         }
-    }
-    if pixels.is_empty() {
-        return Err(Error::InvalidArgument(
-            "the cameras are to be compared at no pixel".into(),
-        ));
     }
     let is_seen = |pixel: &&Vector2<f64>| see_again(lenses, &rotation, pixel).is_some();
     let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len() as f64;

@@ -101,13 +101,18 @@ pub(crate) struct ArrowSystem {
 pub(crate) struct Eliminated {
     /// Of every block, the eliminated parameters that it depends on, and its cross terms with them.
     crosses: Vec<(Vec<usize>, DMatrix<f64>)>,
-    /// Their covariance where the kept parameters are given, in units of the noise.
-    pub covariance: DMatrix<f64>,
+    /// Of the information on them where the kept parameters are given.
+    factor: Cholesky<f64, Dyn>,
     /// How they follow the kept parameters.
     pub by_kept: DMatrix<f64>,
 }
 
 impl Eliminated {
+    /// Their covariance where the kept parameters are given, in units of the noise.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        self.factor.inverse()
+    }
+
     /// Adds to how some parameters follow the eliminated ones what a block contributes, whose own
     /// gradient they follow by `response`.
     pub fn add_moves(&self, moves: &mut DMatrix<f64>, block: usize, response: &DMatrix<f64>) {
@@ -311,7 +316,7 @@ impl ArrowSystem {
         });
         system.eliminated = Some(Eliminated {
             crosses: crosses.collect(),
-            covariance: factor.inverse(),
+            factor,
             by_kept,
         });
         Some(system)
@@ -433,7 +438,7 @@ mod tests {
         let inverse = block.hessian.clone().try_inverse().unwrap();
         let mut moves = DMatrix::zeros(3, 1);
         eliminated.add_moves(&mut moves, 1, &-&inverse);
-        let own = &inverse + &moves * &eliminated.covariance * moves.transpose();
+        let own = &inverse + &moves * eliminated.covariance() * moves.transpose();
         assert!((own - covariance.view((4, 4), (3, 3))).norm() < 1e-12);
         let followed = -(&inverse * &block.cross) + &moves * &eliminated.by_kept;
         assert!((followed - follows.rows(4, 3)).norm() < 1e-12);

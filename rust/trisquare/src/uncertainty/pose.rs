@@ -68,6 +68,7 @@ pub(crate) fn pose_uncertainties<L: Lens>(
 ) -> Vec<Option<PlaneUncertainty>> {
     let free = independent.nrows();
     let eliminated = refined.system.eliminated.as_ref();
+    let eliminated = eliminated.map(|own| (own, own.covariance()));
     let system = refined.system.leading(free);
     let variance = match (free, system.reduced_information()) {
         (1.., Some(information)) => (information * independent).trace() / free as f64,
@@ -114,8 +115,8 @@ pub(crate) fn pose_uncertainties<L: Lens>(
             Some(ties) => factor.solve(&ties.cross(follows)),
             None => factor.solve(&follows.cross),
         };
-        if let Some(eliminated) = eliminated {
-            let mut moves = DMatrix::zeros(own, eliminated.covariance.nrows());
+        if let Some((eliminated, covariance)) = &eliminated {
+            let mut moves = DMatrix::zeros(own, covariance.nrows());
             let mut add = |block, response: DMatrix<f64>| {
                 eliminated.add_moves(&mut moves, block, &response.rows(0, own).into_owned());
             };
@@ -124,7 +125,7 @@ pub(crate) fn pose_uncertainties<L: Lens>(
                 let others = (0..system.blocks.len()).filter(|other| *other != i);
                 others.for_each(|other| add(other, ties.between(i, other)));
             }
-            given_camera += &moves * &eliminated.covariance * moves.transpose() * variance;
+            given_camera += &moves * covariance * moves.transpose() * variance;
             let followed = moves * &eliminated.by_kept;
             for (place, column) in columns.iter().enumerate() {
                 let mut by_own = by_camera.column_mut(*column);
