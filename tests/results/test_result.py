@@ -351,7 +351,7 @@ def test_repr_is_for_people():
         "  k1          -0.2  held",
         "  k2          0.05  held",
         "  rms 0.011 px over 2 planes, noise scale 1.02",
-        "  warning (medium): planes 0 and 1 are \u2018close\u2019",
+        "  warning (medium): planes 0 and 1 are \u2018close\u2019 [other]",
     ]
     assert "fx 900.5" in repr(calibration().camera)
     assert "400 samples" in repr(plane())

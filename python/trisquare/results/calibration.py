@@ -287,7 +287,7 @@ class Calibration(Record):
         if self.lines:
             used = sum(line.is_used for line in self.lines)
             lines.append(f"  {used} of {len(self.lines)} lines of the scene used")
-        lines.extend(f"  warning ({warning.severity}): {warning}" for warning in self.warnings)
+        lines.extend(f"  warning ({own.severity}): {own} [{own.code}]" for own in self.warnings)
         return "\n".join(lines)
 
     def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:

@@ -6,13 +6,13 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{DVector, Vector2};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::calibrate::{FirstFit, calibrate_photographs};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, Fisheye, INTRINSICS, Lens, SKEW};
-use crate::model_selection::{ModelChoice, Weighed, check_comparable};
+use crate::model_selection::{ModelChoice, Weighed, check_comparable, raising_part};
 use crate::noise::ORDERS;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
@@ -134,6 +134,7 @@ pub fn calibrate_by_family(
         add_doubt(
             &mut choice.calibration,
             best.plain.1,
+            (plain.chosen().1, plain.covariance(options)),
             -best.odds,
             options.fixed,
         );
@@ -144,6 +145,7 @@ pub fn calibrate_by_family(
     add_doubt(
         &mut choice.calibration,
         best.wide.1,
+        (wide.chosen().1, wide.covariance(&wide_options)),
         best.odds,
         options.fixed,
     );
@@ -384,29 +386,44 @@ fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fi
     independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
 }
 
-/// Adds to a covariance what another family's answer is off by, times that one's probability.
+/// Parameters that mean the same in both families.
+const SHARED: [&str; 5] = ["fx", "fy", "cx", "cy", SKEW];
+
+/// Adds to a covariance what another family's answer is off by, and by how much it is less certain,
+/// times that one's probability. The other's covariance is of the model that its family chose.
 fn add_doubt<A: Lens, B: Lens>(
     found: &mut Calibration<A>,
     other: &Calibration<B>,
+    (chosen, covariance): (&Calibration<B>, DMatrix<f64>),
     odds: f64,
     fixed: Fixed,
 ) {
     let probability = 1.0 / (1.0 + (-odds).exp());
     let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
+    let entries = [apart.m11, apart.m22, apart.m13, apart.m23, apart.m12];
     let mut difference = DVector::zeros(found.parameters.len());
-    for (name, entry) in [
-        ("fx", apart.m11),
-        ("fy", apart.m22),
-        ("cx", apart.m13),
-        ("cy", apart.m23),
-        (SKEW, apart.m12),
-    ] {
+    let (mut own, mut others) = (Vec::new(), Vec::new());
+    for (name, entry) in SHARED.into_iter().zip(entries) {
         if let Some(place) = found.position(name) {
             difference[place] = entry;
+            if let Some(same) = chosen.position(name) {
+                own.push(place);
+                others.push(same);
+            }
         }
     }
-    let doubt = &difference * difference.transpose() * probability;
-    widen(found, doubt, fixed);
+    let mut doubt = &difference * difference.transpose();
+    let part =
+        |all: &DMatrix<f64>, places: &[usize]| all.select_rows(places).select_columns(places);
+    let (to, from) = (part(&covariance, &others), part(&found.covariance, &own));
+    if let Some(raised) = raising_part(to, &from) {
+        for (j, &column) in own.iter().enumerate() {
+            for (i, &row) in own.iter().enumerate() {
+                doubt[(row, column)] += raised[(i, j)];
+            }
+        }
+    }
+    widen(found, doubt * probability, fixed);
 }
 
 fn rejected<L: Lens>((model, fit): Fit<'_, L>, log_evidence: f64) -> RejectedFamily {

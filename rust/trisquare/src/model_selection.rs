@@ -178,6 +178,17 @@ impl<L: Lens> Weighed<L> {
         candidates.find_map(|one| (one.model == model).then_some(&one.fit))
     }
 
+    /// The covariance of that fit, with the doubt about the model.
+    pub(crate) fn covariance(&self, options: &Options<L>) -> DMatrix<f64> {
+        let Candidate { model, fit, .. } = &self.candidates[self.chosen];
+        let options = Options {
+            model: *model,
+            ..*options
+        };
+        let doubt = doubt(&self.candidates, self.chosen, &options.free_parameters());
+        doubt.map_or_else(|| fit.covariance.clone(), |doubt| &fit.covariance + doubt)
+    }
+
     /// The calibration with that model, with the doubt about it.
     pub(crate) fn answer(
         &self,
@@ -417,7 +428,7 @@ fn shared_places<L: Lens>(
 
 /// What raises one covariance to another: their difference without its negative eigenvalues, in units
 /// of the first one's standard deviations.
-fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(crate) fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = to.nrows();
     let unit = from.diagonal().map(|d| d.sqrt().max(f64::MIN_POSITIVE));
     let by = to - from;
