@@ -15,7 +15,8 @@ class PoseUncertainty(Record):
     """How well a pose is known, and how it would follow another camera.
 
     A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
-    (radians), and the translation (units of the square's side).
+    (radians), and the translation (units of the square's side). A tone curve that was estimated is
+    as unknown as the pose, and follows the camera with it.
 
     Parameters
     ----------

@@ -104,9 +104,8 @@ pub fn calibrate_by_family(
             && FirstFit::of(&telling(edges), size, &wide_options)
                 .is_none_or(|wide| wide.rms < limit)
     };
-    let is_enough =
-        |plain: &&Weighed<_>| is_clean(plain.chosen().1) && !may_be_wide(plain.chosen().1);
-    if let Some(plain) = plain.as_ref().filter(is_enough) {
+    let is_enough = |fit: &Calibration<_>| is_clean(fit) && !may_be_wide(fit);
+    if let Some(plain) = plain.as_ref().filter(|plain| is_enough(plain.chosen().1)) {
         let choice = plain.answer(edges, size, options, photographs)?;
         return Ok((FamilyChoice::Pinhole(choice), None));
     }
@@ -131,24 +130,14 @@ pub fn calibrate_by_family(
     let best = best_standing(edges, &wide, &plain);
     if best.odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
-        add_doubt(
-            &mut choice.calibration,
-            best.plain.1,
-            (plain.chosen().1, plain.covariance(options)),
-            -best.odds,
-            options.fixed,
-        );
+        let found = &mut choice.calibration;
+        add_doubt(found, best.plain.1, (&plain, options), -best.odds);
         let rejected = rejected(best.plain, -best.odds);
         return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
     }
     let mut choice = plain.answer(edges, size, options, photographs)?;
-    add_doubt(
-        &mut choice.calibration,
-        best.wide.1,
-        (wide.chosen().1, wide.covariance(&wide_options)),
-        best.odds,
-        options.fixed,
-    );
+    let found = &mut choice.calibration;
+    add_doubt(found, best.wide.1, (&wide, &wide_options), best.odds);
     let rejected = rejected(best.wide, best.odds);
     Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
@@ -390,40 +379,39 @@ fn log_odds<A: Lens, B: Lens>((model, one): Fit<'_, A>, (other_model, other): Fi
 const SHARED: [&str; 5] = ["fx", "fy", "cx", "cy", SKEW];
 
 /// Adds to a covariance what another family's answer is off by, and by how much it is less certain,
-/// times that one's probability. The other's covariance is of the model that its family chose.
+/// times that one's probability. How certain it is, the model says that its family chose.
 fn add_doubt<A: Lens, B: Lens>(
     found: &mut Calibration<A>,
     other: &Calibration<B>,
-    (chosen, covariance): (&Calibration<B>, DMatrix<f64>),
+    (family, options): (&Weighed<B>, &Options<B>),
     odds: f64,
-    fixed: Fixed,
 ) {
     let probability = 1.0 / (1.0 + (-odds).exp());
     let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
     let entries = [apart.m11, apart.m22, apart.m13, apart.m23, apart.m12];
+    let chosen = family.chosen().1;
     let mut difference = DVector::zeros(found.parameters.len());
     let (mut own, mut others) = (Vec::new(), Vec::new());
     for (name, entry) in SHARED.into_iter().zip(entries) {
-        if let Some(place) = found.position(name) {
-            difference[place] = entry;
-            if let Some(same) = chosen.position(name) {
-                own.push(place);
-                others.push(same);
-            }
+        let Some(place) = found.position(name) else {
+            continue;
+        };
+        difference[place] = entry;
+        if let Some(same) = chosen.position(name) {
+            own.push(place);
+            others.push(same);
         }
     }
     let mut doubt = &difference * difference.transpose();
     let part =
         |all: &DMatrix<f64>, places: &[usize]| all.select_rows(places).select_columns(places);
-    let (to, from) = (part(&covariance, &others), part(&found.covariance, &own));
-    if let Some(raised) = raising_part(to, &from) {
-        for (j, &column) in own.iter().enumerate() {
-            for (i, &row) in own.iter().enumerate() {
-                doubt[(row, column)] += raised[(i, j)];
-            }
-        }
+    let (to, from) = (family.covariance(options), &found.covariance);
+    if let Some(raised) = raising_part(part(&to, &others), &part(from, &own)) {
+        let size = difference.len();
+        let spread = DMatrix::<f64>::identity(size, size).select_columns(&own);
+        doubt += &spread * raised * spread.transpose();
     }
-    widen(found, doubt * probability, fixed);
+    widen(found, doubt * probability, options.fixed);
 }
 
 fn rejected<L: Lens>((model, fit): Fit<'_, L>, log_evidence: f64) -> RejectedFamily {

@@ -11,7 +11,8 @@
 //!
 //! What could not be told from zero may still not be zero. The other models' answers therefore
 //! stay in the covariance of the chosen one, by their probabilities, all models being equally
-//! likely beforehand (J. A. Hoeting et al., Statistical Science 14 (1999) 382-417).
+//! likely beforehand (J. A. Hoeting et al., Statistical Science 14 (1999) 382-417). What the chosen
+//! model leaves out is taken to be small rather than nothing.
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
@@ -178,15 +179,18 @@ impl<L: Lens> Weighed<L> {
         candidates.find_map(|one| (one.model == model).then_some(&one.fit))
     }
 
+    /// What the doubt about the model adds to its covariance.
+    fn doubt(&self, options: &Options<L>) -> Option<DMatrix<f64>> {
+        let model = self.chosen().0;
+        let options = Options { model, ..*options };
+        doubt(&self.candidates, self.chosen, &options.free_parameters())
+    }
+
     /// The covariance of that fit, with the doubt about the model.
     pub(crate) fn covariance(&self, options: &Options<L>) -> DMatrix<f64> {
-        let Candidate { model, fit, .. } = &self.candidates[self.chosen];
-        let options = Options {
-            model: *model,
-            ..*options
-        };
-        let doubt = doubt(&self.candidates, self.chosen, &options.free_parameters());
-        doubt.map_or_else(|| fit.covariance.clone(), |doubt| &fit.covariance + doubt)
+        let own = &self.chosen().1.covariance;
+        self.doubt(options)
+            .map_or_else(|| own.clone(), |doubt| own + doubt)
     }
 
     /// The calibration with that model, with the doubt about it.
@@ -206,7 +210,7 @@ impl<L: Lens> Weighed<L> {
         let options = Options { model, ..*options };
         let nested = self.nested.clone();
         let mut calibration = calibrate_beside(edges, size, &options, photographs, nested)?;
-        if let Some(doubt) = doubt(candidates, chosen, &options.free_parameters()) {
+        if let Some(doubt) = self.doubt(&options) {
             widen(&mut calibration, doubt, options.fixed);
         }
         // The evidence has not asked for a model that would hold the lens.
@@ -293,7 +297,8 @@ fn best<L: Lens>(candidates: &[Candidate<L>]) -> Option<usize> {
 /// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
 /// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
 /// differences only what raises it, and none of simpler models, whose certainty is that of
-/// their assumption.
+/// their assumption. To that comes, whatever the probabilities, what coefficients may do that were
+/// left out and are [`SMALL`].
 fn doubt<L: Lens>(
     candidates: &[Candidate<L>],
     chosen: usize,
@@ -313,7 +318,7 @@ fn doubt<L: Lens>(
         let difference = free.difference(&candidate.fit.camera, &reference.fit.camera);
         let mut own = &difference * difference.transpose();
         if i > chosen {
-            let shared = shared_covariance(&reference.fit, &candidate.fit)?;
+            let shared = shared(&candidate.fit.covariance, &candidate.fit, &reference.fit)?;
             own += raising_part(shared, &reference.fit.covariance)?;
         }
         doubt += own * (weight(candidate) / total);
@@ -403,27 +408,19 @@ fn with_small_coefficients<L: Lens>(
         own[(i, i)] += (SMALL * usual[column - INTRINSICS]).powi(2);
     }
     let held = &fit.covariance - &across * Cholesky::new(own)?.solve(&across.transpose());
-    let shared = shared_places(&simpler.fit, fit)?;
-    Some(held.select_rows(&shared).select_columns(&shared))
+    shared(&held, fit, &simpler.fit)
 }
 
-/// The covariance of a richer fit, in the free parameters of `reference`.
-fn shared_covariance<L: Lens>(
-    reference: &Calibration<L>,
+/// A covariance of the free parameters of a richer fit, in those of `reference`.
+fn shared<L: Lens>(
+    covariance: &DMatrix<f64>,
     richer: &Calibration<L>,
+    reference: &Calibration<L>,
 ) -> Option<DMatrix<f64>> {
-    let places = shared_places(reference, richer)?;
-    let covariance = &richer.covariance;
-    Some(covariance.select_rows(&places).select_columns(&places))
-}
-
-/// Where a richer fit has the free parameters of `reference`.
-fn shared_places<L: Lens>(
-    reference: &Calibration<L>,
-    richer: &Calibration<L>,
-) -> Option<Vec<usize>> {
     let names = reference.parameters.iter();
-    names.map(|name| richer.position(name)).collect()
+    let places: Option<Vec<usize>> = names.map(|name| richer.position(name)).collect();
+    let places = places?;
+    Some(covariance.select_rows(&places).select_columns(&places))
 }
 
 /// What raises one covariance to another: their difference without its negative eigenvalues, in units

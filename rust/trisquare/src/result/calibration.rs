@@ -14,7 +14,8 @@ use crate::lens::{DefaultLens, Lens};
 /// How well a pose is known, and how it would follow another camera.
 ///
 /// A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
-/// (radians), and the translation (units of the plane).
+/// (radians), and the translation (units of the plane). A tone curve that was estimated is as unknown
+/// as the pose, and follows the camera with it.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PoseUncertainty {
