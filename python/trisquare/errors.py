@@ -250,7 +250,7 @@ class DegenerateGeometryError(TrisquareError):
     the squares 25 degrees or more in different directions, or hold the principal point at a
     known value with ``fix="principal_point", initial=camera``. Or the lens model has more
     coefficients than the edges determine: its polynomial turns back inside the picture, and a model
-    with fewer is to be taken.
+    with fewer is to be taken. Or the lens is a fisheye, which the message names.
 
     Examples
     --------

@@ -103,6 +103,16 @@ def test_under_another_model_a_warning_names_it(wide, model):
     assert 'model="fisheye' in first
 
 
+@pytest.mark.parametrize("model", first_quick(["brown", "radial3"]))
+def test_where_another_model_gives_no_answer_the_error_names_it(model):
+    rng = np.random.default_rng([131, 0])
+    edges = edges_of(wide_scene(rng, fisheye(120.0)), rng)
+    with pytest.raises(
+        ts.DegenerateGeometryError, match="the lens is a fisheye: choose .* fisheye"
+    ):
+        ts.calibrate_edges(edges, image_size=SIZE, model=model)
+
+
 @pytest.mark.parametrize("model", ["equidistant", "fisheye1"])
 def test_with_too_few_coefficients_the_lens_is_named(wide, model):
     scene, right = wide

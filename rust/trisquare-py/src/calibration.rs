@@ -238,18 +238,25 @@ impl Task<'_> {
         let options = &Options { model, ..options };
         let (choice, found) = computed_in(py, self.threads, || {
             let choice = self.chosen(options)?;
+            let choice = match kept(&choice) {
+                // A lens of the wrong family makes squares of none.
+                0 | 1 if self.choosing => {
+                    let wide = || self.chosen(&options.for_family::<Fisheye>());
+                    better_choice(Ok(choice), wide)?
+                }
+                _ => choice,
+            };
             self.keep(choice.as_ref())?;
             let (edges, size) = (&self.edges, self.size);
             let photographs = self.photographs.as_ref();
             let found = trisquare::calibrate_photographs(edges, size, options, photographs);
-            Ok((
-                choice,
-                found.map(|mut calibration| {
-                    trisquare::heed_fisheye(edges, size, options, &mut calibration);
-                    trisquare::heed_opencv_lens(edges, size, options, &mut calibration);
-                    ModelChoice::without_alternatives(options.model, calibration)
-                }),
-            ))
+            let found = found.map(|mut calibration| {
+                trisquare::heed_fisheye(edges, size, options, &mut calibration);
+                trisquare::heed_opencv_lens(edges, size, options, &mut calibration);
+                ModelChoice::without_alternatives(options.model, calibration)
+            });
+            let found = found.map_err(|error| trisquare::or_fisheye(edges, size, options, error));
+            Ok((choice, found))
         })?;
         outcome(py, choice, found, |found| solution(py, &found, None))
     }
@@ -257,19 +264,13 @@ impl Task<'_> {
     /// With the lens that the data ask for.
     fn outcome_by_family(mut self, py: Python<'_>, options: &Options<Brown>) -> PyResult<Outcome> {
         let (choice, found) = computed_in(py, self.threads, || {
-            let wide: Options<Fisheye> = Options {
-                method: options.method,
-                fixed: options.fixed,
-                initial: options.initial.map(|lens| in_family(&AnyLens::Brown(lens))),
-                ..Options::new()
-            };
             let rich = Options {
                 model: BrownModel::Brown,
                 ..*options
             };
             let choice = self.chosen(options);
             let choice = better_choice(choice, || self.chosen(&rich));
-            let choice = better_choice(choice, || self.chosen(&wide))?;
+            let choice = better_choice(choice, || self.chosen(&options.for_family::<Fisheye>()))?;
             self.keep(choice.as_ref())?;
             let photographs = self.photographs.as_ref();
             let found =

@@ -253,6 +253,20 @@ pub enum Error {
         corner: f64,
     },
 
+    /// A lens of another family answers where the asked one does not.
+    #[error(
+        "the lens is a fisheye: choose the lens model {model}, with which the edges fit to {rms:.2} px (fx \
+         is {focal:.1}); with the one asked for there is no answer"
+    )]
+    LensOfAnotherFamily {
+        /// The model that holds the lens.
+        model: String,
+        /// Root mean square distance of the edge samples with it, px.
+        rms: f64,
+        /// `fx` with it, pixels.
+        focal: f64,
+    },
+
     /// An iteration did not converge.
     #[error(
         "{stage} did not converge{}: are all targets flat and of the shape that is stated?",
@@ -340,6 +354,7 @@ impl Error {
             | Error::UndeterminedConic { .. }
             | Error::IndefiniteConic
             | Error::TurnsBack { .. }
+            | Error::LensOfAnotherFamily { .. }
             | Error::ContradictedRelation(_)
             | Error::IllConditioned(_) => ErrorKind::DegenerateGeometry,
             Error::NotConverged { .. } => ErrorKind::Convergence,

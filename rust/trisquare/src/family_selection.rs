@@ -5,6 +5,7 @@
 //! on the edge samples, which count as so many independent ones as their correlation leaves.
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
@@ -16,7 +17,7 @@ use crate::model_selection::{ModelChoice, Weighed, check_comparable, raising_par
 use crate::noise::ORDERS;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::photometric::Photographs;
-use crate::result::{Calibration, Warning};
+use crate::result::Calibration;
 use crate::solver::step_of_some;
 use crate::uncertainty::{unlikely_camera, widen};
 
@@ -30,19 +31,6 @@ const WIDE: f64 = 0.7;
 /// What a fisheye may leave of the residuals of a distorted pinhole that leaves nothing but noise: with
 /// more it has no odds.
 const AS_GOOD: f64 = 1.1;
-
-/// Warnings that a lens of another family may be the cause of.
-const SYMPTOMS: [&str; 9] = [
-    "lens_beyond_model",
-    "planes_contradict",
-    "plane_disagrees",
-    "side_rejected",
-    "plane_rejected",
-    "pixels_not_square",
-    "principal_point_off_centre",
-    "correlated_residuals",
-    "pixels_not_used",
-];
 
 /// A calibration with a lens of the family that the data ask for.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +84,7 @@ pub fn calibrate_by_family(
     photographs: Option<&Photographs<'_>>,
 ) -> Result<(FamilyChoice, Option<RejectedFamily>), Error> {
     check_comparable(options)?;
-    let wide_options = of_family::<_, Fisheye>(options);
+    let wide_options = options.for_family::<Fisheye>();
     let plain = Weighed::of(edges, size, options);
     let may_be_wide = |fit: &Calibration<_>| {
         let limit = AS_GOOD * fit.rms;
@@ -170,90 +158,22 @@ pub(crate) fn telling(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
 const MOST_LEFT_OF_BOARDS: f64 = 0.5;
 
 /// ... and of squares, whose few sides its coefficients follow more easily.
-const MOST_LEFT_OF_SQUARES: f64 = 0.25;
-
-/// A fisheye that has to leave much less is only weighed if one fit of it leaves less than this
-/// part of the asked lens's: these are of all edges, the fit's of some.
-const WORTH_WEIGHING: f64 = 0.75;
-
-/// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
-/// better than any of its models.
-///
-/// [`calibrate`](crate::calibrate) does not look for that by itself, which takes fits with the models
-/// of both lenses: call this after it where the lens may be a fisheye, with the same edges, size and
-/// options. Without warnings that make it look it costs nothing. [`calibrate_by_family`] chooses the
-/// lens instead.
-pub fn heed_fisheye<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    calibration: &mut Calibration<L>,
-) {
-    let is_fisheye = L::centre_columns().is_empty();
-    let shows = |codes: &[&str]| {
-        let mut warnings = calibration.warnings.iter();
-        warnings.any(|warning| codes.contains(&warning.code()))
-    };
-    // Planes that do not stand as they are said to explain all that does not fit.
-    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]);
-    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
-        return;
-    }
-    let some = telling(edges);
-    let wide_options = of_family::<_, Fisheye>(options);
-    // Real boards are never quite flat, which a fisheye leaves as it is.
-    let limit = WORTH_WEIGHING * calibration.rms;
-    let may_explain = |fit: FirstFit| fit.agrees || fit.rms < limit;
-    if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
-        return;
-    }
-    let wide = Weighed::of(&some, size, &wide_options);
-    let own = Weighed::of(&some, size, options);
-    // Sheets that rise explain such residuals as well, and a fisheye would follow them.
-    let rises = |warning: &Warning| {
-        matches!(
-            warning,
-            Warning::SidesErrTogether {
-                height: Some(_),
-                ..
-            }
-        )
-    };
-    let is_relief = calibration.warnings.iter().any(rises);
-    let (Some(wide), Some(own)) = (wide, own) else {
-        return;
-    };
-    let best = best_standing(&some, &wide, &own);
-    let (model, fit) = best.wide;
-    if best.odds > 0.0 && (is_clean(fit) || !is_relief) {
-        let warning = Warning::LensOfAnotherFamily {
-            model: model.name(),
-            rms: fit.rms,
-            own: own
-                .fit_with(options.model)
-                .map_or(calibration.rms, |fit| fit.rms),
-            focal: fit.camera.focal().x,
-        };
-        let code = warning.code();
-        calibration.warnings.retain(|other| other.code() != code);
-        calibration.warnings.insert(0, warning);
-    }
-}
+pub(crate) const MOST_LEFT_OF_SQUARES: f64 = 0.25;
 
 /// A model of a lens, and its fit to the edge samples.
-type Fit<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
+pub(crate) type Fit<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
 
 /// How the fisheye's models stand against those of a distorted pinhole: the best against the best.
-struct Standing<'a, A: Lens, B: Lens> {
-    wide: Fit<'a, A>,
+pub(crate) struct Standing<'a, A: Lens, B: Lens> {
+    pub wide: Fit<'a, A>,
     plain: Fit<'a, B>,
     /// Logarithm of the odds for the fisheye.
-    odds: f64,
+    pub odds: f64,
 }
 
 /// The fisheye that stands best; of equals the one with the largest evidence within its family. That
 /// does not count what is unlikely of a fit, and need not be the best.
-fn best_standing<'a, A: Lens, B: Lens>(
+pub(crate) fn best_standing<'a, A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     wide: &'a Weighed<A>,
     plain: &'a Weighed<B>,
@@ -321,7 +241,7 @@ fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
 }
 
 /// Whether the residuals of the samples show no sides that err together.
-fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
+pub(crate) fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
     fit.residual_correlation.probability < 0.5
 }
 
@@ -329,28 +249,17 @@ fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
 /// see so far from the axis that both are told apart by more than noise.
 ///
 /// The radius is the angle for one and its tangent for the other.
-fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
+pub(crate) fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
     let lens = &fit.camera;
     let bends = |corner: &Vector2<f64>| {
         lens.unproject(corner).is_none_or(|ray| {
             let radius = (lens.inverse_focal_matrix() * (corner - lens.principal_point())).norm();
             let angle = ray.xy().norm().atan2(ray.z);
-            angle > WIDE && radius < 0.5 * (angle + angle.tan())
+            // What lies beside the camera or behind it no pinhole sees.
+            angle > WIDE && radius < 0.5 * (angle + angle.min(FRAC_PI_2).tan())
         })
     };
     fit.image_size.corners().iter().any(bends)
-}
-
-/// The same wishes for a lens of another family.
-pub(crate) fn of_family<A: Lens, B: Lens>(options: &Options<A>) -> Options<B> {
-    Options {
-        method: options.method,
-        fixed: options.fixed,
-        initial: options
-            .initial
-            .map(|lens| B::from_camera_matrix(&lens.camera_matrix())),
-        model: B::Model::default(),
-    }
 }
 
 /// Logarithm of the odds of one model's fit against another's. Where sides err together under the

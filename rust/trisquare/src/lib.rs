@@ -52,6 +52,7 @@
 mod calibrate;
 mod error;
 mod family_selection;
+mod fisheye_cure;
 mod geometry;
 mod ill_conditioning;
 mod image;
@@ -82,7 +83,8 @@ pub use nalgebra;
 
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
-pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family, heed_fisheye};
+pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family};
+pub use fisheye_cure::{heed_fisheye, or_fisheye};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{

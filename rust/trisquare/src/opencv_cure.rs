@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibrate::{calibrate, calibrate_agreeing};
-use crate::family_selection::{of_family, telling};
+use crate::family_selection::telling;
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens, Rational, RationalModel, ThinPrism, ThinPrismModel};
 use crate::model_selection::check_comparable;
@@ -86,7 +86,7 @@ fn of_lens<A: Lens, B: Lens>(
 ) -> Option<(String, f64)> {
     let options = Options {
         model,
-        ..of_family::<A, B>(options)
+        ..options.for_family::<B>()
     };
     let found = calibrate_agreeing(edges, size, &options).ok()?;
     let mut codes = found.warnings.iter().map(Warning::code);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// From the top to the bottom; rooms of one row do not import each other.
 const ROWS: [&[&str]; 14] = [
-    &["opencv_cure"],
+    &["fisheye_cure", "opencv_cure"],
     &["family_selection"],
     &["model_selection"],
     &["calibrate"],

@@ -144,6 +144,18 @@ impl<L: Lens> Options<L> {
         }
     }
 
+    /// The same wishes for a lens of another family, with its default model. Of the camera whose values
+    /// are kept, its camera matrix remains.
+    pub fn for_family<B: Lens>(&self) -> Options<B> {
+        let camera = |lens: L| B::from_camera_matrix(&lens.camera_matrix());
+        Options {
+            method: self.method,
+            fixed: self.fixed,
+            initial: self.initial.map(camera),
+            model: B::Model::default(),
+        }
+    }
+
     /// The ratio `fy / fx` that a fixed aspect keeps.
     pub(crate) fn aspect(&self) -> f64 {
         self.initial

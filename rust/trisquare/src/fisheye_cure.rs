@@ -1,0 +1,153 @@
+//! Whether a fisheye explains edges of which a distorted pinhole leaves too much, or gives no answer.
+
+use crate::calibrate::{FirstFit, calibrate};
+use crate::error::{Error, ErrorKind};
+use crate::family_selection::{
+    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, telling,
+};
+use crate::image_size::ImageSize;
+use crate::lens::{DistortionModel, Fisheye, Lens};
+use crate::model_selection::{Weighed, check_comparable};
+use crate::observations::{Fixed, Options, PlaneEdges};
+use crate::result::{Calibration, Warning};
+use crate::uncertainty::unlikely_camera;
+
+/// Warnings that a lens of another family may be the cause of.
+const SYMPTOMS: [&str; 9] = [
+    "lens_beyond_model",
+    "planes_contradict",
+    "plane_disagrees",
+    "side_rejected",
+    "plane_rejected",
+    "pixels_not_square",
+    "principal_point_off_centre",
+    "correlated_residuals",
+    "pixels_not_used",
+];
+
+/// A fisheye that has to leave much less is only weighed if one fit of it leaves less than this
+/// part of the asked lens's: these are of all edges, the fit's of some.
+const WORTH_WEIGHING: f64 = 0.75;
+
+/// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
+/// better than any of its models.
+///
+/// [`calibrate`](crate::calibrate) does not look for that by itself, which takes fits with the models
+/// of both lenses: call this after it where the lens may be a fisheye, with the same edges, size and
+/// options. Without warnings that make it look it costs nothing. [`calibrate_by_family`] chooses the
+/// lens instead.
+pub fn heed_fisheye<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    calibration: &mut Calibration<L>,
+) {
+    let is_fisheye = L::centre_columns().is_empty();
+    let shows = |codes: &[&str]| {
+        let mut warnings = calibration.warnings.iter();
+        warnings.any(|warning| codes.contains(&warning.code()))
+    };
+    // Planes that do not stand as they are said to explain all that does not fit.
+    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]);
+    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+        return;
+    }
+    let some = telling(edges);
+    let wide_options = options.for_family::<Fisheye>();
+    // Real boards are never quite flat, which a fisheye leaves as it is.
+    let limit = WORTH_WEIGHING * calibration.rms;
+    let may_explain = |fit: FirstFit| fit.agrees || fit.rms < limit;
+    if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
+        return;
+    }
+    let wide = Weighed::of(&some, size, &wide_options);
+    let own = Weighed::of(&some, size, options);
+    // Sheets that rise explain such residuals as well, and a fisheye would follow them to a part.
+    let rises = |warning: &Warning| {
+        matches!(
+            warning,
+            Warning::SidesErrTogether {
+                height: Some(_),
+                ..
+            }
+        )
+    };
+    let is_relief = calibration.warnings.iter().any(rises);
+    let (Some(wide), Some(own)) = (wide, own) else {
+        return;
+    };
+    let best = best_standing(&some, &wide, &own);
+    let (model, fit) = best.wide;
+    let own_fit = own.fit_with(options.model);
+    let own_rms = own_fit.map_or(calibration.rms, |fit| fit.rms);
+    let follows_relief = is_relief && !is_clean(fit) && fit.rms > MOST_LEFT_OF_SQUARES * own_rms;
+    if best.odds > 0.0 && !follows_relief {
+        let warning = Warning::LensOfAnotherFamily {
+            model: model.name(),
+            rms: fit.rms,
+            own: own_rms,
+            focal: fit.camera.focal().x,
+        };
+        let code = warning.code();
+        calibration.warnings.retain(|other| other.code() != code);
+        calibration.warnings.insert(0, warning);
+    }
+}
+
+/// What to say of edges for which a distorted pinhole gave an error: that the lens is a fisheye, where
+/// one answers and explains them better than any distorted pinhole.
+///
+/// [`calibrate`](crate::calibrate) does not look for that by itself: call this with its error where
+/// the lens may be a fisheye, and with the same edges, size and options. Any other error is
+/// returned as it is.
+pub fn or_fisheye<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+    error: Error,
+) -> Error {
+    let is_fisheye = L::centre_columns().is_empty();
+    if is_fisheye || !may_be_the_lens(&error) || check_comparable(options).is_err() {
+        return error;
+    }
+    let some = telling(edges);
+    explaining_fisheye(&some, size, options).unwrap_or(error)
+}
+
+/// Whether an error may come from a lens of another family.
+fn may_be_the_lens(error: &Error) -> bool {
+    match error.kind() {
+        ErrorKind::NotEnoughPlanes | ErrorKind::Convergence => true,
+        ErrorKind::DegenerateGeometry => !matches!(error, Error::ContradictedRelation(_)),
+        _ => false,
+    }
+}
+
+fn explaining_fisheye<L: Lens>(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<L>,
+) -> Option<Error> {
+    let wide_options = options.for_family::<Fisheye>();
+    let wide = Weighed::of(edges, size, &wide_options)?;
+    let own = Weighed::of(edges, size, options);
+    let (model, fit) = match &own {
+        Some(own) => {
+            let best = best_standing(edges, &wide, own);
+            (best.odds > 0.0).then_some(best.wide)?
+        }
+        None => Some(wide.chosen()).filter(|(_, fit)| is_clean(fit))?,
+    };
+    let options = &Options {
+        model,
+        ..wide_options
+    };
+    let is_usual = unlikely_camera(fit, Fixed::default(), |_| None).is_empty();
+    let answers = || calibrate(edges, size, options).is_ok();
+    let explains = is_usual && bends_as_a_fisheye(fit) && answers();
+    explains.then(|| Error::LensOfAnotherFamily {
+        model: model.name(),
+        rms: fit.rms,
+        focal: fit.camera.focal().x,
+    })
+}
