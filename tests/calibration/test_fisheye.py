@@ -108,7 +108,7 @@ def test_where_another_model_gives_no_answer_the_error_names_it(model):
     rng = np.random.default_rng([131, 0])
     edges = edges_of(wide_scene(rng, fisheye(120.0)), rng)
     with pytest.raises(
-        ts.DegenerateGeometryError, match="the lens is a fisheye: choose .* fisheye"
+        ts.DegenerateGeometryError, match=r"the lens is a fisheye: choose .* fisheye"
     ):
         ts.calibrate_edges(edges, image_size=SIZE, model=model)
 
