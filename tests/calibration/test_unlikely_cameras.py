@@ -76,6 +76,15 @@ def test_a_square_that_stands_as_another_does_checks_nothing(degrees):
         assert "3 planes in 2 directions are no more than this camera needs" in warning
 
 
+def test_a_third_square_that_is_known_too_roughly_checks_nothing():
+    edges = edges_of(SCENE, noise=0.05)
+    rng = np.random.default_rng(0)
+    rough = [side[::20] + rng.normal(0.0, 2.0, side[::20].shape) for side in edges[2].points]
+    found = ts.calibrate_edges([*edges[:2], ts.PlaneEdges.square(rough)], (WIDTH, HEIGHT))
+    (told,) = (warning for warning in found.warnings if warning.code == "targets_unchecked")
+    assert "2 planes are no more than this camera needs (one more is too small or too rough" in told
+
+
 def test_the_same_figure_once_more_checks_nothing():
     edges = edges_of(SCENE, noise=0.05)[:2]
     again = edges_of(SCENE, noise=0.05, seed=1)[0]

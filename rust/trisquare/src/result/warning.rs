@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
-    after_rejections, cause_of_errors, contradiction, lines_not_used, numbered_sample, of_figure,
-    or_held, part_of_whole, planes_in_directions, raised, signed_two_digits, times, two_digits,
-    untrue, with_its_std, without_it,
+    after_rejections, beside_rough, cause_of_errors, contradiction, lines_not_used,
+    numbered_sample, of_figure, or_held, part_of_whole, planes_in_directions, raised,
+    signed_two_digits, times, two_digits, untrue, with_its_std, without_it,
 };
 use crate::error::counted;
 
@@ -277,14 +277,17 @@ pub enum Warning {
     },
     /// The planes are no more than the camera needs, so that nothing tells whether they are true.
     #[error(
-        "nothing checks the targets{}: {} no more than this camera needs. If {}, fx is off by {} px, \
+        "nothing checks the targets{}: {} no more than this camera needs{}. If {}, fx is off by {} px, \
          and its standard deviation, {} px, does not show it: show one more, tilted another way",
-        after_rejections(*.rejected), planes_in_directions(*.planes, *.directions),
+        after_rejections(*.rejected), planes_in_directions(*.planes, *.directions), beside_rough(*.rough),
         untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
     TargetsUnchecked {
-        /// How many planes there are.
+        /// How many planes tell the camera.
         planes: usize,
+        /// How many more are too small or too rough to check them.
+        #[cfg_attr(feature = "serde", serde(default))]
+        rough: usize,
         /// How many more were rejected: that these were the false ones, nothing tells.
         #[cfg_attr(feature = "serde", serde(default))]
         rejected: usize,

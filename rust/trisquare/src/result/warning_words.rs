@@ -154,6 +154,15 @@ pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     }
 }
 
+/// How many planes there are beside those, of which the shape is not known well enough.
+pub(super) fn beside_rough(rough: usize) -> String {
+    match rough {
+        0 => String::new(),
+        1 => " (one more is too small or too rough to check them)".into(),
+        _ => format!(" ({rough} more are too small or too rough to check them)"),
+    }
+}
+
 /// What may be wrong with targets that nothing checks.
 pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
     match are_angles {

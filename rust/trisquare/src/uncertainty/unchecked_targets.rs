@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use crate::geometry::{Line, Pose};
 use crate::lens::{Lens, MATRIX};
 use crate::observations::{ObservedPlane, PlaneEdges};
-use crate::result::{Calibration, Warning};
+use crate::result::{Calibration, Plane, Warning};
 
 /// What printers stretch one direction by, as a part, and nobody sees; right angles are taken to be
 /// off by as much.
@@ -18,8 +18,13 @@ const SAMPLES: usize = 50;
 /// more of the camera, and a stretch of both alike goes unnoticed.
 const ALIKE: f64 = 10.0;
 
+/// A plane of which the shape is known so much better than to [`STRETCH`] would show one.
+const CLEARLY: f64 = 4.0;
+
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
+/// Planes too small or too rough to show a stretch, beside some that give equations enough, do not
+/// count.
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
 /// the stretch, which planes that stand alike are taken to share. Nor do three planes, as at a box's
 /// corner, whose right angles alone are known, if these are none: that they are at right angles to one
@@ -31,11 +36,19 @@ pub(crate) fn unchecked_targets<L: Lens>(
     found: &Calibration<L>,
     focal: impl Fn(&[PlaneEdges]) -> Option<f64>,
 ) -> Option<Warning> {
-    let is_used = |plane: &usize| !planes[*plane].is_outlier();
-    let used: Vec<usize> = (0..planes.len()).filter(is_used).collect();
     let equations = |plane: &usize| planes[*plane].equations();
     let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
     let unknowns = found.parameters.iter().filter(is_of_matrix).count();
+    let (used, rejected): (Vec<usize>, Vec<usize>) =
+        (0..planes.len()).partition(|plane| !planes[*plane].is_outlier());
+    let neighbours = found.residual_correlation.neighbours;
+    let shows = |plane: &&usize| shape_std(&found.planes[**plane], neighbours) < STRETCH / CLEARLY;
+    let clear: Vec<usize> = used.iter().filter(shows).copied().collect();
+    let all = used.len();
+    let used = match clear.iter().map(equations).sum::<usize>() >= unknowns {
+        true => clear,
+        false => used,
+    };
     let mut telling = used.clone();
     telling.sort_by_key(|plane| Reverse(equations(plane)));
     let mut alike: Vec<Vec<usize>> = Vec::new();
@@ -81,13 +94,23 @@ pub(crate) fn unchecked_targets<L: Lens>(
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
-        rejected: planes.len() - used.len(),
+        rough: all - used.len(),
+        rejected: rejected.len(),
         directions: alike.len(),
         stretch: STRETCH,
         are_angles,
         change: square.sqrt(),
         std,
     })
+}
+
+/// How well the sides of a plane's first figure tell its aspect, as a part of that.
+fn shape_std(plane: &Plane, neighbours: f64) -> f64 {
+    let corners = &plane.corners;
+    let sides = (0..4).map(|side| (corners[(side + 1) % 4] - corners[side]).norm());
+    let side = sides.sum::<f64>() / 4.0;
+    let independent = plane.samples as f64 / (4.0 * neighbours.max(1.0));
+    plane.rms / (independent.sqrt() * side)
 }
 
 /// Whether two planes face the same way with their sides in the same directions.
