@@ -179,6 +179,8 @@ class PictureFaults:
     def pattern(self) -> float | None: ...
     @property
     def side_error(self) -> float: ...
+    @property
+    def line_error(self) -> float: ...
     def mended(self, picture: Picture) -> Picture | None: ...
 
 @final
@@ -332,7 +334,7 @@ def calibrate(
     pictures: Sequence[KeptPixels] | None,
     tones: Sequence[str | float | tuple[float, float, bool, float]],
     threads: int = ...,
-    side_errors: Sequence[float] = ...,
+    side_errors: Sequence[tuple[float, float]] = ...,
     orthogonal: Sequence[tuple[int, int]] = ...,
     parallel: Sequence[tuple[int, int]] = ...,
     free: Sequence[str] = ...,

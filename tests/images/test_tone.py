@@ -69,20 +69,50 @@ def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
     assert np.sqrt(np.mean(np.square(errors))) < 1.6
 
 
+def contrasted(picture):
+    """The picture with a contrast curve that is no gamma."""
+    level = np.arange(256) / 255.0
+    curve = 255.0 * (level - np.sin(2.0 * np.pi * level) / (4.0 * np.pi))
+    return np.rint(curve).astype(np.uint8)[picture]
+
+
 def test_boards_need_no_tone_curve_wherever_the_light_falls():
     """Along their lines the dark changes sides, and with it the shift that no curve describes."""
     rng = np.random.default_rng(95)
     camera = simulate.random_camera(rng)
     scenes = [simulate.chessboard_scene(rng, camera) for _ in range(4)]
     pictures = [simulate.render(own, rng, tone="srgb", shading=0.4) for own in scenes]
-    level = np.arange(256) / 255.0
-    contrasted = 255.0 * (level - np.sin(2.0 * np.pi * level) / (4.0 * np.pi))
-    table = np.rint(contrasted).astype(np.uint8)
-    plain, result = ts.calibrate(pictures), ts.calibrate([table[own] for own in pictures])
+    plain, result = ts.calibrate(pictures), ts.calibrate([contrasted(own) for own in pictures])
     assert result.std["fx"] < 3.0 * plain.std["fx"]
     for name in ("fx", "fy", "cx", "cy"):
         error = getattr(result.camera, name) - getattr(camera, name)
         assert abs(error) < 4.0 * result.std[name], name
+
+
+def beside_a_square(board, rng):
+    """The scene of one board, with a square in the corner of the picture farthest from it."""
+    camera, (target,) = board.camera, board.targets
+    width, height = camera.image_size
+    outline = camera.project(target.to_camera(target.outlines()[0]))
+    places = [(x * width, y * height) for x in (0.1, 0.9) for y in (0.1, 0.9)]
+    x, y = max(places, key=lambda place: np.hypot(*(outline - place).T).min())
+    ray = np.array([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0])
+    square = simulate.Target(
+        simulate.tilted(35, rng.uniform(0, 360), 0), 10 * camera.fx / height * ray
+    )
+    return simulate.Scene(camera, (target, square))
+
+
+def test_a_square_beside_a_board_does_not_make_its_lines_uncertain():
+    """The square is shifted by its light, the board is not."""
+    rng = np.random.default_rng([95, 1])
+    camera = simulate.random_camera(rng)
+    scenes = [beside_a_square(simulate.chessboard_scene(rng, camera), rng) for _ in range(4)]
+    pictures = [simulate.render(own, rng, tone="srgb", shading=0.4) for own in scenes]
+    plain, result = ts.calibrate(pictures), ts.calibrate([contrasted(own) for own in pictures])
+    assert "no_tone_curve" in {warning.code for warning in result.warnings}
+    assert result.std["fx"] < 3.0 * plain.std["fx"]
+    assert abs(result.camera.fx - camera.fx) < 4.0 * result.std["fx"]
 
 
 def test_pictures_of_one_camera_have_a_tone_each():

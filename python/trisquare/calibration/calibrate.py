@@ -391,7 +391,7 @@ def _ask_core(
         pictures=gathered.pictures or None,
         tones=[tone.curve for tone in gathered.tones],
         threads=threads,
-        side_errors=[faults.side_error for faults in gathered.faults],
+        side_errors=[(faults.side_error, faults.line_error) for faults in gathered.faults],
         orthogonal=settings.orthogonal,
         parallel=settings.parallel,
         free=settings.free,
@@ -427,7 +427,10 @@ def _calibration(
     told = fault_warnings(faults, tone_of_image, gathered.names)
     warnings += [CalibrationWarning(*own) for own in told]
     spoilt = [SPOILT[code] for _, code, _ in told if code in SPOILT]
-    untold = {i: tone_of_image[i] for i, own in faults.items() if not own.is_shifted}
+    # Boards' own zigzag takes the shift away.
+    drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
+    shifting = {image for image, own in faults.items() if not own.is_shifted}
+    untold = {image: tone_of_image[image] for image in drifting & shifting}
     if shifted := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     kinds = {figure.kind for figure in gathered.figures}

@@ -49,6 +49,8 @@ class PictureFaults:
         Amplitude of a fine pattern over the picture, in parts of the targets' contrast.
     side_error : float
         One standard deviation of what they leave unknown of each side's place, pixels.
+    line_error : float
+        The same of a board's lines, along which light and dark alternate.
     """
 
     row_shift: tuple[float, float] | None = None
@@ -60,6 +62,7 @@ class PictureFaults:
     blur: float = 0.0
     pattern: float | None = None
     side_error: float = 0.0
+    line_error: float = 0.0
 
     @classmethod
     def of(cls, found: _core.PictureFaults) -> PictureFaults:
@@ -74,6 +77,7 @@ class PictureFaults:
             found.blur,
             found.pattern,
             found.side_error,
+            found.line_error,
         )
 
     @property

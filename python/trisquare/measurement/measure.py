@@ -90,7 +90,7 @@ def _localised(
         core = mended
         measured, estimate, found = _core.localise(core, spans, told)
         faults = replace(faults, clipped=found.clipped, motion=found.motion)
-        faults = replace(faults, side_error=found.side_error)
+        faults = replace(faults, side_error=found.side_error, line_error=found.line_error)
     if tone == "auto":
         return measured, PictureTone.estimated(estimate), faults, core
     return measured, PictureTone.known(tone, estimate), faults, core

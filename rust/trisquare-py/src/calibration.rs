@@ -136,8 +136,8 @@ pub struct ToneFit {
 /// Calibrates from figures and, where given, the pictures they were measured in; if `choosing`,
 /// from the largest set of planes that one camera sees as true squares.
 ///
-/// `side_errors` are, of each picture, the standard deviation (px) of an error that the samples of
-/// a side share; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs
+/// `side_errors` are, of each picture, the standard deviations (px) of an error that the samples of
+/// a side share, and those of a board's line; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs
 /// of the planes that are used.
 #[pyfunction]
 #[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, threads=1, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
@@ -154,14 +154,16 @@ pub fn calibrate<'py>(
     pictures: Option<Vec<PyRef<'py, KeptPixels>>>,
     tones: Vec<Bound<'py, PyAny>>,
     threads: usize,
-    side_errors: Vec<f64>,
+    side_errors: Vec<(f64, f64)>,
     orthogonal: Vec<[usize; 2]>,
     parallel: Vec<[usize; 2]>,
     free: Vec<String>,
 ) -> PyResult<Outcome> {
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     for figure in &mut edges {
-        figure.side_error = side_errors.get(figure.image).copied().unwrap_or_default();
+        let (side, line) = side_errors.get(figure.image).copied().unwrap_or_default();
+        // A board's lines have none.
+        figure.side_error = figure.polarity.map_or(line, |_| side);
     }
     let size = size(image_size);
     let tones: Vec<PictureTone> = tones.iter().map(picture_tone).collect::<PyResult<_>>()?;

@@ -229,6 +229,12 @@ impl PictureFaults {
         self.found.side_error
     }
 
+    /// The same of a board's lines, pixels.
+    #[getter]
+    fn line_error(&self) -> f64 {
+        self.found.line_error
+    }
+
     /// What is to be measured in place of the picture; None for the picture itself.
     fn mended(&self, picture: &Picture) -> Option<Picture> {
         let picture = self.found.mended(&picture.picture)?;

@@ -51,6 +51,8 @@ pub struct PictureFaults {
     pub light_spread: f64,
     /// One standard deviation of what they leave unknown of each side's place, px.
     pub side_error: f64,
+    /// The same of a board's lines, along which light and dark alternate: no tone curve shifts them.
+    pub line_error: f64,
     /// The same of all sides together, towards the dark.
     pub common_error: f64,
 }
@@ -74,6 +76,7 @@ impl PictureFaults {
             pattern: pattern(reader, found()),
             light_spread: light_spread(found()),
             side_error: own.hypot(moved),
+            line_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
             clipped: clipped as f64 / found().count().max(1) as f64,
             has_two_levels,

@@ -138,9 +138,7 @@ const SHIFT_PER_LIGHT: f64 = 5.0;
 #[must_use]
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let (edges, estimate, mut faults) = with_best_curve(picture, spans);
-    // Along a crossed line the dark changes sides, and with it the shift.
-    let is_shifted = spans.iter().any(|span| span.crossings.is_empty());
-    if let Some(shift) = estimate.shift_std.filter(|_| is_shifted) {
+    if let Some(shift) = estimate.shift_std {
         let own = SHIFT_PER_LIGHT * shift * faults.light_spread;
         faults.side_error = faults.side_error.hypot(own);
     }

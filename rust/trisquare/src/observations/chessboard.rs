@@ -26,7 +26,7 @@ const LEAST_LINES: usize = 2;
 ///     let board = Chessboard::new(picture, corners)?;
 ///     let (lines, _, faults) = localise_with_unknown_tone(picture, &board.spans(0));
 ///     Ok(PlaneEdges {
-///         side_error: faults.side_error,
+///         side_error: faults.line_error,
 ///         ..board.edges(&lines)?
 ///     })
 /// }

@@ -165,7 +165,8 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     (odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
 }
 
-/// That as many others as boards agree on another camera: these may be a picture's in the picture.
+/// That as many others as boards show another camera as well: the boards may be those of a picture
+/// in the picture.
 pub(crate) fn doubt_of_boards<L: Lens>(
     inliers: &Inliers<'_, L>,
     rejected: &[usize],
@@ -178,7 +179,11 @@ pub(crate) fn doubt_of_boards<L: Lens>(
         .map(|i| inliers.planes[*i].clone())
         .collect();
     let fit = inliers.judged(rejected, &planes, inliers.problem.optimum(&planes).ok()?);
-    inliers.agrees(&fit).then(|| Doubt::Rival {
+    let is_open = inliers
+        .problem
+        .ill_conditioning(&planes, &fit.refined)
+        .is_some();
+    (!is_open && inliers.agrees(&fit)).then(|| Doubt::Rival {
         squares: rejected.len(),
         focal: fit.refined.view.lens.focal().x,
     })
