@@ -185,3 +185,23 @@ def test_lone_tags_and_pictures_of_nothing_are_no_grid():
     for picture in (noise, np.zeros((40, 40), np.uint8), np.zeros((33, 400), np.uint8), lone):
         assert find_aprilgrids(picture) == []
     assert find_touching_tags(lone, NAME, 2)[0] == [3]
+
+
+@pytest.mark.parametrize("gap", first_quick([0.2, 0.4]))
+def test_a_grid_of_usual_tags_with_white_gaps_is_no_aprilgrid(gap):
+    """Sampled as if their borders were wider, some of its tags come near to their codes as well."""
+    book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    side, cols, rows = 96, 5, 4
+    pitch = round(side * (1.0 + gap))
+    sheet = np.full((rows * pitch + side, cols * pitch + side), 220, np.uint8)
+    for number in range(rows * cols):
+        x, y = side // 2 + number % cols * pitch, side // 2 + number // cols * pitch
+        tag = cv2.aruco.generateImageMarker(book, number, side)
+        sheet[y : y + side, x : x + side] = np.where(tag > 127, 220, 25)
+    height, width = sheet.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    seen = np.array([[60, 40], [820, 120], [790, 640], [100, 560]], np.float32)
+    homography = cv2.getPerspectiveTransform(corners, seen)
+    picture = cv2.warpPerspective(sheet, homography, (900, 680), borderValue=120)
+    found = ts.detect(cv2.GaussianBlur(picture, (0, 0), 0.8))
+    assert [figure.kind for figure in found] == ["tag"] * rows * cols

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
-from trisquare.detection.tags.decode import agreement
+from trisquare.detection.tags.decode import BORDER, agreement
 from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_sides
 
 LEAST_CORRELATION = 0.8
@@ -87,6 +87,9 @@ def find_touching_tags(
         quads = on_saddles(grey, outlines)
         numbers, turns, correlation = agreement(grey, quads, name, border)
         read = np.flatnonzero(correlation >= LEAST_CORRELATION)
+        # Cells of a tag with another border may come near enough to a code as well.
+        usual = agreement(grey, quads[read], name, BORDER).correlation
+        read = read[correlation[read] >= usual]
         own = [np.roll(quads[index], turns[index], axis=0) for index in read]
         # A tag that both show is found once.
         new = [
