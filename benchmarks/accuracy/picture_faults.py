@@ -47,6 +47,11 @@ def _overexposed(rng: Generator, index: int) -> PictureFault:
     return PictureFault(on_light=[exposed(EXPOSURES[index % 3])])
 
 
+def _overexposed_jpeg(rng: Generator, index: int) -> PictureFault:
+    quality = int(rng.integers(80, 96))
+    return PictureFault(on_light=[exposed(EXPOSURES[index % 3])], jpeg_quality=quality)
+
+
 def _bloomed(rng: Generator, index: int) -> PictureFault:
     bloom = bloomed(rng.uniform(0.1, 0.5), rng.uniform(1.5, 5.0))
     return PictureFault(on_light=[exposed(EXPOSURES[1 + index % 2]), bloom])
@@ -107,6 +112,7 @@ CLASSES = {
     "undamaged": FaultClass(lambda rng, index: UNDAMAGED),
     "undamaged, colour": FaultClass(_colour),
     "overexposed": _named(_overexposed, "overexposed"),
+    "overexposed, JPEG 80-95": _named(_overexposed_jpeg, "overexposed"),
     "bloomed": _named(_bloomed, "overexposed"),
     "thresholded": _named(_thresholded, "thresholded"),
     "chromatic aberration": _named(_chromatic, "chromatic_aberration"),

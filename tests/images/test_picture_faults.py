@@ -53,6 +53,15 @@ def test_a_fault_is_told_and_the_camera_is_within_its_deviations(code):
     assert_within(result, SCENE, 4)
 
 
+@pytest.mark.parametrize("seed", first_quick([160, 161, 167]))
+def test_ringing_of_jpeg_beside_clipped_light_is_not_taken_for_light(seed):
+    scene = squares(seed)
+    fault = PictureFault(on_light=[exposed(1.6)], jpeg_quality=85)
+    result = ts.calibrate(photo(fault, seed, scene))
+    assert "overexposed" in {warning.code for warning in result.warnings}
+    assert_within(result, scene, 4)
+
+
 @pytest.mark.parametrize("fault", [UNDAMAGED, COLOUR], ids=["grey", "colour"])
 def test_an_undamaged_picture_is_not_warned_of(fault):
     picture = photo(fault, 133)

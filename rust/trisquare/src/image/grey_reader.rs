@@ -6,6 +6,9 @@ use super::tone::{Tone, ToneCurve};
 /// Weights of blue, green and red in the grey that edges are measured in (ITU-R BT.601).
 const GREY_FROM_BGR: [f64; 3] = [0.114, 0.587, 0.299];
 
+/// Levels by which JPEG takes clipped pixels beside an edge below the limit.
+const RINGING: u8 = 6;
+
 /// The coded grey of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Grey {
@@ -27,6 +30,8 @@ pub struct GreyReader<'a> {
     /// What an 8-bit level stands for in each channel: its value (grey) or its share of the light
     /// (BGR).
     levels: [[f64; 256]; 3],
+    /// The 8-bit level from which on a channel is clipped.
+    limit: u8,
 }
 
 impl Picture {
@@ -54,6 +59,10 @@ impl<'a> GreyReader<'a> {
             tone,
             curve: tone.curve(),
             levels,
+            limit: match picture.is_overexposed {
+                true => u8::MAX - RINGING,
+                false => u8::MAX,
+            },
         }
     }
 
@@ -136,8 +145,15 @@ impl<'a> GreyReader<'a> {
         let channels = self.picture.channels;
         let start = channels * (y * self.picture.width + x);
         match &self.picture.pixels {
-            Pixels::U8(values) => values[start..start + channels].contains(&u8::MAX),
-            Pixels::U16(values) => values[start..start + channels].contains(&u16::MAX),
+            Pixels::U8(values) => {
+                let mut own = values[start..start + channels].iter();
+                own.any(|value| *value >= self.limit)
+            }
+            Pixels::U16(values) => {
+                let limit = u16::from(self.limit) * 257;
+                let mut own = values[start..start + channels].iter();
+                own.any(|value| *value >= limit)
+            }
             Pixels::F32(_) => false,
         }
     }
@@ -171,7 +187,7 @@ impl<'a> GreyReader<'a> {
     fn grey_of(&self, byte: u8) -> Grey {
         Grey {
             value: self.levels[0][usize::from(byte)],
-            is_clipped: byte == u8::MAX && !self.picture.has_two_levels,
+            is_clipped: byte >= self.limit && !self.picture.has_two_levels,
         }
     }
 

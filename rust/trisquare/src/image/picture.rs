@@ -35,6 +35,11 @@ impl From<PictureError> for Error {
     }
 }
 
+/// Part of a picture's values at the file's limit from which on JPEG may have taken others below it.
+const OVEREXPOSED: f64 = 0.01;
+/// One value of so many is looked at for that; in colour all channels come in turn.
+const WHITE_STEP: usize = 13;
+
 /// A picture: rows from the top, pixels from the left, channels of a pixel (BGR) side by side.
 #[derive(Debug, Clone)]
 pub struct Picture {
@@ -43,6 +48,8 @@ pub struct Picture {
     pub(super) channels: usize,
     pub(super) pixels: Pixels,
     pub(super) has_two_levels: bool,
+    /// Whether so much is at the file's limit that what is near it may be, too.
+    pub(super) is_overexposed: bool,
     pub(super) has_even_rows_only: bool,
 }
 
@@ -101,6 +108,7 @@ impl Picture {
             height,
             channels,
             has_two_levels: pixels.are_black_or_white(),
+            is_overexposed: pixels.are_often_white(),
             has_even_rows_only: false,
             pixels,
         })
@@ -178,6 +186,21 @@ impl Pixels {
             Self::F32(_) => false,
         }
     }
+
+    fn are_often_white(&self) -> bool {
+        match self {
+            Self::U8(values) => is_often(values, u8::MAX),
+            Self::U16(values) => is_often(values, u16::MAX),
+            Self::F32(_) => false,
+        }
+    }
+}
+
+/// Whether more than [`OVEREXPOSED`] of all values are the largest; some of them tell.
+fn is_often<T: PartialEq>(values: &[T], most: T) -> bool {
+    let seen = values.iter().step_by(WHITE_STEP);
+    let white = seen.filter(|value| **value == most).count();
+    (white * WHITE_STEP) as f64 > OVEREXPOSED * values.len() as f64
 }
 
 /// Whether all values are near either end, and some near both: 12 bits in 16 are all near one.

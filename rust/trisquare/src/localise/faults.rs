@@ -22,7 +22,7 @@ const LEAST_GREEN: f64 = 0.5;
 const CLIPPED_SHARE: f64 = 0.1;
 /// What extrapolating a clipped step leaves unknown of each side, and of all together, in blurs,
 /// for a rise that is half clipped: over rendered scenes, with and without blooming.
-const CLIPPED_ERROR: f64 = 0.03;
+const CLIPPED_ERROR: f64 = 0.04;
 const CLIPPED_COMMON_ERROR: f64 = 0.1;
 /// The same of a staircase of two levels, px: what is left of half a pixel over a side's steps.
 const TWO_LEVEL_ERROR: f64 = 0.03;
