@@ -260,6 +260,13 @@ def test_what_is_no_picture_is_named(source):
         ts.calibrate(source)
 
 
+@pytest.mark.parametrize("bad", [b"hello", np.zeros((4, 4)), np.zeros((0, 9), np.uint8)])
+def test_of_several_pictures_the_bad_one_is_numbered(bad):
+    good = np.zeros((64, 64), np.uint8)
+    with pytest.raises((ts.ImageError, TypeError, ValueError), match="^picture 1: "):
+        ts.calibrate([good, bad, good])
+
+
 def test_bytes_that_are_no_picture_are_named():
     for content in (b"", b"hello", encoded()[:-40]):
         with pytest.raises(ts.ImageError, match=r"^(picture 0: )?the encoded picture: "):

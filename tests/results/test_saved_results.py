@@ -37,6 +37,10 @@ def test_the_last_bit_tells_results_and_cameras_apart():
     assert RESULT.camera != RESULT
 
 
+def test_the_members_of_a_result_are_its_json():
+    assert json.dumps(RESULT.members()) == json.dumps(json.loads(RESULT.to_json()))
+
+
 def test_a_result_is_saved_whole_as_json(tmp_path):
     path = tmp_path / "camera.json"
     assert RESULT.save(path) is None

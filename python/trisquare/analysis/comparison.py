@@ -14,18 +14,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor
+from trisquare._support.json_members import dump_members
 from trisquare._support.number_text import decimals_shown
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
 from trisquare.results.uncertain_camera import uncertain_camera
+
+COMPARISON_FORMAT = "trisquare-comparison/1"
 
 __all__ = ["Comparison", "compare"]
 
@@ -105,6 +109,46 @@ class Comparison(RebuiltByConstructor):
                 array = np.array(value, dtype=np.float64, order="C")
                 array.flags.writeable = False
                 object.__setattr__(self, name, array)
+
+    def members(self) -> dict[str, Any]:
+        """Return all but the grid as a JSON object; `trisquare compare --json` prints it.
+
+        Examples
+        --------
+        >>> ts.compare(result, camera).members()["format"]
+        'trisquare-comparison/1'
+        """
+        return {
+            "format": COMPARISON_FORMAT,
+            "image_size": list(self.first.image_size),
+            "rms_px": self.rms,
+            "worst_px": self.worst,
+            "worst_at": list(self.worst_at),
+            "worst_beyond_targets": self.worst_beyond_targets,
+            "rms_among_targets_px": self.rms_among_targets,
+            "expected_rms_among_targets_px": self.expected_rms_among_targets,
+            "worst_in_stds": self.worst_in_stds,
+            "expected_rms_px": self.expected_rms,
+            "unexplained_px": self.unexplained,
+            "p_value": self.p_value,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "same": self.same,
+            "verdict": self.verdict,
+            "coverage": self.coverage,
+            "rotation": self.rotation.tolist(),
+            "angle_degrees": self.angle,
+        }
+
+    def to_json(self) -> str:
+        """Return `members` as JSON text.
+
+        Examples
+        --------
+        >>> import json
+        >>> json.loads(ts.compare(result, camera).to_json())["same"]
+        True
+        """
+        return dump_members(self.members())
 
     @property
     def distance(self) -> FloatArray:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from trisquare._support.arrays import (
     not_negative,
     real_array,
 )
+from trisquare._support.json_members import dump_members
 from trisquare._support.lengths import length_in
 from trisquare._support.number_text import plus_minus
 from trisquare._support.suggestions import advising
@@ -32,6 +34,8 @@ from trisquare.camera.camera_of import camera_of
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 from trisquare.results.uncertain_camera import uncertain_camera
+
+MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
 __all__ = ["Measurement", "measure"]
 
@@ -130,6 +134,41 @@ class Measurement(RebuiltByConstructor):
     def area_std(self) -> float | None:
         """One standard deviation of the area."""
         return float(self._std(_signed_area)[0]) if _is_polygon(self.points) else None
+
+    def members(self) -> dict[str, Any]:
+        """Return it as a JSON object; `trisquare measure --json` adds plane and warnings.
+
+        Examples
+        --------
+        >>> ts.measure(result.planes[0], [[150, 120], [400, 150]], result).members()["unit"]
+        'sides'
+        """
+        return {
+            "format": MEASUREMENT_FORMAT,
+            "unit": self.unit,
+            "points": self.points.tolist(),
+            "covariance": self.covariance.tolist(),
+            "lengths": self.lengths.tolist(),
+            "lengths_std": self.lengths_std.tolist(),
+            "angles": self.angles.tolist(),
+            "angles_std": self.angles_std.tolist(),
+            "area": self.area,
+            "area_std": self.area_std,
+            "extrapolation": self.extrapolation,
+        }
+
+    def to_json(self) -> str:
+        """Return `members` as JSON text.
+
+        Examples
+        --------
+        >>> import json
+        >>> corner = [[150, 120], [400, 150], [390, 400]]
+        >>> found = ts.measure(result.planes[0], corner, result, side="84mm")
+        >>> json.loads(found.to_json())["unit"]
+        'm'
+        """
+        return dump_members(self.members())
 
     def _std(
         self, of_points: Callable[[FloatArray], FloatArray], period: float | None = None

@@ -26,7 +26,6 @@ ASSUMED = (
     "of the same photographs --model auto decides"
 )
 
-COMPARISON_FORMAT = "trisquare-comparison/1"
 
 EXAMPLES = (
     "trisquare compare today.json last_month.json",
@@ -75,31 +74,8 @@ def compare_command(
     if map_file is not None:
         write_atomically({map_file: encode_drawn(draw_comparison(comparison), map_file)})
     written = [] if map_file is None else [f"wrote {map_file}"]
-    members = _members(comparison) | (_grid_members(comparison) if grid else {})
+    members = comparison.members() | (_grid_members(comparison) if grid else {})
     answer(json, quiet, members, [*_lines(comparison), *written])
-
-
-def _members(comparison: Comparison) -> dict[str, Any]:
-    return {
-        "format": COMPARISON_FORMAT,
-        "image_size": list(comparison.first.image_size),
-        "rms_px": comparison.rms,
-        "worst_px": comparison.worst,
-        "worst_at": list(comparison.worst_at),
-        "worst_beyond_targets": comparison.worst_beyond_targets,
-        "rms_among_targets_px": comparison.rms_among_targets,
-        "expected_rms_among_targets_px": comparison.expected_rms_among_targets,
-        "worst_in_stds": comparison.worst_in_stds,
-        "expected_rms_px": comparison.expected_rms,
-        "unexplained_px": comparison.unexplained,
-        "p_value": comparison.p_value,
-        "degrees_of_freedom": comparison.degrees_of_freedom,
-        "same": comparison.same,
-        "verdict": comparison.verdict,
-        "coverage": comparison.coverage,
-        "rotation": comparison.rotation.tolist(),
-        "angle_degrees": comparison.angle,
-    }
 
 
 def _grid_members(comparison: Comparison) -> dict[str, Any]:

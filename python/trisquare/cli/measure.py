@@ -17,6 +17,7 @@ from trisquare._support.writing import write_atomically
 from trisquare.analysis.measure import (
     CLICKED_STD,
     FAR,
+    MEASUREMENT_FORMAT,
     Measurement,
     check_inside,
     extrapolation_on,
@@ -37,8 +38,6 @@ from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
-
-MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
 RECTANGLE = "rectangle"
 """The kind of planes that have no side but a shorter and a longer one."""
@@ -192,7 +191,7 @@ def measure_command(
                 f"the sides of the {chosen.kind} err together (is it bent?), by "
                 f"{chosen.uncertainty.side_error:.2g} px rms: points are taken to lie off as far"
             )
-        members |= _members(measured)
+        members |= {key: own for key, own in measured.members().items() if key not in members}
         warnings += _doubts(measured, pixels, planes, plane)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
@@ -272,20 +271,6 @@ def _chosen(planes: Sequence[Plane], index: int) -> Plane:
         )
         raise ValueError(f"there is no plane {index} in the photograph, but {shown}")
     return planes[index]
-
-
-def _members(measured: Measurement) -> dict[str, Any]:
-    return {
-        "points": measured.points.tolist(),
-        "covariance": measured.covariance.tolist(),
-        "lengths": measured.lengths.tolist(),
-        "lengths_std": measured.lengths_std.tolist(),
-        "angles": measured.angles.tolist(),
-        "angles_std": measured.angles_std.tolist(),
-        "area": measured.area,
-        "area_std": measured.area_std,
-        "extrapolation": measured.extrapolation,
-    }
 
 
 def _doubts(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trisquare._support.threads import Turns
+from trisquare.errors import ImageError
 from trisquare.images.limits import PictureLimits
 from trisquare.images.pixels import Image, ImageSource, VideoFrame, as_recorded, picture_size
 from trisquare.images.reading import load_photograph
@@ -139,8 +141,9 @@ def _load(
     name = _name(index, source)
     key: int | None = None
     try:
-        given, tag = load_photograph(source, limits)
-        pixels = as_recorded(given)
+        with _naming(name, needed=not is_alone and not _file_name(source)):
+            given, tag = load_photograph(source, limits)
+            pixels = as_recorded(given)
         # Floats of integers are these, but 16 bits are no 8, however dark.
         type_name = (pixels if given.dtype == np.float32 else given).dtype.name
         key = 0 if is_alone else _fingerprint(pixels)
@@ -158,6 +161,17 @@ def _load(
         remarks["repeated_picture"] = f"{name} is the same picture as {twin}: it is counted once"
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
     return Photograph(index, name, pixels, remarks, twin != name, other_type, path)
+
+
+@contextmanager
+def _naming(name: str, *, needed: bool) -> Iterator[None]:
+    """Put a picture's name before its error where that is needed to tell which one it is."""
+    try:
+        yield
+    except (TypeError, ValueError, ImageError) as error:
+        if needed:
+            error.args = (f"{name}: {error}",)
+        raise
 
 
 def _name(index: int, source: ImageSource) -> str:

@@ -392,18 +392,28 @@ class Calibration(Record):
         >>> json.loads(result.to_json())["camera"]["model"]
         'radial2'
         """
+        members = self.members()
+        if edges:
+            members["edges"] = [edges_members(figure) for figure in self.edges]
+            members["residuals"] = record_members(self).get("residuals", [])
+        return dump_members(members)
+
+    def members(self) -> dict[str, Any]:
+        """Return it as a JSON object, the one of which `to_json` makes a text.
+
+        Examples
+        --------
+        >>> result.members()["camera"]["model"]
+        'radial2'
+        """
         members = {
             **record_members(self),
+            "format": RESULT_FORMAT,
             "image_size": list(self.camera.image_size),
             "camera": camera_members(self.camera),
             "covariance": self.covariance.tolist(),
         }
-        residuals = members.pop("residuals", [])
-        shown = {key: members[key] for key in JSON_ORDER if key in members}
-        if edges:
-            shown["edges"] = [edges_members(figure) for figure in self.edges]
-            shown["residuals"] = residuals
-        return dump_members({"format": RESULT_FORMAT, **shown})
+        return {key: members[key] for key in ("format", *JSON_ORDER) if key in members}
 
     def save(
         self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
