@@ -263,7 +263,7 @@ def test_what_is_no_picture_is_named(source):
 @pytest.mark.parametrize("bad", [b"hello", np.zeros((4, 4)), np.zeros((0, 9), np.uint8)])
 def test_of_several_pictures_the_bad_one_is_numbered(bad):
     good = np.zeros((64, 64), np.uint8)
-    with pytest.raises((ts.ImageError, TypeError, ValueError), match="^picture 1: "):
+    with pytest.raises((ts.ImageError, TypeError, ValueError), match=r"^picture 1: "):
         ts.calibrate([good, bad, good])
 
 
