@@ -57,10 +57,11 @@ impl<L: Lens> Calibration<L> {
         let free = &problem.free;
         let Correlated {
             mut covariance,
+            known,
             disagreement,
             mut residual_correlation,
         } = correlated.clone();
-        let together = residual_correlation.warnings(&covariance, free);
+        let together = residual_correlation.warnings(&covariance, &known, free);
         let disagreement = disagreement.map(|(found, change)| {
             // Which of the planes is true, nobody knows.
             let doubt = &change * change.transpose();

@@ -4,6 +4,8 @@
 use super::optimum::Optimum;
 use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
+use nalgebra::DMatrix;
+
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::view_by_lens;
@@ -212,6 +214,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let covariance =
             covariance(&system, factor).ok_or_else(|| self.singular(planes, &refined))?;
         let correlated = Correlated {
+            known: DMatrix::zeros(covariance.nrows(), covariance.ncols()),
             covariance,
             disagreement: disagreement(&system, &self.free, focal, factor),
             residual_correlation: ResidualCorrelation::none(planes.len(), self.free.len()),

@@ -35,6 +35,8 @@ const SMALL_DRIFT: f64 = 0.01;
 pub(crate) struct Correlated {
     /// Of the free parameters.
     pub covariance: DMatrix<f64>,
+    /// What of it errors of sides make that were known beforehand, beyond those that these show.
+    pub known: DMatrix<f64>,
     /// The plane that disagrees with the rest, if any does, and by how much the free parameters
     /// change without it.
     pub disagreement: Option<(Disagreement, DVector<f64>)>,
@@ -46,13 +48,13 @@ pub(crate) struct Correlated {
 const NOTABLE_FACTOR: f64 = 2.0;
 
 impl ResidualCorrelation {
-    /// By how much the standard deviation of each parameter of a covariance was raised.
-    fn factors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
-        let (all, added) = (covariance.diagonal(), self.added.diagonal());
-        let pairs = all.iter().zip(added.iter());
-        pairs
-            .map(|(all, added)| (all / (all - added)).sqrt())
-            .collect()
+    /// By how much the standard deviation of each parameter of a covariance was raised by what the
+    /// residuals show, and not by the part that was known beforehand.
+    fn factors(&self, covariance: &DMatrix<f64>, known: &DMatrix<f64>) -> Vec<f64> {
+        let independent = (covariance - &self.added).diagonal();
+        let shown = (covariance - known).diagonal();
+        let pairs = shown.iter().zip(independent.iter());
+        pairs.map(|(shown, own)| (shown / own).sqrt()).collect()
     }
 
     /// Whether sides lie farther from their lines than their own straightness lets expect.
@@ -63,9 +65,10 @@ impl ResidualCorrelation {
     pub(crate) fn warnings(
         &self,
         covariance: &DMatrix<f64>,
+        known: &DMatrix<f64>,
         free: &FreeParameters,
     ) -> Vec<Warning> {
-        let factors = self.factors(covariance);
+        let factors = self.factors(covariance, known);
         let mut warnings = Vec::new();
         if self.planes_contradict() {
             warnings.push(Warning::PlanesContradict {
@@ -217,9 +220,12 @@ pub(crate) fn correlated_covariance<L: Lens>(
         None => errors.unit_covariances()?,
     };
     let mut as_stated = generalised.as_ref().unwrap_or(&independent).clone();
+    let mut known = DMatrix::zeros(free.len(), free.len());
     for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
-        as_stated += unit * variance.max(variance_of(plane.side_error));
+        as_stated += unit * *variance;
+        known += unit * (variance_of(plane.side_error) - variance).max(0.0);
     }
+    as_stated += &known;
     let fitted = match generalised {
         Some(_) => (&system, 1.0),
         None => (&refined.system.leading(free.len()), white),
@@ -251,6 +257,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let focal = refined.view.lens.focal().x;
     Some(Correlated {
         covariance: total,
+        known: known * raised,
         disagreement: disagreement(&system, free, focal, 1.0),
         residual_correlation,
     })

@@ -185,12 +185,23 @@ fn sides_that_err_together_are_told() {
                 "seed {seed}: {residual_correlation:?}"
             );
         }
-        let told = found.warnings.iter().find_map(|warning| match warning {
-            Warning::SidesErrTogether { plane, factor, .. } => Some((*plane, *factor)),
-            _ => None,
-        });
-        let (plane, factor) = told.expect("a warning");
+        let told = |found: &Calibration| {
+            let told = found.warnings.iter().find_map(|warning| match warning {
+                Warning::SidesErrTogether { plane, factor, .. } => Some((*plane, *factor)),
+                _ => None,
+            });
+            told.expect("a warning")
+        };
+        let (plane, factor) = told(&found);
         assert!(plane < 3 && factor > 2.0, "seed {seed}: {factor}");
+        // What was known beforehand is in the deviations, and not said to be shown.
+        for figure in &mut edges {
+            figure.side_error = 10.0 * expected;
+        }
+        let stated = solve(&edges, &scene);
+        assert!(stated.std()[0].1 > 3.0 * found.std()[0].1, "seed {seed}");
+        let shown = told(&stated).1;
+        assert!(shown < 1.1 * factor, "seed {seed}: {shown}, not {factor}");
     }
 }
 
