@@ -134,7 +134,8 @@ def calibrate(
         the edges contradict it.
     tone : {"auto", "srgb", "linear"} or float, optional
         How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
-        along with the camera. By default "auto" for 8 and 16 bits, linear for floats.
+        along with the camera. By default "auto" for 8 and 16 bits, also where floats hold their
+        values; linear for all other floats.
     targets : str
         See `detect`.
     outlines : path, mapping or sequence, optional

@@ -106,9 +106,9 @@ def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | 
     if not shifts:
         return None
     return (
-        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all its "
-        "edges may be displaced toward their dark side by one distance, which the standard "
-        f"deviations allow for ({'; '.join(shifts)})"
+        "how the picture codes light is not clear (is it sharpened or compressed?): all its edges "
+        "may lie off toward their dark side by one distance, and standard deviations grew by that "
+        f"({'; '.join(shifts)}). State the tone curve if it is known"
     )
 
 
