@@ -106,9 +106,9 @@ def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | 
     if not shifts:
         return None
     return (
-        "how the picture codes light is not clear (is it sharpened or compressed?): all its edges "
-        "may lie off toward their dark side by one distance, and standard deviations grew by that "
-        f"({'; '.join(shifts)}). State the tone curve if it is known"
+        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all its "
+        "edges may lie off toward their dark side by one distance, and standard deviations grew by "
+        f"that; state the curve if you know it ({'; '.join(shifts)})"
     )
 
 
