@@ -19,6 +19,13 @@ OTHER_SHAPE = 0.01
 """What is farther from a target than this part of its size has another shape, as in the core."""
 
 
+PLAIN = {"square", "frame"}
+"""What many things look like. Boards and tags are no chance finds, ..."""
+
+LEAST_SURE = 3
+"""... and so many of them that agree leave no doubt about plain squares that do not."""
+
+
 class Chosen(NamedTuple):
     """What is left to calibrate from, what is not, and what the user should know of it."""
 
@@ -59,7 +66,10 @@ def chosen_by(
             f"{chosen}; {len(larger)} of the rejected are larger than one of these: if they are "
             "true targets, the answer is wrong"
         )
-        severity = "low" if all(map(_has_other_shape, larger)) else "medium"
+        sure = {figure.plane for figure in kept if figure.kind not in PLAIN}
+        are_outvoted = len(sure) >= LEAST_SURE and {one.kind for one in larger} <= PLAIN
+        is_harmless = are_outvoted or all(map(_has_other_shape, larger))
+        severity = "low" if is_harmless else "medium"
         warnings.append(CalibrationWarning(text, "larger_rejected", severity))
     return Chosen(kept, rejected, warnings)
 
