@@ -34,8 +34,8 @@ const WORTH_WEIGHING: f64 = 0.75;
 ///
 /// [`calibrate`](crate::calibrate) does not look for that by itself, which takes fits with the models
 /// of both lenses: call this after it where the lens may be a fisheye, with the same edges, size and
-/// options. Without warnings that make it look it costs nothing. [`calibrate_by_family`] chooses the
-/// lens instead.
+/// options. Without warnings that make it look it costs nothing.
+/// [`calibrate_by_family`](crate::calibrate_by_family) chooses the lens instead.
 pub fn heed_fisheye<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

@@ -26,6 +26,8 @@ const CLIPPED_ERROR: f64 = 0.04;
 const CLIPPED_COMMON_ERROR: f64 = 0.1;
 /// The same of a staircase of two levels, px: what is left of half a pixel over a side's steps.
 const TWO_LEVEL_ERROR: f64 = 0.03;
+/// Light, of white, below which a level tells nothing of how much falls there.
+const DARKEST: f64 = 1e-3;
 /// What the shape of a motion's blur leaves unknown of a side, in parts of its length.
 const MOTION_ERROR: f64 = 0.001;
 
@@ -74,7 +76,7 @@ impl PictureFaults {
             motion,
             blur: median(found().map(|preview| preview.side.mean_blur()).collect()).unwrap_or(0.0),
             pattern: pattern(reader, found()),
-            light_spread: light_spread(found()),
+            light_spread: light_spread(found().map(|preview| preview.side.plateaus())),
             side_error: own.hypot(moved),
             line_error: own.hypot(moved),
             common_error: CLIPPED_COMMON_ERROR * clipping,
@@ -156,30 +158,29 @@ fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
     }
 }
 
-/// How much the light on the sides differs, as a part of its mean. Figures and grounds may be of any
-/// darkness, but light changes both alike: it is no more than the lesser of what either shows.
-fn light_spread<'a>(previews: impl Iterator<Item = &'a Preview>) -> f64 {
-    let (mut sums, mut squares, mut count) = ([0.0; 2], [0.0; 2], 0.0);
-    for preview in previews {
-        let [before, after] = preview.side.plateaus();
-        for (k, level) in [before.min(after), before.max(after)]
-            .into_iter()
-            .enumerate()
-        {
-            sums[k] += level;
-            squares[k] += level * level;
-        }
-        count += 1.0;
-    }
-    let spread = |k: usize| {
-        (count * squares[k] / (sums[k] * sums[k]) - 1.0)
-            .max(0.0)
-            .sqrt()
+/// How much the light on the sides differs, as a part of it. Figures and grounds may be of any
+/// darkness, but light changes both alike: on each side it is no more than the lesser of what both
+/// show, and nothing where one is lighter than most and the other is darker.
+fn light_spread(plateaus: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let levels = plateaus.map(|[before, after]| {
+        [before.min(after), before.max(after)].map(|level| level.max(DARKEST).ln())
+    });
+    let levels: Vec<[f64; 2]> = levels.collect();
+    let usual = [0, 1].map(|k| median(levels.iter().map(|level| level[k]).collect()));
+    let [Some(dark), Some(light)] = usual else {
+        return 0.0;
     };
-    match count > 0.0 && sums[0] > 0.0 {
-        true => spread(0).min(spread(1)),
-        false => 0.0,
-    }
+    let shared = levels.iter().map(|level| {
+        let [dark, light] = [level[0] - dark, level[1] - light];
+        match dark * light > 0.0 {
+            true if dark.abs() < light.abs() => dark,
+            true => light,
+            false => 0.0,
+        }
+    });
+    let shared: Vec<f64> = shared.collect();
+    let mean = shared.iter().sum::<f64>() / shared.len() as f64;
+    mean_square(shared.iter().map(|value| value - mean)).sqrt()
 }
 
 fn mean_square(values: impl Iterator<Item = f64>) -> f64 {
@@ -223,6 +224,21 @@ mod tests {
         assert!(dim.mended(&picture).is_none());
         let green = faults(0.9).mended(&picture).unwrap();
         assert_eq!((green.channels(), green.width()), (1, 1200));
+    }
+
+    #[test]
+    fn light_that_differs_changes_dark_and_light_alike() {
+        let [dark, light] = [0.04, 0.8];
+        let halved = |part: usize| 0.5_f64.powi((part % 2) as i32);
+        let under = |part| [dark, light].map(|level| level * halved(part));
+        let expected = 0.5 * 2.0_f64.ln();
+        assert!((light_spread((0..8).map(under)) - expected).abs() < 1e-12);
+        // A grey square on a grey ground, and a white one on grey.
+        let others = [[0.3, 0.5], [0.3, 0.85]];
+        let sides = (0..8).map(|_| [dark, light]).chain(others);
+        let spread = light_spread(sides);
+        assert!(spread < 0.02, "{spread}");
+        assert_eq!(light_spread(std::iter::empty()), 0.0);
     }
 
     #[test]
