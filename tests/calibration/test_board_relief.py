@@ -6,6 +6,9 @@ from quick import first_quick
 from scenes import edges_of, errors_in_std, squares
 
 import trisquare as ts
+from trisquare.calibration.calibrate import _ask_core as ask_core
+from trisquare.calibration.gather import Gathered
+from trisquare.camera.settings import Settings
 from trisquare_scenes.picture_faults import with_relief
 
 SIZE = (1600, 1200)
@@ -57,6 +60,35 @@ def test_bent_boards_give_the_camera(height, worst, seeds):
     assert np.sqrt(np.mean(errors**2)) < worst
     if height < 0.01:  # beyond, what is second order in the heights is no longer small
         assert np.sqrt(np.mean((errors / stated) ** 2)) < 2.0
+
+
+def oblong(rng, camera, place):
+    """Return the edges of a rectangle of 1.04 to 1 that is given as a square."""
+    corners = np.array([[-0.52, -0.5], [0.52, -0.5], [0.52, 0.5], [-0.52, 0.5]])
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    slope = 0.6 * np.array([np.cos(angle), np.sin(angle)])
+    part = np.linspace(0.02, 0.98, 60)[:, None]
+    sides = []
+    for first, last in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        points = first + part * (last - first)
+        middle = np.array([*place, 8.0])
+        seen = camera.project(np.column_stack([points, points @ slope]) + middle)
+        sides.append(seen + rng.normal(0.0, NOISE, seen.shape))
+    return ts.PlaneEdges.square(sides)
+
+
+@pytest.mark.parametrize("seed", first_quick([0, 1, 2]))
+def test_beside_bent_boards_no_square_is_trusted(seed):
+    """Squares agree with boards that are taken for flat, which are as far off."""
+    rng = np.random.default_rng(seed)
+    camera = ts.Camera([[1600, 0, 810], [0, 1600, 590], [0, 0, 1]], [-0.1, 0.02, 0, 0, 0], SIZE)
+    bent = boards(rng, camera, 0.01)
+    figures = [*bent, *(oblong(rng, camera, place) for place in ((-3.0, 0.0), (3.0, -1.0)))]
+    settings = Settings.check("ml", "radial2", (), None, (), (), ())
+    gathered = Gathered(SIZE, figures)
+    outcome = ask_core(figures, gathered, settings, choosing=True)
+    assert [verdict.kept for verdict in outcome.verdicts] == [True] * 3 + [False] * 2
+    assert abs(outcome.solution().camera_matrix[0, 0] - 1600) < 20
 
 
 def test_frames_on_sheets_that_rise_are_as_exact_as_stated():

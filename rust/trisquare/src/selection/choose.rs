@@ -18,7 +18,7 @@ use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::observations::{Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane};
-use crate::refine::{Residual, residuals, root_mean_square};
+use crate::refine::{Refined, Residual, residuals, root_mean_square};
 use crate::solver::{JointProblem, reject_outliers};
 
 /// No board that comes so near to the others' camera, px, is false: its paper is not as flat.
@@ -75,11 +75,14 @@ pub fn choose<L: Lens>(
         planes: &subsampled,
         pool: &OnceCell::new(),
     });
-    if let Some(residual) = chooser.all_agree() {
+    let are_mixed = chooser.boards().len() < subsampled.len();
+    let beside = are_mixed.then(|| chooser.camera_of_boards()).flatten();
+    let are_bent = beside.as_ref().is_some_and(CameraOfBoards::are_bent);
+    if !are_bent && let Some(residual) = chooser.all_agree() {
         return Ok(Choice::of_all(&subsampled, Some(residual)));
     }
-    if let Some(choice) = chooser.beside_boards() {
-        return Ok(choice);
+    if let Some(camera) = beside.or_else(|| chooser.camera_of_boards()) {
+        return Ok(chooser.beside_boards(&camera));
     }
     Ok(match chooser.choice() {
         Some(choice) if !chooser.is_outlier_anyway(&choice) => choice,
@@ -88,6 +91,22 @@ pub fn choose<L: Lens>(
 }
 
 struct Chooser<'a, L: Lens>(Inliers<'a, L>);
+
+/// The camera that boards show alone, taken for flat.
+struct CameraOfBoards<L: Lens> {
+    boards: Vec<usize>,
+    refined: Refined<L>,
+    /// Root mean square distance of each board's samples from its lines, px.
+    distances: Vec<f64>,
+    /// The middle one of them.
+    usual: f64,
+}
+
+impl<L: Lens> CameraOfBoards<L> {
+    fn are_bent(&self) -> bool {
+        self.usual > BOARD_STICKS_OUT
+    }
+}
 
 impl<L: Lens> Chooser<'_, L> {
     /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
@@ -124,11 +143,14 @@ impl<L: Lens> Chooser<'_, L> {
         self.0.agrees(&fit).then(|| fit.refined.rms())
     }
 
-    /// What agrees with boards as well as these among themselves, where they show the camera alone:
-    /// a board is no chance find, and its paper need not be as flat as its noise is small.
-    fn beside_boards(&self) -> Option<Choice> {
+    fn boards(&self) -> Vec<usize> {
         let is_board = |i: &usize| self.0.planes[*i].figures.iter().any(has_grid);
-        let boards: Vec<usize> = (0..self.0.planes.len()).filter(is_board).collect();
+        (0..self.0.planes.len()).filter(is_board).collect()
+    }
+
+    /// The camera that boards show alone, if they do.
+    fn camera_of_boards(&self) -> Option<CameraOfBoards<L>> {
+        let boards = self.boards();
         let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
         if boards.len() < LEAST_BOARDS {
             return None;
@@ -141,11 +163,24 @@ impl<L: Lens> Chooser<'_, L> {
         let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
         let mut sorted = distances.clone();
         sorted.sort_by(f64::total_cmp);
-        let limit = STICKS_OUT * sorted[sorted.len() / 2];
+        Some(CameraOfBoards {
+            usual: sorted[sorted.len() / 2],
+            boards,
+            distances,
+            refined,
+        })
+    }
+
+    /// What agrees with boards as well as these among themselves: a board is no chance find, and its
+    /// paper need not be as flat as its noise is small. Beside bent ones anything would agree.
+    fn beside_boards(&self, camera: &CameraOfBoards<L>) -> Choice {
+        let lens = &camera.refined.view.lens;
+        let limit = STICKS_OUT * camera.usual;
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
-            let (residual, limit) = match boards.binary_search(&i) {
-                Ok(place) => (Some(distances[place]), limit.max(BOARD_STICKS_OUT)),
-                Err(_) => (self.residual(plane, &refined.view.lens), limit),
+            let (residual, limit) = match camera.boards.binary_search(&i) {
+                Ok(place) => (Some(camera.distances[place]), limit.max(BOARD_STICKS_OUT)),
+                Err(_) if camera.are_bent() => (self.residual(plane, lens), 0.0),
+                Err(_) => (self.residual(plane, lens), limit),
             };
             let kept = residual.is_some_and(|residual| residual <= limit);
             Verdict {
@@ -156,11 +191,11 @@ impl<L: Lens> Chooser<'_, L> {
         };
         let verdicts: Vec<Verdict> = self.0.planes.iter().enumerate().map(verdict).collect();
         let rejected = (0..self.0.planes.len()).filter(|i| !verdicts[*i].kept);
-        Some(Choice {
+        Choice {
             doubt: doubt_of_boards(&self.0, &rejected.collect::<Vec<_>>()),
-            residual: Some(refined.rms()),
+            residual: Some(camera.refined.rms()),
             verdicts,
-        })
+        }
     }
 
     fn choice(&self) -> Option<Choice> {
