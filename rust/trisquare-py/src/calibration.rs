@@ -137,8 +137,8 @@ pub struct ToneFit {
 /// from the largest set of planes that one camera sees as true squares.
 ///
 /// `side_errors` are, of each picture, the standard deviations (px) of an error that the samples of
-/// a side share, and those of a board's line; many planes are fitted in so many `threads`; `orthogonal` and `parallel` are pairs
-/// of the planes that are used.
+/// a side share, and those of a board's line; many planes are fitted in so many `threads`;
+/// `orthogonal` and `parallel` are pairs of the planes that are used.
 #[pyfunction]
 #[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, threads=1, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
@@ -162,7 +162,7 @@ pub fn calibrate<'py>(
     let mut edges: Vec<PlaneEdges> = figures.iter().map(plane_edges).collect::<PyResult<_>>()?;
     for figure in &mut edges {
         let (side, line) = side_errors.get(figure.image).copied().unwrap_or_default();
-        // A board's lines have none.
+        // A board's lines have no polarity.
         figure.side_error = figure.polarity.map_or(line, |_| side);
     }
     let size = size(image_size);
