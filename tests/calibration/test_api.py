@@ -272,6 +272,12 @@ def test_the_freedom_of_a_further_figure():
 # What is held, and where.
 
 
+def test_names_joined_by_commas_are_several_as_on_the_command_line():
+    edges = edges_of(squares(3), 0.05)
+    joined = ts.calibrate_edges(edges, IMAGE_SIZE, fix="aspect, principal_point")
+    assert joined == ts.calibrate_edges(edges, IMAGE_SIZE, fix=["aspect", "principal_point"])
+
+
 @pytest.mark.parametrize("given", [True, False], ids=["initial", "defaults"])
 @pytest.mark.parametrize(
     "fix", [names for n in range(5) for names in combinations(FIXABLE, n)], ids="+".join

@@ -118,9 +118,9 @@ def calibrate(
         ones are in ``alternatives``, and what they would say stays, by their probabilities, in the
         covariance. It needs ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
-        Held at the values of `initial`, or else at aspect 1, the image centre, and zero. The model
-        of a distortion that is held is that of `initial`; without one the lens is taken for one
-        without distortion, whatever `model` is.
+        One, several joined by commas, or a sequence: held at the values of `initial`, or else at
+        aspect 1, the image centre, and zero. The model of a distortion that is held is that of
+        `initial`; without one the lens is taken for one without distortion, whatever `model` is.
     free : "skew", optional
         What is estimated although it is held otherwise, at the value of `initial` or zero: the
         skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.

@@ -137,7 +137,8 @@ def _checked_names(
 ) -> tuple[str, ...]:
     if not isinstance(given, Iterable):
         raise TypeError(f"{verb} takes names, such as {known[0]!r}, not {type(given).__name__}")
-    names = [given] if isinstance(given, str) else list(given)
+    # As on the command line.
+    names = [own.strip() for own in given.split(",")] if isinstance(given, str) else list(given)
     for name in names:
         if name in others:
             raise ValueError(f"cannot {verb} {name!r}: {why}")
