@@ -261,6 +261,7 @@ def test_command_says_it_in_words_in_json_and_in_a_picture(run, result, tmp_path
     members = json.loads(run("compare", first, second, "--json")[1])
     assert members["format"] == "trisquare-comparison/1"
     assert members["same"] is True
+    assert members["rms_px"] == pytest.approx(ts.compare(result, other).rms)
     assert members == json.loads(ts.compare(result, other).to_json())
 
 

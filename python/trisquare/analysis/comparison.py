@@ -29,9 +29,9 @@ from trisquare.camera.projection_uncertainty import picture_grid
 from trisquare.results.calibration import Calibration
 from trisquare.results.uncertain_camera import uncertain_camera
 
-COMPARISON_FORMAT = "trisquare-comparison/1"
-
 __all__ = ["Comparison", "compare"]
+
+COMPARISON_FORMAT = "trisquare-comparison/1"
 
 SIGNIFICANCE = 0.05
 """Cameras that are the same are said to differ so often."""

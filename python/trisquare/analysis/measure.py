@@ -35,9 +35,9 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 from trisquare.results.uncertain_camera import uncertain_camera
 
-MEASUREMENT_FORMAT = "trisquare-measurement/1"
-
 __all__ = ["Measurement", "measure"]
+
+MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
 CLICKED_STD = 0.5
 """Pixels: how well somebody points at a place in a picture."""

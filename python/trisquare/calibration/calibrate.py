@@ -430,8 +430,8 @@ def _calibration(
     spoilt = [SPOILT[code] for _, code, _ in told if code in SPOILT]
     # Boards' own zigzag takes the shift away.
     drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
-    shifting = {image for image, own in faults.items() if not own.is_shifted}
-    untold = {image: tone_of_image[image] for image in drifting & shifting}
+    no_fault = {image for image, own in faults.items() if not own.is_shifted}
+    untold = {image: tone_of_image[image] for image in drifting & no_fault}
     if shifted := shift_text(untold, gathered.names):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     kinds = {figure.kind for figure in gathered.figures}

@@ -18,7 +18,6 @@ FALSE_PLANE = "not true to its shape for the camera that the other planes determ
 OTHER_SHAPE = 0.01
 """What is farther from a target than this part of its size has another shape, as in the core."""
 
-
 PLAIN = {"square", "frame"}
 """What many things look like. Boards and tags are no chance finds, ..."""
 

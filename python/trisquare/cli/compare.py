@@ -26,7 +26,6 @@ ASSUMED = (
     "of the same photographs --model auto decides"
 )
 
-
 EXAMPLES = (
     "trisquare compare today.json last_month.json",
     "trisquare compare camera.json camera_info.yaml --map difference.png",

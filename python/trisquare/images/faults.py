@@ -20,12 +20,12 @@ TOLD_BLUR = 2.5
 scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of 52
 with 2.5 to 4 px 8 were."""
 
-MUCH = 0.02
-"""Pixels of each side's place that clipped light leaves unknown, from which on it is likely to be
-what other warnings are about."""
-
 CLIPPED = 0.1
 """Share of the sides whose light is clipped from which that is told."""
+
+MUCH_LOST = 0.02
+"""Pixels of each side's place that clipped light leaves unknown, from which on it is likely to be
+what other warnings are about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def fault_warnings(
     medium = {"periodic_pattern", "out_of_focus"}
     if any(own.colour_shift is not None and not own.is_green for own in faults.values()):
         medium.add("chromatic_aberration")
-    if any(own.clipped > CLIPPED and own.line_error > MUCH for own in faults.values()):
+    if any(own.clipped > CLIPPED and own.line_error > MUCH_LOST for own in faults.values()):
         medium.add("overexposed")
     return [
         (

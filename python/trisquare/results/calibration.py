@@ -392,14 +392,15 @@ class Calibration(Record):
         >>> json.loads(result.to_json())["camera"]["model"]
         'radial2'
         """
-        members = self.members()
-        if edges:
-            members["edges"] = [edges_members(figure) for figure in self.edges]
-            members["residuals"] = record_members(self).get("residuals", [])
-        return dump_members(members)
+        return dump_members(self.members(edges=edges))
 
-    def members(self) -> dict[str, Any]:
+    def members(self, *, edges: bool = False) -> dict[str, Any]:
         """Return it as a JSON object, the one of which `to_json` makes a text.
+
+        Parameters
+        ----------
+        edges : bool
+            As in `to_json`.
 
         Examples
         --------
@@ -413,7 +414,11 @@ class Calibration(Record):
             "camera": camera_members(self.camera),
             "covariance": self.covariance.tolist(),
         }
-        return {key: members[key] for key in ("format", *JSON_ORDER) if key in members}
+        shown = {key: members[key] for key in ("format", *JSON_ORDER) if key in members}
+        if edges:
+            shown["edges"] = [edges_members(figure) for figure in self.edges]
+            shown["residuals"] = members.get("residuals", [])
+        return shown
 
     def save(
         self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False

@@ -240,13 +240,13 @@ impl Task<'_> {
         let options = &Options { model, ..options };
         let (choice, found) = computed_in(py, self.threads, || {
             let choice = self.chosen(options)?;
-            let choice = match kept(&choice) {
-                // A lens of the wrong family makes squares of none.
-                0 | 1 if self.choosing => {
+            // A lens of the wrong family makes squares of none.
+            let choice = match self.choosing && kept(&choice) < 2 {
+                true => {
                     let wide = || self.chosen(&options.for_family::<Fisheye>());
                     better_choice(Ok(choice), wide)?
                 }
-                _ => choice,
+                false => choice,
             };
             self.keep(choice.as_ref())?;
             let (edges, size) = (&self.edges, self.size);

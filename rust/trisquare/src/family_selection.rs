@@ -130,6 +130,12 @@ pub fn calibrate_by_family(
     Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
 
+/// Whether the lens is a distorted pinhole, for which another may be looked for under these options.
+pub(crate) fn may_be_another<L: Lens>(options: &Options<L>) -> bool {
+    let is_fisheye = L::centre_columns().is_empty();
+    !is_fisheye && check_comparable(options).is_ok()
+}
+
 /// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
 const SAMPLES_PER_LINE: usize = 100;
 

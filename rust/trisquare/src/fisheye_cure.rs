@@ -3,11 +3,11 @@
 use crate::calibrate::{FirstFit, calibrate};
 use crate::error::{Error, ErrorKind};
 use crate::family_selection::{
-    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, telling,
+    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, telling,
 };
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Fisheye, Lens};
-use crate::model_selection::{Weighed, check_comparable};
+use crate::model_selection::Weighed;
 use crate::observations::{Fixed, Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 use crate::uncertainty::unlikely_camera;
@@ -42,14 +42,13 @@ pub fn heed_fisheye<L: Lens>(
     options: &Options<L>,
     calibration: &mut Calibration<L>,
 ) {
-    let is_fisheye = L::centre_columns().is_empty();
     let shows = |codes: &[&str]| {
         let mut warnings = calibration.warnings.iter();
         warnings.any(|warning| codes.contains(&warning.code()))
     };
     // Planes that do not stand as they are said to explain all that does not fit.
     let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]);
-    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+    if !is_suspect || !may_be_another(options) {
         return;
     }
     let some = telling(edges);
@@ -106,8 +105,7 @@ pub fn or_fisheye<L: Lens>(
     options: &Options<L>,
     error: Error,
 ) -> Error {
-    let is_fisheye = L::centre_columns().is_empty();
-    if is_fisheye || !may_be_the_lens(&error) || check_comparable(options).is_err() {
+    if !may_be_the_lens(&error) || !may_be_another(options) {
         return error;
     }
     let some = telling(edges);

@@ -3,10 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibrate::{calibrate, calibrate_agreeing};
-use crate::family_selection::telling;
+use crate::family_selection::{may_be_another, telling};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens, Rational, RationalModel, ThinPrism, ThinPrismModel};
-use crate::model_selection::check_comparable;
 use crate::numeric::chi_square_tail;
 use crate::observations::{Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
@@ -30,11 +29,10 @@ pub fn heed_opencv_lens<L: Lens>(
     options: &Options<L>,
     calibration: &mut Calibration<L>,
 ) {
-    let is_fisheye = L::centre_columns().is_empty();
     let first = calibration.warnings.first();
     let is_cured = first.is_some_and(|first| is_beyond(first) && first.alternative().is_some());
     let is_suspect = fits_badly(calibration) && !is_cured;
-    if is_fisheye || !is_suspect || check_comparable(options).is_err() {
+    if !is_suspect || !may_be_another(options) {
         return;
     }
     let some = telling(edges);

@@ -144,16 +144,10 @@ impl<'a> GreyReader<'a> {
         }
         let channels = self.picture.channels;
         let start = channels * (y * self.picture.width + x);
+        let own = start..start + channels;
         match &self.picture.pixels {
-            Pixels::U8(values) => {
-                let mut own = values[start..start + channels].iter();
-                own.any(|value| *value >= self.limit)
-            }
-            Pixels::U16(values) => {
-                let limit = u16::from(self.limit) * 257;
-                let mut own = values[start..start + channels].iter();
-                own.any(|value| *value >= limit)
-            }
+            Pixels::U8(values) => any_reaches(&values[own], self.limit),
+            Pixels::U16(values) => any_reaches(&values[own], u16::from(self.limit) * 257),
             Pixels::F32(_) => false,
         }
     }
@@ -262,6 +256,10 @@ impl<'a> GreyReader<'a> {
             + self.get_any(next_column, next_row)? * across;
         Some(upper * (1.0 - down) + lower * down)
     }
+}
+
+fn any_reaches<T: PartialOrd>(values: &[T], limit: T) -> bool {
+    values.iter().any(|value| *value >= limit)
 }
 
 #[cfg(test)]

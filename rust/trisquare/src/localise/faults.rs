@@ -72,13 +72,14 @@ impl PictureFaults {
             CLIPPED_ERROR * clipping
         };
         let moved = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
+        let side_error = own.hypot(moved);
         Self {
             motion,
             blur: median(found().map(|preview| preview.side.mean_blur()).collect()).unwrap_or(0.0),
             pattern: pattern(reader, found()),
             light_spread: light_spread(found().map(|preview| preview.side.plateaus())),
-            side_error: own.hypot(moved),
-            line_error: own.hypot(moved),
+            side_error,
+            line_error: side_error,
             common_error: CLIPPED_COMMON_ERROR * clipping,
             clipped: clipped as f64 / found().count().max(1) as f64,
             has_two_levels,

@@ -6,7 +6,7 @@
 //! to where it explains most, and the one with the most evidence is taken. Its squares go through
 //! the joint fit, which drops what does not agree and takes back what does.
 
-use std::cell::OnceCell;
+use std::cell::{LazyCell, OnceCell};
 
 use super::hypothesis::Hypothesis;
 use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT, is_triple};
@@ -75,14 +75,15 @@ pub fn choose<L: Lens>(
         planes: &subsampled,
         pool: &OnceCell::new(),
     });
-    let are_mixed = chooser.boards().len() < subsampled.len();
-    let beside = are_mixed.then(|| chooser.camera_of_boards()).flatten();
-    let are_bent = beside.as_ref().is_some_and(CameraOfBoards::are_bent);
-    if !are_bent && let Some(residual) = chooser.all_agree() {
+    let boards = chooser.boards();
+    let are_mixed = boards.len() < subsampled.len();
+    let camera = LazyCell::new(|| chooser.camera_of(boards));
+    let beside_bent = are_mixed && camera.as_ref().is_some_and(CameraOfBoards::are_bent);
+    if !beside_bent && let Some(residual) = chooser.all_agree() {
         return Ok(Choice::of_all(&subsampled, Some(residual)));
     }
-    if let Some(camera) = beside.or_else(|| chooser.camera_of_boards()) {
-        return Ok(chooser.beside_boards(&camera));
+    if let Some(camera) = camera.as_ref() {
+        return Ok(chooser.beside_boards(camera));
     }
     Ok(match chooser.choice() {
         Some(choice) if !chooser.is_outlier_anyway(&choice) => choice,
@@ -149,12 +150,11 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     /// The camera that boards show alone, if they do.
-    fn camera_of_boards(&self) -> Option<CameraOfBoards<L>> {
-        let boards = self.boards();
-        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
+    fn camera_of(&self, boards: Vec<usize>) -> Option<CameraOfBoards<L>> {
         if boards.len() < LEAST_BOARDS {
             return None;
         }
+        let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();
         let refined = self.0.problem.optimum(&planes).ok()?;
         if self.0.problem.ill_conditioning(&planes, &refined).is_some() {
             return None;
@@ -172,15 +172,16 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     /// What agrees with boards as well as these among themselves: a board is no chance find, and its
-    /// paper need not be as flat as its noise is small. Beside bent ones anything would agree.
+    /// paper need not be as flat as its noise is small.
     fn beside_boards(&self, camera: &CameraOfBoards<L>) -> Choice {
         let lens = &camera.refined.view.lens;
         let limit = STICKS_OUT * camera.usual;
+        // Beside bent ones anything would agree.
+        let of_others = if camera.are_bent() { 0.0 } else { limit };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let (residual, limit) = match camera.boards.binary_search(&i) {
                 Ok(place) => (Some(camera.distances[place]), limit.max(BOARD_STICKS_OUT)),
-                Err(_) if camera.are_bent() => (self.residual(plane, lens), 0.0),
-                Err(_) => (self.residual(plane, lens), limit),
+                Err(_) => (self.residual(plane, lens), of_others),
             };
             let kept = residual.is_some_and(|residual| residual <= limit);
             Verdict {

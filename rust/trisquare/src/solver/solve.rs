@@ -1,11 +1,11 @@
 //! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
 //! judgement.
 
+use nalgebra::DMatrix;
+
 use super::optimum::Optimum;
 use super::problem::{Failure, JointProblem};
 use super::starts::Starts;
-use nalgebra::DMatrix;
-
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::view_by_lens;

@@ -23,13 +23,12 @@ const CLEARLY: f64 = 4.0;
 
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
-/// Planes too small or too rough to show a stretch, beside some that give equations enough, do not
-/// count.
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
 /// the stretch, which planes that stand alike are taken to share. Nor do three planes, as at a box's
 /// corner, whose right angles alone are known, if these are none: that they are at right angles to one
 /// another then says nothing more. Where a plane was rejected, any of those that are left may be the
-/// false one instead. `focal` gives `fx` from other edges.
+/// false one instead. Planes too small or too rough to show a stretch, beside some that give equations
+/// enough, do not count. `focal` gives `fx` from other edges.
 pub(crate) fn unchecked_targets<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -39,12 +38,12 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let equations = |plane: &usize| planes[*plane].equations();
     let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
     let unknowns = found.parameters.iter().filter(is_of_matrix).count();
-    let (used, rejected): (Vec<usize>, Vec<usize>) =
-        (0..planes.len()).partition(|plane| !planes[*plane].is_outlier());
+    let is_used = |plane: &usize| !planes[*plane].is_outlier();
+    let used: Vec<usize> = (0..planes.len()).filter(is_used).collect();
     let neighbours = found.residual_correlation.neighbours;
     let shows = |plane: &&usize| shape_std(&found.planes[**plane], neighbours) < STRETCH / CLEARLY;
     let clear: Vec<usize> = used.iter().filter(shows).copied().collect();
-    let all = used.len();
+    let count = used.len();
     let used = match clear.iter().map(equations).sum::<usize>() >= unknowns {
         true => clear,
         false => used,
@@ -94,8 +93,8 @@ pub(crate) fn unchecked_targets<L: Lens>(
     }
     (square > 0.0).then(|| Warning::TargetsUnchecked {
         planes: used.len(),
-        rough: all - used.len(),
-        rejected: rejected.len(),
+        rough: count - used.len(),
+        rejected: planes.len() - count,
         directions: alike.len(),
         stretch: STRETCH,
         are_angles,
