@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 
 import cv2
 import numpy as np
@@ -50,8 +51,13 @@ def test_where_no_curve_fits_the_edges_share_one_shift():
     picture = photo("srgb", noise=1.0, blur=1.0).astype(np.float64)
     sharpened = picture + 0.8 * (picture - cv2.GaussianBlur(picture, (0, 0), 1.0))
     result = ts.calibrate(np.clip(np.rint(sharpened), 0, 255).astype(np.uint8), tone="auto")
-    assert any("no tone curve" in warning for warning in result.warnings)
+    (told,) = (each for each in result.warnings if each.code == "no_tone_curve")
     assert_within(result, SCENE, 5)
+    known = ts.calibrate(np.clip(np.rint(sharpened), 0, 255).astype(np.uint8), tone="srgb")
+    grown = max(result.std[name] / known.std[name] for name in result.parameters)
+    (factor,) = re.findall(r"up to ([\d.]+) times as large", told)
+    assert float(factor) == pytest.approx(grown, rel=0.3)
+    assert "no tone curve" in ts.diagnose(result)["fx"].limits
 
 
 @pytest.mark.slow
@@ -186,3 +192,11 @@ def test_a_shift_that_is_not_told_from_zero_is_said_to_be_none():
     assert text is not None
     assert text.endswith("(0.png: 0 +- 1.1 px; 1.png: 0 +- 0.031 px; 2.png: 0.123 +- 0.031 px)")
     assert shift_text({3: tones[3]}, ["3.png"] * 4) is None
+
+
+def test_a_tone_curve_that_costs_next_to_nothing_is_not_told():
+    tones = {0: PictureTone("srgb", "srgb", shift=(0.0, 0.02))}
+    assert shift_text(tones, ["a.png"], 1.1) is None
+    text = shift_text(tones, ["a.png"], 3.14)
+    assert text is not None
+    assert "up to 3.1 times as large" in text

@@ -34,6 +34,7 @@ CAUSES = {
     "planes_vary": "the pictures disagree",
     "correlated_residuals": "the samples of a side err together",
     UNCHECKED: "nothing checks the targets",
+    "no_tone_curve": "the edge profiles fit no tone curve",
 }
 """Warnings of what limits every parameter beyond the noise, by code."""
 

@@ -432,7 +432,7 @@ def _calibration(
     drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
     no_fault = {image for image, own in faults.items() if not own.is_shifted}
     untold = {image: tone_of_image[image] for image in drifting & no_fault}
-    if shifted := shift_text(untold, gathered.names):
+    if shifted := shift_text(untold, gathered.names, found.tone_growth):
         warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
     kinds = {figure.kind for figure in gathered.figures}
     may_be_rectangles = bool(images) and kinds <= {"square", "frame"}

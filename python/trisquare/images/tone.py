@@ -12,6 +12,9 @@ from trisquare._support.number_text import plus_minus, with_its_std
 CONTRADICTED = 5.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
+NOTABLE_GROWTH = 1.2
+"""Of a standard deviation, from which it is worth a word that no tone curve fits."""
+
 TOLD_BY_EDGES = (
     "the edge profiles contradict the tone curve that was stated or assumed, which moves the edges"
 )
@@ -93,22 +96,28 @@ def contradiction_text(contradicting: str, told: str = TOLD_BY_EDGES) -> str:
     return f'{told}: use tone="auto", which estimates it ({contradicting})'
 
 
-def shift_text(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str | None:
-    """Say in which pictures, by index, the profiles fit no tone curve, if in any.
+def shift_text(
+    tones: Mapping[int, PictureTone], names: Sequence[str], growth: float | None = None
+) -> str | None:
+    """Say in which pictures, by index, the profiles fit no tone curve, if in any and if it matters.
 
-    `names` is as in `contradicting_pictures`.
+    `names` is as in `contradicting_pictures`; `growth` is how many times as large it makes a
+    standard deviation at most, None if the pixels were not fitted.
     """
     shifts = [
         f"{names[index]}: {_its_size(*tone.shift)}"
         for index, tone in tones.items()
         if tone.shift is not None
     ]
-    if not shifts:
+    if not shifts or (growth is not None and growth < NOTABLE_GROWTH):
         return None
+    grown = ""
+    if growth is not None:
+        grown = f", which makes standard deviations up to {growth:.1f} times as large"
     return (
-        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all its "
-        "edges may lie off toward their dark side by one distance, and standard deviations grew by "
-        f"that; state the curve if you know it ({'; '.join(shifts)})"
+        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all edges "
+        f"of the picture may lie off toward their dark side by one distance{grown}; state the "
+        f'curve if you know it, as with tone="srgb"; estimated distance ({"; ".join(shifts)})'
     )
 
 

@@ -77,6 +77,7 @@ pub struct Solution {
     alternatives: Vec<(String, f64, f64)>,
     correlation: Py<ResidualCorrelation>,
     tones: Vec<Py<ToneFit>>,
+    tone_growth: Option<f64>,
 }
 
 type WarningMembers = (
@@ -468,6 +469,7 @@ fn solution<L: Lens>(
             },
         )?,
         tones: each(py, &found.tones, tone_fit)?,
+        tone_growth: found.tone_growth,
     })
 }
 

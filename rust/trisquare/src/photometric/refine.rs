@@ -8,6 +8,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use nalgebra::DMatrix;
+
 use super::band::Bands;
 use super::band_pixels::{PixelFigure, Width};
 use super::exposure::Exposure;
@@ -307,6 +309,7 @@ fn answer<L: Lens>(
     } = solution;
     let covariance_factor = spread.covariance_factor(problem.free.len() as f64);
     let tones = fit.tone_fits(&state, &system, covariance_factor)?;
+    let known_tone = fit.covariance_of_known_tone(&system);
     let system = system.marginal(problem.free.len())?;
     // Where the pixels' noise is not independent, the samples made from them show it.
     let residual_correlation = &correlated.residual_correlation;
@@ -315,11 +318,20 @@ fn answer<L: Lens>(
         false => residual_correlation.neighbours,
     };
     let independent = covariance(&system, covariance_factor)?;
+    let total = independent * dependence + &residual_correlation.added;
+    // What is known of sides beforehand, their tone curve leaves open.
+    let tone_growth = known_tone.and_then(|own| {
+        let own = own * (covariance_factor * dependence);
+        largest_growth(
+            &total,
+            &(own + &residual_correlation.added - &correlated.known),
+        )
+    });
     // The samples were measured with a tone curve that was known less well.
     let planes = drifted_to(planes, &state.view)?;
     let fitted = Solution {
         correlated: Correlated {
-            covariance: independent * dependence + &residual_correlation.added,
+            covariance: total,
             ..correlated.clone()
         },
         refined: Refined {
@@ -335,7 +347,14 @@ fn answer<L: Lens>(
     let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
     better.state_poses(&fitted);
     better.tones = tones;
+    better.tone_growth = tone_growth;
     Some((better, fitted))
+}
+
+/// How many times as large as of the other a standard deviation of a covariance is, at most.
+fn largest_growth(covariance: &DMatrix<f64>, other: &DMatrix<f64>) -> Option<f64> {
+    let ratios = covariance.diagonal().component_div(&other.diagonal());
+    ratios.iter().copied().reduce(f64::max).map(f64::sqrt)
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.

@@ -164,6 +164,9 @@ pub struct Calibration<L: Lens = DefaultLens> {
     pub stage: Stage,
     /// How each picture was coded, where the fit to the pixels found it out.
     pub tones: Vec<ToneFit>,
+    /// How many times as large the standard deviation of a lens parameter is, at most, as it would be
+    /// if the coding had been known; `None` where it was, or was not fitted.
+    pub tone_growth: Option<f64>,
 }
 
 impl<L: Lens> Calibration<L> {

@@ -33,6 +33,8 @@ struct Unchecked<L: Lens> {
     warnings: Vec<Warning>,
     stage: Stage,
     tones: Vec<ToneFit>,
+    #[serde(default)]
+    tone_growth: Option<f64>,
 }
 
 impl<'de, L: Lens> Deserialize<'de> for Calibration<L> {

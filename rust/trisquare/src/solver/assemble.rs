@@ -101,6 +101,7 @@ impl<L: Lens> Calibration<L> {
             residual_correlation,
             stage,
             tones: Vec::new(),
+            tone_growth: None,
         }
     }
 }
