@@ -200,3 +200,31 @@ def test_a_tone_curve_that_costs_next_to_nothing_is_not_told():
     text = shift_text(tones, ["a.png"], 3.14)
     assert text is not None
     assert "up to 3.1 times as large" in text
+
+
+@pytest.mark.parametrize("seed", [15, 23, 28])
+def test_an_estimated_shift_leaves_the_lens_one_that_sees_all_of_the_picture(seed):
+    """Far from the targets the distortion is free, and the step that freed the shift turned it."""
+    rng = np.random.default_rng([17, seed])
+    camera = simulate.TrueCamera(1080, 1078, 655, 468, (-0.25, 0.08, 7e-4, -5e-4, 0), (1280, 960))
+    scene = simulate.random_scene(rng, camera=camera)
+    edges = []
+    for sides in simulate.edge_points(scene, rng, noise=0.03):
+        middle = np.mean([side.mean(axis=0) for side in sides], axis=0)
+        inward = [_towards(middle, side) for side in sides]
+        shifted = [side + 0.075 * own + [310, 240] for side, own in zip(sides, inward, strict=True)]
+        square = ts.PlaneEdges.square(shifted, std=0.03)
+        drift = tuple(
+            np.tile(0.05 * own, (len(side), 1)) for side, own in zip(sides, inward, strict=True)
+        )
+        edges.append(ts.PlaneEdges(square.lines, square.points, square.std, drift=drift))
+    result = ts.calibrate_edges(edges, (1900, 1440), model="brown")
+    assert np.isfinite(result.camera.unproject([[0, 0], [1899, 0], [1899, 1439], [0, 1439]])).all()
+    assert abs(result.camera.fx - camera.fx) < 4 * result.std["fx"]
+
+
+def _towards(middle, side):
+    """Return the unit normal of a side that points to a place."""
+    x, y = side[-1] - side[0]
+    normal = np.array([-y, x]) / np.hypot(x, y)
+    return normal * np.sign(normal @ (middle - side.mean(axis=0)))

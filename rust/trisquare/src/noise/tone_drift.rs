@@ -32,14 +32,27 @@ pub(crate) fn account_for_drift<L: Lens>(
         return None;
     }
     let system = freed(planes, judged, refined)?;
-    let drifts: Vec<usize> = (judged.len()..system.prior.nrows()).collect();
-    let moved: Vec<usize> = (0..free.len()).chain(drifts).collect();
+    let drifts = judged.len()..system.prior.nrows();
+    // A step of some free parameters and all drifts.
+    let step_of = |moved: Vec<usize>| {
+        let moved: Vec<usize> = moved.into_iter().chain(drifts.clone()).collect();
+        let mut step = system.selected(&moved).solve(0.0)?;
+        let own = std::mem::replace(&mut step.shared, DVector::zeros(system.prior.nrows()));
+        for (place, own) in moved.iter().zip(own.iter()) {
+            step.shared[*place] = *own;
+        }
+        let drifts = step.shared.as_slice()[drifts.clone()].to_vec();
+        step.shared = step.shared.rows(0, free.len()).into_owned();
+        Some((refined.view.advanced(free, &step), drifts))
+    };
+    let (mut view, mut drifts) = step_of((0..free.len()).collect())?;
+    if !free.is_seen_by(&view.lens) {
+        (view, drifts) = step_of(free.undistorting())?;
+    }
     let pictures = pictures(planes);
-    let step = system.selected(&moved).solve(0.0)?;
-    let view = refined.view.advanced(free, &step);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.remove_tone_drift(step.shared[free.len() + place(&pictures, plane)]);
+        plane.remove_tone_drift(drifts[place(&pictures, plane)]);
     }
     let refined = Refined {
         residuals: residuals(&planes, &view)?,

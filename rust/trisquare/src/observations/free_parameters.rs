@@ -99,6 +99,19 @@ impl FreeParameters {
         self.reach.is_some()
     }
 
+    /// Whether a lens sees what it has to see.
+    pub fn is_seen_by<L: Lens>(&self, lens: &L) -> bool {
+        self.reach.is_none_or(|(size, _)| lens.sees_all_of(size))
+    }
+
+    /// The places among the free parameters of those that are no coefficients of the distortion.
+    pub fn undistorting(&self) -> Vec<usize> {
+        const PINHOLE: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
+        let names = self.names().into_iter().enumerate();
+        let places = names.filter_map(|(place, name)| PINHOLE.contains(&name).then_some(place));
+        places.collect()
+    }
+
     /// The same without what the lens has to see, which tells where to search and measures nothing.
     pub fn without_reach(&self) -> Self {
         Self {
