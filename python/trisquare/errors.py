@@ -7,6 +7,7 @@ photograph shows is a `TrisquareError`, so that one ``except`` catches every ref
 from __future__ import annotations
 
 import errno
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -302,9 +303,10 @@ class LensModelError(ValueError):
     Attributes
     ----------
     nearest : object
-        The nearest lens that there is; a `Camera` for most formats.
+        The nearest lens that there is; a `Camera` for most formats. None where none comes near, and
+        ``approximate=True`` has nothing to take.
     rms, worst : float
-        The error of using that one, over the picture, pixels.
+        The error of using that one, over the picture, pixels; infinite where there is none.
 
     Examples
     --------
@@ -315,7 +317,13 @@ class LensModelError(ValueError):
     True
     """
 
-    def __init__(self, message: str, nearest: object, rms: float, worst: float) -> None:
+    def __init__(
+        self,
+        message: str,
+        nearest: object = None,
+        rms: float = math.inf,
+        worst: float = math.inf,
+    ) -> None:
         super().__init__(message)
         self.nearest = nearest
         self.rms = rms

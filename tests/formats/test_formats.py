@@ -1,6 +1,7 @@
 """Cameras in the formats of other programs, read by those themselves where they are here."""
 
 import json
+import pickle
 import re
 import shutil
 import subprocess
@@ -975,3 +976,15 @@ def test_names_tell_the_format_that_is_written(tmp_path):
         camera.save(tmp_path / "camera.json", format="dcraw")
     with pytest.raises(TypeError, match="format must be a string"):
         camera.save(tmp_path / "camera.json", format=3)
+
+
+@pytest.mark.parametrize("approximate", [False, True])
+def test_a_lens_that_no_model_of_a_format_comes_near_is_named_as_such(tmp_path, approximate):
+    matrix = [[500.0, 0, 640], [0, 500, 480], [0, 0, 1]]
+    camera = ts.Camera(matrix, [0.01, 0.001, 0, 0], (1280, 960), "fisheye")
+    for name in ("a.cameramodel", "a.pto"):
+        with pytest.raises(ts.LensModelError, match=r"cannot hold this camera.*comes near") as info:
+            camera.save(tmp_path / name, approximate=approximate)
+        assert (info.value.nearest, info.value.rms) == (None, np.inf)
+        assert pickle.loads(pickle.dumps(info.value)).worst == np.inf
+    assert not list(tmp_path.iterdir())

@@ -80,10 +80,10 @@ def camera_of_document(
             raise ValueError(f"its pictures have {lens.image_size} pixels, not {size}")
         if isinstance(lens, Camera):
             return Loaded(lens, found.name, chosen)
-        try:
-            stand_in = nearest(lens, ANY_BROWN)
-        except ValueError as error:
-            raise ValueError(f"{lens.title}: {error}") from error
+    try:
+        stand_in = nearest(lens, ANY_BROWN)
+    except ValueError as error:
+        raise LensModelError(f"{os.fspath(path)}: {lens.title}: {error}") from error
     camera = stand_in.lens
     if not approximate:
         raise LensModelError(
@@ -161,7 +161,8 @@ def written(
     Raises
     ------
     LensModelError
-        If the format has no model for the camera and `approximate` is not set.
+        If the format has no model for the camera and `approximate` is not set, or none that comes
+        near.
     """
     for family in known.families:
         lens = family.exactly(camera)
@@ -175,7 +176,7 @@ def written(
     try:
         stand_in = nearest(camera, most_general)
     except ValueError as error:
-        raise ValueError(f"{cannot}: {error}") from error
+        raise LensModelError(f"{cannot}: {error}") from error
     if not approximate:
         raise LensModelError(
             f"{cannot}; the nearest that it can is {stand_in}: write that with approximate=True "

@@ -21,6 +21,9 @@ const ALIKE: f64 = 10.0;
 /// A plane of which the shape is known so much better than to [`STRETCH`] would show one.
 const CLEARLY: f64 = 4.0;
 
+/// A stretch that changes `fx` by less than this part of its standard deviation is covered by that.
+const COVERED: f64 = 0.5;
+
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
 /// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
@@ -91,14 +94,15 @@ pub(crate) fn unchecked_targets<L: Lens>(
         }
         square += (focal(&changed)? - before).powi(2);
     }
-    (square > 0.0).then(|| Warning::TargetsUnchecked {
+    let change = square.sqrt();
+    (change > COVERED * std).then_some(Warning::TargetsUnchecked {
         planes: used.len(),
         rough: count - used.len(),
         rejected: planes.len() - count,
         directions: alike.len(),
         stretch: STRETCH,
         are_angles,
-        change: square.sqrt(),
+        change,
         std,
     })
 }
