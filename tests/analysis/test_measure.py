@@ -234,6 +234,13 @@ def test_located_planes_are_those_of_the_calibration(photograph):
         assert np.all((ratio > 0.5) & (ratio < 2))
 
 
+def test_located_planes_are_metric_if_a_side_is_stated(photograph):
+    result = ts.calibrate(photograph, tone="srgb")
+    (plane, *_), (bare, *_) = (ts.locate(photograph, result, side=own) for own in ("84mm", None))
+    assert (plane.side, bare.side) == (0.084, None)
+    assert np.allclose(plane.tvec, 0.084 * bare.tvec, rtol=1e-9)
+
+
 def test_one_square_is_enough_for_a_known_camera(scene):
     alone = replace(scene, targets=scene.targets[:1])
     picture = simulate.render(alone, np.random.default_rng(4), tone="srgb")

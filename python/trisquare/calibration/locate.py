@@ -48,6 +48,7 @@ def locate(
     targets: str = "auto",
     tone: Tone = None,
     outlines: Outlines | None = None,
+    side: str | float | None = None,
 ) -> tuple[Plane, ...]:
     """Find the squares in a photograph, and where they stand before the camera that took it.
 
@@ -65,6 +66,9 @@ def locate(
     targets, tone, outlines
         As in `calibrate`; but 8-bit pictures are taken as sRGB and 16-bit ones as linear unless
         `tone` says otherwise: one square tells too little of the curve.
+    side : str or float, optional
+        As in `calibrate`: with it lengths are metric. Not taken from a calibration, whose targets
+        may be others.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def locate(
     >>> plane.translation.round(2).tolist()
     [-1.04, -0.57, 2.33]
     """
-    found = located(image, camera, targets=targets, tone=tone, outlines=outlines)
+    found = located(image, camera, targets=targets, tone=tone, outlines=outlines, side=side)
     for index, doubt in enumerate(found.doubts):
         if doubt is not None:
             LOG.warning("plane %d: %s", index, doubt)
@@ -100,6 +104,7 @@ def located(
     targets: str = "auto",
     tone: Tone = None,
     outlines: Outlines | None = None,
+    side: str | float | None = None,
 ) -> Located:
     """Find what `locate` finds, and say which squares the camera does not explain."""
     held = camera_of(camera)
@@ -111,6 +116,7 @@ def located(
         tone=tone,
         targets=targets,
         outlines=outlines,
+        side=side,
     )
     expected = max(1.0, camera.noise_scale) if isinstance(camera, Calibration) else 1.0
     doubts = (

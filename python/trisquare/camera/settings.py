@@ -132,6 +132,18 @@ def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
     return _checked_names("free", free, FREEABLE, FIXABLE, "it is free unless fix= names it")
 
 
+def _hint(name: str, known: Sequence[str]) -> str:
+    """Say which of the known names was meant, if any."""
+    coefficients = {own for names in COEFFICIENTS.values() for own in names}
+    if name in coefficients:
+        return "coefficients are not held one by one, model= says which the lens has; "
+    if name in ("fx", "fy", "cx", "cy"):
+        group = "focal" if name[0] == "f" else "principal_point"
+        return f"{name} is held with {group!r}; "
+    meant = nearest_name(name, known)
+    return "" if meant is None else f"did you mean {meant!r}? "
+
+
 def _checked_names(
     verb: str, given: str | Iterable[str], known: Sequence[str], others: Sequence[str], why: str
 ) -> tuple[str, ...]:
@@ -143,8 +155,7 @@ def _checked_names(
         if name in others:
             raise ValueError(f"cannot {verb} {name!r}: {why}")
         if name not in known:
-            meant = nearest_name(name, known) if isinstance(name, str) else None
-            hint = "" if meant is None else f"did you mean {meant!r}? "
+            hint = _hint(name, known) if isinstance(name, str) else ""
             choices = f"choose {'among ' * (len(known) > 1)}{', '.join(known)}"
             raise ValueError(f"cannot {verb} {name!r}: {hint}{choices}")
     return tuple(name for name in known if name in names)
