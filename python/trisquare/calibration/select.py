@@ -13,7 +13,9 @@ from trisquare.edges import PlaneEdges
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
-FALSE_PLANE = "not true to its shape for the camera that the other planes determine"
+FALSE_PLANE = (
+    "not exactly square (or of the stated shape) for the camera that the other planes determine"
+)
 
 OTHER_SHAPE = 0.01
 """What is farther from a target than this part of its size has another shape, as in the core."""

@@ -57,7 +57,8 @@ pub enum Severity {
 pub enum Warning {
     /// One plane disagrees with the rest.
     #[error(
-        "plane {} disagrees with the rest by {:.1} standard deviations{}: is it a true, flat square?",
+        "plane {} disagrees with the rest by {:.1} standard deviations{}: is it flat, and \
+         exactly square (or of the stated shape)?",
         .0.plane, .0.sigmas, without_it(.0.focal_change)
     )]
     Disagreement(Disagreement),
@@ -100,8 +101,8 @@ pub enum Warning {
     },
     /// One plane does not fit the camera that the others show.
     #[error(
-        "plane {plane} was rejected: it disagrees with all others, by {distance:.2} px: is it a \
-         true, flat square?"
+        "plane {plane} was rejected: it disagrees with all others, by {distance:.2} px: is it \
+         flat, and exactly square (or of the stated shape)?"
     )]
     PlaneRejected {
         /// Index of the plane.
@@ -131,8 +132,8 @@ pub enum Warning {
     /// The squares are none, or the lens does what its model cannot: sides do not lie where one
     /// camera would show those of true squares.
     #[error(
-        "the targets are no true, flat squares, or the lens is beyond its model{}: their sides lie \
-         {displacement:.1} px off{}",
+        "the targets are not flat, or not exactly square (or of the stated shape), or the lens is beyond \
+         its model{}: their sides lie {displacement:.1} px off{}",
         or_held(.held), raised(.parameter, *.factor)
     )]
     NoSquares {
@@ -552,8 +553,8 @@ mod tests {
         assert_eq!(
             warning.to_string(),
             "the plane contradicts the camera: sides lie 0.012 px off, 12.3 times more than their \
-             own straightness lets expect; it may be no true, flat square, or what is held \
-             (principal point, aspect) is wrong"
+             own straightness lets expect; it may not be flat, or not exactly square (or of the \
+             stated shape), or what is held (principal point, aspect) is wrong"
         );
         let (planes, held) = (3, Vec::new());
         let warning = Warning::PlanesContradict {
@@ -567,7 +568,7 @@ mod tests {
             text.starts_with("the planes contradict each other: 12.3 times more than the sides'")
         );
         assert!(
-            text.ends_with("one of them may be no true, flat square"),
+            text.ends_with("may not be flat, or not exactly square (or of the stated shape)"),
             "{text}"
         );
         let warning = Warning::NoSquares {
@@ -578,8 +579,8 @@ mod tests {
         };
         assert_eq!(
             warning.to_string(),
-            "the targets are no true, flat squares, or the lens is beyond its model, or what is held \
-             (aspect) is wrong: their sides lie 0.1 px off"
+            "the targets are not flat, or not exactly square (or of the stated shape), or the lens is \
+             beyond its model, or what is held (aspect) is wrong: their sides lie 0.1 px off"
         );
     }
 

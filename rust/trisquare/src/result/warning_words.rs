@@ -91,8 +91,8 @@ pub(super) fn contradiction(
         ),
     };
     format!(
-        "{what}: {off} own straightness lets expect; {which} may be no true, flat \
-         square{suspected}"
+        "{what}: {off} own straightness lets expect; {which} may not be flat, or not exactly \
+         square (or of the stated shape){suspected}"
     )
 }
 
