@@ -291,3 +291,22 @@ def test_a_side_may_be_measured_in_two_pieces(model, sides):
             change = getattr(result.camera, name) - getattr(whole.camera, name)
             assert abs(change) < 0.3 * whole.std[name]
             assert 0.8 < result.std[name] / whole.std[name] < 1.3
+
+
+def test_a_few_points_a_side_tell_their_noise_and_the_camera():
+    """What a fit leaves of 36 points is half their noise, and was taken for all of it."""
+    scores, scales = [], []
+    for seed in range(60):
+        rng = np.random.default_rng([171, seed])
+        scene = simulate.random_scene(rng)
+        edges = []
+        for sides in simulate.edge_points(scene, rng, noise=0.1):
+            few = [side[[3, len(side) // 2, -4]] for side in sides]
+            edges.append(ts.PlaneEdges.square(few, std=0.1))
+        result = ts.calibrate_edges(edges, scene.camera.image_size)
+        scales.append(result.noise_scale)
+        for name in ("fx", "fy", "cx", "cy"):
+            error = getattr(result.camera, name) - getattr(scene.camera, name)
+            scores.append(error / result.std[name])
+    assert 0.85 < np.median(scales) < 1.1
+    assert np.mean(np.abs(scores) > 3) < 0.03

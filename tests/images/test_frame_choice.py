@@ -124,3 +124,10 @@ def test_frames_that_are_not_stated_count_as_well(tmp_path, monkeypatch):
     assert len(choose_frames(path, 2, PictureLimits(max_frames=5))) == 2
     with pytest.raises(ImageError, match="more than the 4 frames"):
         choose_frames(path, 2, PictureLimits(max_frames=4))
+
+
+def test_frames_of_a_few_rows_are_judged(tmp_path):
+    path = tmp_path / "flat.avi"
+    rng = np.random.default_rng(5)
+    write_frames(path, list(rng.integers(0, 256, (3, 2, 16000, 3), dtype=np.uint8)))
+    assert len(choose_frames(path, 2)) == 2

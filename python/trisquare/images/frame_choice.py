@@ -160,9 +160,11 @@ def _judged(frame: VideoFrame) -> _Candidate:
     import cv2  # loaded where a video is read
 
     grey: Image = cv2.cvtColor(frame.pixels, cv2.COLOR_BGR2GRAY)
-    scale = JUDGED_SIDE / max(picture_size(grey))
+    size = picture_size(grey)
+    scale = JUDGED_SIDE / max(size)
     if scale < 1:
-        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        judged = tuple(max(1, round(scale * side)) for side in size)
+        grey = cv2.resize(grey, judged, interpolation=cv2.INTER_AREA)
     spread, edges = (
         float(cv2.meanStdDev(each)[1][0, 0]) for each in (grey, cv2.Laplacian(grey, cv2.CV_16S))
     )

@@ -203,7 +203,7 @@ fn smoothed(
         .iter()
         .map(|(_, line)| line.rough.clone())
         .collect();
-    let noise = Noise::of(&planes, &rough, robust_scale(&rough));
+    let noise = Noise::of(&planes, &rough, robust_scale(&rough, 0));
     let of_line = |((number, line), own): ((usize, ObservedLine), &LocalNoise)| {
         let variance = own.freedom * own.scale.powi(2) + SHARED_FREEDOM * noise.scale.powi(2);
         let scale = (variance / (own.freedom + SHARED_FREEDOM)).sqrt();

@@ -105,9 +105,9 @@ pub(crate) fn account_for_relief<L: Lens>(
             }
         }
         let residuals = residuals(&planes, &view)?;
-        let scale = robust_scale(&residuals);
-        let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
         let unknowns = view.unknowns(free);
+        let scale = robust_scale(&residuals, unknowns);
+        let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
         let iterations = found.iterations + 1;
         found = Refined::around((view, residuals, system), scale, unknowns, iterations);
         if step.predicted_decrease < LAST_DECREASE {

@@ -60,7 +60,7 @@ pub(super) fn residuals_near<L: Lens>(
 /// [`robust_scale`] of these.
 pub(super) fn scale_near<L: Lens>(
     planes: &[ObservedPlane],
-    view: &View<L>,
+    (view, unknowns): (&View<L>, usize),
     curves: Option<&SideCurves>,
 ) -> Option<f64> {
     let mut normalised = Vec::with_capacity(planes.iter().map(|p| p.samples().count()).sum());
@@ -69,7 +69,7 @@ pub(super) fn scale_near<L: Lens>(
             normalised.push(residual.distance * residual.weight);
         }
     })?;
-    Some(median_scale(normalised.into_iter()).max(MIN_SCALE))
+    Some(bulk_scale(normalised, unknowns))
 }
 
 /// Gives all residuals in their order, each with the index of its plane; `None` where the lens is
@@ -140,9 +140,27 @@ pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<V
     Some(pixel_rays.iter().zip(&side.samples).map(residual).collect())
 }
 
-/// The scale of the bulk of the residuals, in units of their given standard deviations.
-pub(crate) fn robust_scale(residuals: &Residuals) -> f64 {
+/// Relative standard error of a scale from the median of so many absolute values, times the root of
+/// their number: it has 37 % of the efficiency of the root mean square.
+const MEDIAN_ERROR: f64 = 1.16;
+
+/// The scale of the bulk of the residuals, in units of their given standard deviations, where so many
+/// unknowns were fitted to them.
+pub(crate) fn robust_scale(residuals: &Residuals, unknowns: usize) -> f64 {
     let counting = residuals.iter().flatten().filter(|r| r.counts);
     let normalised = counting.map(|r| r.distance * r.weight);
-    median_scale(normalised).max(MIN_SCALE)
+    bulk_scale(normalised.collect(), unknowns)
+}
+
+/// What a fit leaves is smaller than the noise: of few samples by so much that sound ones would be
+/// taken for outliers. Of many it is less than the scale's own error, and left.
+fn bulk_scale(normalised: Vec<f64>, unknowns: usize) -> f64 {
+    let count = normalised.len().max(1) as f64;
+    let freedom = (count - unknowns as f64).max(1.0);
+    let left = (freedom / count).sqrt();
+    let scale = median_scale(normalised.into_iter()).max(MIN_SCALE);
+    match 1.0 - left < MEDIAN_ERROR / count.sqrt() {
+        true => scale,
+        false => scale / left,
+    }
 }

@@ -97,8 +97,8 @@ impl<L: Lens> Refined<L> {
         view: View<L>,
     ) -> Option<Self> {
         let residuals = residuals(planes, &view)?;
-        let scale = robust_scale(&residuals);
         let unknowns = view.unknowns(free);
+        let scale = robust_scale(&residuals, unknowns);
         let (_, system) = information(planes, judged, (&view, scale))?;
         Some(Self::around((view, residuals, system), scale, unknowns, 0))
     }
@@ -166,8 +166,9 @@ pub(crate) fn search<L: Lens>(
         iterations: MAX_ITERATIONS,
         decrease: LAST_DECREASE * (planes.len() as f64 / FEW_PLANES).max(1.0),
     };
+    let unknowns = start.unknowns(free);
     let mut found = Search {
-        scale: scale_near(planes, &start, None)?,
+        scale: scale_near(planes, (&start, unknowns), None)?,
         view: start,
         iterations: 0,
         termination: Termination::IterationLimit,
@@ -179,7 +180,10 @@ pub(crate) fn search<L: Lens>(
         found.iterations += minimum.iterations;
         found.termination = minimum.termination;
         found.view = minimum.state;
-        let last = std::mem::replace(&mut found.scale, scale_near(planes, &found.view, None)?);
+        let last = std::mem::replace(
+            &mut found.scale,
+            scale_near(planes, (&found.view, unknowns), None)?,
+        );
         let settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
         if settled || found.termination != Termination::Converged {
             break;
@@ -238,9 +242,9 @@ fn finish_near<L: Lens>(
         // The weights must not depend on where the search came from.
         let (next, residuals) = if arrived {
             let residuals = residuals_near(planes, &view, curves)?;
-            (robust_scale(&residuals), Some(residuals))
+            (robust_scale(&residuals, unknowns), Some(residuals))
         } else {
-            (scale_near(planes, &view, curves)?, None)
+            (scale_near(planes, (&view, unknowns), curves)?, None)
         };
         let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
         if let Some(residuals) = residuals

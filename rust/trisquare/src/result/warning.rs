@@ -399,8 +399,8 @@ pub enum Warning {
     },
     /// Something lies over a part of one side, which is not used there.
     #[error(
-        "plane {plane}: {:.0} % of side {side}{} is left out: something lies over it (a finger, \
-         glare, a stain, a torn edge?)",
+        "plane {plane}: {:.0} % of side {side}{} is left out: it shows no plain edge there (a \
+         finger, glare, a stain, a pattern, a torn edge?)",
         100.0 * .part, of_figure(*.figure)
     )]
     PartlyHidden {

@@ -101,7 +101,7 @@ impl<L: Lens> Straightened<L> {
         };
         let misfits = match planes.iter().map(own).collect::<Option<Residuals>>() {
             Some(residuals) => {
-                let noise = Noise::of(planes, &residuals, robust_scale(&residuals));
+                let noise = Noise::of(planes, &residuals, robust_scale(&residuals, 0));
                 (0..planes.len())
                     .map(|p| Misfit::of_plane(&noise, p))
                     .collect()
