@@ -20,6 +20,10 @@ const LARGEST_DRIFT: f64 = 10.0;
 /// Pixels by which a fault of the picture may displace a whole side: beyond, it is not measured.
 const LARGEST_SIDE_ERROR: f64 = 100.0;
 
+/// Standard deviations of samples (px) whose squares, and the sums of these, are still numbers.
+const SMALLEST_STD: f64 = 1e-12;
+const LARGEST_STD: f64 = 1e12;
+
 /// Samples that the image of a circle needs: it has five numbers.
 const MIN_CIRCLE_SAMPLES: usize = 5;
 
@@ -85,10 +89,10 @@ impl PlaneEdges {
                 "figure {figure} needs one standard deviation for every sample"
             )));
         }
-        match first_other(std, |s| *s > 0.0 && s.is_finite()) {
+        match first_other(std, |s| (SMALLEST_STD..=LARGEST_STD).contains(s)) {
             Some((line, sample)) => Err(Error::InvalidArgument(format!(
                 "the standard deviation of sample {sample} of line {line} of figure {figure} must be \
-                 positive and finite, not {}",
+                 positive and finite (pixels, {SMALLEST_STD:e} to {LARGEST_STD:e}), not {:e}",
                 std[line][sample]
             ))),
             None => Ok(()),
