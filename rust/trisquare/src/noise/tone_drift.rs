@@ -11,7 +11,7 @@ use nalgebra::DVector;
 
 use crate::error::Error;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowSystem, Loss, Problem};
+use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane, View};
 use crate::refine::{EdgeProblem, Refined, residuals};
 
@@ -32,27 +32,18 @@ pub(crate) fn account_for_drift<L: Lens>(
         return None;
     }
     let system = freed(planes, judged, refined)?;
-    let drifts = judged.len()..system.prior.nrows();
-    // A step of some free parameters and all drifts.
-    let step_of = |moved: Vec<usize>| {
-        let moved: Vec<usize> = moved.into_iter().chain(drifts.clone()).collect();
-        let mut step = system.selected(&moved).solve(0.0)?;
-        let own = std::mem::replace(&mut step.shared, DVector::zeros(system.prior.nrows()));
-        for (place, own) in moved.iter().zip(own.iter()) {
-            step.shared[*place] = *own;
-        }
-        let drifts = step.shared.as_slice()[drifts.clone()].to_vec();
-        step.shared = step.shared.rows(0, free.len()).into_owned();
-        Some((refined.view.advanced(free, &step), drifts))
-    };
-    let (mut view, mut drifts) = step_of((0..free.len()).collect())?;
+    let all: Vec<usize> = (0..free.len()).collect();
+    let mut step = step_of(&system, judged, &all)?;
+    let mut view = refined.view.advanced(free, &step);
+    // Where the samples hardly tell, the distortion may step to a lens that does not see the picture.
     if !free.is_seen_by(&view.lens) {
-        (view, drifts) = step_of(free.undistorting())?;
+        step = step_of(&system, judged, &free.undistorting())?;
+        view = refined.view.advanced(free, &step);
     }
     let pictures = pictures(planes);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.remove_tone_drift(drifts[place(&pictures, plane)]);
+        plane.remove_tone_drift(step.shared[judged.len() + place(&pictures, plane)]);
     }
     let refined = Refined {
         residuals: residuals(&planes, &view)?,
@@ -61,6 +52,18 @@ pub(crate) fn account_for_drift<L: Lens>(
         ..*refined
     };
     Some((planes, refined))
+}
+
+/// The step of some of the free parameters and of all drifts; zero for all others.
+fn step_of(system: &ArrowSystem, judged: &FreeParameters, moved: &[usize]) -> Option<ArrowStep> {
+    let count = system.prior.nrows();
+    let moved: Vec<usize> = moved.iter().copied().chain(judged.len()..count).collect();
+    let mut step = system.selected(&moved).solve(0.0)?;
+    let own = std::mem::replace(&mut step.shared, DVector::zeros(count));
+    for (place, own) in moved.iter().zip(own.iter()) {
+        step.shared[*place] = *own;
+    }
+    Some(step)
 }
 
 /// The samples as a view of the planes that was not fitted to them sees them: with as much of each

@@ -319,7 +319,7 @@ fn answer<L: Lens>(
     };
     let independent = covariance(&system, covariance_factor)?;
     let total = independent * dependence + &residual_correlation.added;
-    // What is known of sides beforehand, their tone curve leaves open.
+    // The errors of sides that are known beforehand are what an unknown curve does to each of them.
     let tone_growth = known_tone.and_then(|own| {
         let own = own * (covariance_factor * dependence);
         largest_growth(
@@ -354,7 +354,8 @@ fn answer<L: Lens>(
 /// How many times as large as of the other a standard deviation of a covariance is, at most.
 fn largest_growth(covariance: &DMatrix<f64>, other: &DMatrix<f64>) -> Option<f64> {
     let ratios = covariance.diagonal().component_div(&other.diagonal());
-    ratios.iter().copied().reduce(f64::max).map(f64::sqrt)
+    let largest = ratios.iter().copied().reduce(f64::max)?;
+    (largest > 0.0 && largest.is_finite()).then(|| largest.sqrt())
 }
 
 /// Refuses an answer that is less certain than the edges', or far from it.
