@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 from dataclasses import replace
 
 import cv2
@@ -63,6 +64,32 @@ def test_a_freed_skew_scatters_as_its_covariance_says():
     assert 0.8 < rms < 1.2
     skews = np.sqrt(np.mean([own["skew"] ** 2 for own in errors]))
     assert 1 - 4 * 0.13 < skews < 1 + 4 * 0.13
+
+
+def test_a_held_skew_that_the_planes_ask_for_is_named():
+    named = []
+    for seed in range(20):
+        for told, scene in ((True, skewed(seed)), (False, squares(seed))):
+            found = ts.calibrate_edges(edges_of(scene, 0.03, seed), IMAGE_SIZE)
+            texts = [each for each in found.warnings if "K[0, 1]" in each]
+            assert told or not texts
+            if texts:
+                (text,) = texts
+                assert (text.code, text.severity) == ("pixels_not_square", "high")
+                numbers = re.match(
+                    r"with K\[0, 1\] = ([\d.]+) \+- ([\d.]+) px, .* fx is ([\d.]+) px", text
+                )
+                skew, std, fx = map(float, numbers.groups())
+                assert abs(skew - SKEW) < 4 * std + 0.1
+                freed = ts.calibrate_edges(edges_of(scene, 0.03, seed), IMAGE_SIZE, free="skew")
+                assert fx == pytest.approx(freed.camera.fx, abs=0.1)
+                named.append(seed)
+    assert len(named) > 14
+
+
+def test_what_is_held_on_purpose_asks_for_no_skew(scene):
+    found = calibrated(scene, free="skew")
+    assert not any("K[0, 1]" in each for each in found.warnings)
 
 
 def test_its_std_is_the_bound(scene, result):

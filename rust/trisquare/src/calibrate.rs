@@ -18,8 +18,8 @@ use crate::solver::{
     Failure, JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers,
 };
 use crate::uncertainty::{
-    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, poorly_known,
-    unchecked_targets, unlikely_camera,
+    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, held_skew,
+    poorly_known, unchecked_targets, unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -382,6 +382,10 @@ fn add_doubts<L: Lens>(
         refined.covariance_factor,
     ));
     warnings.extend(causes);
+    warnings.extend(held_skew(&solution.planes, refined, options, |fixed| {
+        let options = Options { fixed, ..*options };
+        calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()
+    }));
     warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
         focal(edges, &Options { fixed, ..*options })
     }));

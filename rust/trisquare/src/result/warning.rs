@@ -245,6 +245,21 @@ pub enum Warning {
         /// `fx` with the aspect ratio held, pixels; `None` where that has no answer.
         held: Option<f64>,
     },
+    /// With a skew, which is held at zero, all planes agree better.
+    #[error(
+        "with K[0, 1] = {} px, which is held at 0, the planes agree better, and fx is {focal:.1} px: \
+         was the picture sheared, as by a rolling shutter or a scanner (then free it), or is a target \
+         not exactly square?",
+        with_its_std(*.skew, *.std)
+    )]
+    Sheared {
+        /// The skew, pixels.
+        skew: f64,
+        /// One standard deviation of it.
+        std: f64,
+        /// `fx` with that skew, pixels.
+        focal: f64,
+    },
     /// The principal point comes out far from the centre of the picture.
     #[error(
         "the principal point is {} px from the centre of the picture, farther than nearly every \
@@ -440,7 +455,7 @@ impl Warning {
             Self::LensBeyondModel { .. } | Self::LensOfAnotherFamily { .. } => "lens_beyond_model",
             Self::PixelsNotUsed { .. } => "pixels_not_used",
             Self::LinesNotUsed { .. } => "lines_not_used",
-            Self::PixelsNotSquare { .. } => "pixels_not_square",
+            Self::PixelsNotSquare { .. } | Self::Sheared { .. } => "pixels_not_square",
             Self::PrincipalPointOffCentre { .. } => "principal_point_off_centre",
             Self::PrincipalPointAssumed { .. } => "principal_point_assumed",
             Self::TargetsUnchecked { .. } => "targets_unchecked",
@@ -485,6 +500,7 @@ impl Warning {
             | Self::OutsidePicture { .. }
             | Self::ToneContradicted { .. }
             | Self::TargetsUnchecked { rejected: 1.., .. }
+            | Self::Sheared { .. }
             | Self::PixelsNotSquare { .. } => Severity::High,
             Self::Disagreement(_)
             | Self::SideRejected { .. }

@@ -8,6 +8,7 @@ mod correlated_residuals;
 mod covariance;
 mod disagreement;
 mod expectations;
+mod held_skew;
 mod lens_beyond;
 mod plane_angle;
 mod plane_points;
@@ -25,6 +26,7 @@ pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed
 pub(crate) use covariance::{check_plane_count, check_plane_equations, covariance};
 pub(crate) use disagreement::disagreement;
 pub(crate) use expectations::{poorly_known, unlikely_camera, widen};
+pub(crate) use held_skew::held_skew;
 pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
 pub use plane_points::points_on_plane;
 pub(crate) use pose::pose_uncertainties;

@@ -1,0 +1,70 @@
+//! A skew that is held at zero, and that the planes ask for: the picture was sheared, as by a rolling
+//! shutter or a scanner.
+
+use crate::lens::{Lens, SKEW};
+use crate::numeric::Problem;
+use crate::observations::{Fixed, ObservedPlane, Options};
+use crate::refine::{EdgeProblem, Refined};
+use crate::result::{Calibration, Warning};
+
+/// A skew is evident, and matters, beyond so many of its standard deviations and this part of the focal
+/// length.
+const TOLERANCE: f64 = 5e-4;
+const EVIDENT: f64 = 4.0;
+
+/// Warns of a skew that all planes agree with, and that is not zero.
+///
+/// `freed` gives the calibration where so much is held. It is asked where one step from the optimum says
+/// that the skew is not zero.
+pub(crate) fn held_skew<L: Lens>(
+    planes: &[ObservedPlane],
+    refined: &Refined<L>,
+    options: &Options<L>,
+    freed: impl Fn(Fixed) -> Option<Calibration<L>>,
+) -> Option<Warning> {
+    let held = options.fixed;
+    if !held.skew || L::skew_column().is_none() {
+        return None;
+    }
+    let fixed = Fixed {
+        skew: false,
+        ..held
+    };
+    if !is_asked_for(planes, refined, &Options { fixed, ..*options })? {
+        return None;
+    }
+    let found = freed(fixed)?;
+    if found.warnings.iter().any(is_of_a_target) {
+        return None;
+    }
+    let (skew, std) = (found.camera.skew(), found.std_of(SKEW)?);
+    let focal = found.camera.focal().x;
+    (skew.abs() > (TOLERANCE * focal).max(EVIDENT * std)).then_some(Warning::Sheared {
+        skew,
+        std,
+        focal,
+    })
+}
+
+/// Whether a target is blamed, which a skew would only make up for.
+fn is_of_a_target(warning: &Warning) -> bool {
+    use Warning::{NoSquares, PlaneRejected, PlanesContradict, SideRejected};
+    matches!(
+        warning,
+        PlaneRejected { .. } | PlanesContradict { .. } | NoSquares { .. } | SideRejected { .. }
+    )
+}
+
+/// Whether one step of all parameters from an optimum gives a skew; `None` where it is open.
+fn is_asked_for<L: Lens>(
+    planes: &[ObservedPlane],
+    refined: &Refined<L>,
+    options: &Options<L>,
+) -> Option<bool> {
+    let free = options.free_parameters();
+    let place = free.position(SKEW)?;
+    let (_, system) = EdgeProblem::new(planes, &free, refined.scale).evaluate(&refined.view)?;
+    let covariance = system.reduced_information()?.cholesky()?.inverse();
+    let std = (covariance[(place, place)] * refined.covariance_factor).sqrt();
+    Some(system.solve(0.0)?.shared[place].abs() > EVIDENT * std)
+}
