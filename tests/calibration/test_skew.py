@@ -87,9 +87,11 @@ def test_a_held_skew_that_the_planes_ask_for_is_named():
     assert len(named) > 14
 
 
-def test_what_is_held_on_purpose_asks_for_no_skew(scene):
-    found = calibrated(scene, free="skew")
-    assert not any("K[0, 1]" in each for each in found.warnings)
+@pytest.mark.parametrize("options", [{"free": "skew"}, {"fix": "principal_point"}])
+def test_a_skew_that_is_free_or_held_beside_others_is_not_asked_for(options):
+    for seed in range(3):
+        found = ts.calibrate_edges(edges_of(skewed(seed), 0.03, seed), IMAGE_SIZE, **options)
+        assert not any("K[0, 1]" in each for each in found.warnings)
 
 
 def test_its_std_is_the_bound(scene, result):

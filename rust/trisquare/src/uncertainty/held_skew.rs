@@ -23,7 +23,9 @@ pub(crate) fn held_skew<L: Lens>(
     freed: impl Fn(Fixed) -> Option<Calibration<L>>,
 ) -> Option<Warning> {
     let held = options.fixed;
-    if !held.skew || L::skew_column().is_none() {
+    // Beside what else is held a skew would make up for that.
+    let alone = !(held.focal || held.principal_point || held.distortion);
+    if !(held.skew && alone) || L::skew_column().is_none() {
         return None;
     }
     let fixed = Fixed {
