@@ -2,15 +2,19 @@
 //! shutter or a scanner.
 
 use crate::lens::{Lens, SKEW};
-use crate::numeric::Problem;
-use crate::observations::{Fixed, ObservedPlane, Options};
-use crate::refine::{EdgeProblem, Refined};
+use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options};
+use crate::refine::{Refined, system_at};
 use crate::result::{Calibration, Warning};
 
 /// A skew is evident, and matters, beyond so many of its standard deviations and this part of the focal
 /// length.
 const TOLERANCE: f64 = 5e-4;
 const EVIDENT: f64 = 4.0;
+
+/// Some samples of each side are asked first, whether the skew may be other than zero: by so many
+/// standard deviations of what they tell.
+const SOME_SAMPLES: usize = 50;
+const POSSIBLE: f64 = 1.5;
 
 /// Warns of a skew that all planes agree with, and that is not zero.
 ///
@@ -32,8 +36,12 @@ pub(crate) fn held_skew<L: Lens>(
         skew: false,
         ..held
     };
-    if !is_asked_for(planes, refined, &Options { fixed, ..*options })? {
-        return None;
+    let free = Options { fixed, ..*options }.free_parameters();
+    let some: Vec<_> = planes.iter().map(|p| p.subsampled(SOME_SAMPLES)).collect();
+    for (samples, least) in [(some.as_slice(), POSSIBLE), (planes, EVIDENT)] {
+        if deviations(samples, refined, &free)? < least {
+            return None;
+        }
     }
     let found = freed(fixed)?;
     if found.warnings.iter().any(is_of_a_target) {
@@ -57,16 +65,16 @@ fn is_of_a_target(warning: &Warning) -> bool {
     )
 }
 
-/// Whether one step of all parameters from an optimum gives a skew; `None` where it is open.
-fn is_asked_for<L: Lens>(
+/// The skew after one step of all parameters from an optimum, in its standard deviations; `None` where
+/// it is open.
+fn deviations<L: Lens>(
     planes: &[ObservedPlane],
-    refined: &Refined<L>,
-    options: &Options<L>,
-) -> Option<bool> {
-    let free = options.free_parameters();
+    optimum: &Refined<L>,
+    free: &FreeParameters,
+) -> Option<f64> {
     let place = free.position(SKEW)?;
-    let (_, system) = EdgeProblem::new(planes, &free, refined.scale).evaluate(&refined.view)?;
+    let system = system_at(planes, free, optimum)?;
     let covariance = system.reduced_information()?.cholesky()?.inverse();
-    let std = (covariance[(place, place)] * refined.covariance_factor).sqrt();
-    Some(system.solve(0.0)?.shared[place].abs() > EVIDENT * std)
+    let variance = covariance[(place, place)] * optimum.covariance_factor;
+    Some(system.solve(0.0)?.shared[place].abs() / variance.sqrt())
 }
