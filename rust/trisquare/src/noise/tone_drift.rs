@@ -37,7 +37,7 @@ pub(crate) fn account_for_drift<L: Lens>(
     let mut view = refined.view.advanced(free, &step);
     // Where the samples hardly tell, the distortion may step to a lens that does not see the picture.
     if !free.is_seen_by(&view.lens) {
-        step = step_of(&system, judged, &free.undistorting())?;
+        step = step_of(&system, judged, &free.of_matrix())?;
         view = refined.view.advanced(free, &step);
     }
     let pictures = pictures(planes);

@@ -6,7 +6,9 @@ use nalgebra::DVector;
 
 use super::options::{Fixed, Options};
 use crate::image_size::ImageSize;
-use crate::lens::{Columns, DISTORTION, DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS, SKEW};
+use crate::lens::{
+    Columns, DISTORTION, DistortionModel, INTRINSICS, Lens, MATRIX, MAX_LENS_COLUMNS, SKEW,
+};
 use crate::numeric::ArrowSystem;
 
 /// The free parameters of a lens: which Jacobian columns they own.
@@ -104,11 +106,10 @@ impl FreeParameters {
         self.reach.is_none_or(|(size, _)| lens.sees_all_of(size))
     }
 
-    /// The places among the free parameters of those that are no coefficients of the distortion.
-    pub fn undistorting(&self) -> Vec<usize> {
-        const PINHOLE: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
+    /// The places among the free parameters of those of the camera matrix.
+    pub fn of_matrix(&self) -> Vec<usize> {
         let names = self.names().into_iter().enumerate();
-        let places = names.filter_map(|(place, name)| PINHOLE.contains(&name).then_some(place));
+        let places = names.filter_map(|(place, name)| MATRIX.contains(&name).then_some(place));
         places.collect()
     }
 

@@ -3,8 +3,6 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use nalgebra::DMatrix;
-
 use super::band::Pixels;
 use super::band_pixels::{BandPixel, PixelFigure};
 use super::blur_prior;
@@ -245,16 +243,6 @@ impl PixelFit<'_> {
             })
         });
         fits.collect()
-    }
-
-    /// The covariance of the lens's parameters were the pictures' coding known; `None` where it is.
-    pub fn covariance_of_known_tone(&self, system: &ArrowSystem) -> Option<DMatrix<f64>> {
-        if self.free_pictures == 0 {
-            return None;
-        }
-        let lens = self.free.len();
-        let information = system.reduced_information()?.resize(lens, lens, 0.0);
-        Some(information.cholesky()?.inverse())
     }
 
     /// What is known of the lens's and the pictures' parameters beforehand.

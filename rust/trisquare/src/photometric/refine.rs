@@ -309,8 +309,13 @@ fn answer<L: Lens>(
     } = solution;
     let covariance_factor = spread.covariance_factor(problem.free.len() as f64);
     let tones = fit.tone_fits(&state, &system, covariance_factor)?;
-    let known_tone = fit.covariance_of_known_tone(&system);
-    let system = system.marginal(problem.free.len())?;
+    let lens = problem.free.len();
+    // With the pictures' coding held; where it is known it is not among the parameters.
+    let held_tone = match tones.is_empty() {
+        true => None,
+        false => covariance(&system.leading(lens), covariance_factor),
+    };
+    let system = system.marginal(lens)?;
     // Where the pixels' noise is not independent, the samples made from them show it.
     let residual_correlation = &correlated.residual_correlation;
     let dependence = match measured {
@@ -320,12 +325,9 @@ fn answer<L: Lens>(
     let independent = covariance(&system, covariance_factor)?;
     let total = independent * dependence + &residual_correlation.added;
     // The errors of sides that are known beforehand are what an unknown curve does to each of them.
-    let tone_growth = known_tone.and_then(|own| {
-        let own = own * (covariance_factor * dependence);
-        largest_growth(
-            &total,
-            &(own + &residual_correlation.added - &correlated.known),
-        )
+    let tone_growth = held_tone.and_then(|own| {
+        let own = own * dependence + &residual_correlation.added - &correlated.known;
+        largest_growth(&total, &own)
     });
     // The samples were measured with a tone curve that was known less well.
     let planes = drifted_to(planes, &state.view)?;

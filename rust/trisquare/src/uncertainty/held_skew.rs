@@ -1,6 +1,7 @@
 //! A skew that is held at zero, and that the planes ask for: the picture was sheared, as by a rolling
 //! shutter or a scanner.
 
+use super::covariance::covariance;
 use crate::lens::{Lens, SKEW};
 use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options};
 use crate::refine::{Refined, system_at};
@@ -74,7 +75,6 @@ fn deviations<L: Lens>(
 ) -> Option<f64> {
     let place = free.position(SKEW)?;
     let system = system_at(planes, free, optimum)?;
-    let covariance = system.reduced_information()?.cholesky()?.inverse();
-    let variance = covariance[(place, place)] * optimum.covariance_factor;
-    Some(system.solve(0.0)?.shared[place].abs() / variance.sqrt())
+    let covariance = covariance(&system, optimum.covariance_factor)?;
+    Some(system.solve(0.0)?.shared[place].abs() / covariance[(place, place)].sqrt())
 }
