@@ -151,6 +151,42 @@ def test_frames_of_too_many_pixels_are_refused(tmp_path):
         Video(path, PictureLimits(max_pixels=160 * 120 - 1))
 
 
+def test_frames_that_ffmpeg_may_not_allocate_are_refused(tmp_path, monkeypatch):
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+    monkeypatch.setattr(trisquare.images.video, "LARGEST_PIECE", 160 * 120 * 3)
+    with Video(path) as video:
+        assert len(list(video.frames())) == len(FRAMES)
+    monkeypatch.setattr(trisquare.images.video, "LARGEST_PIECE", 160 * 120 * 3 - 1)
+    with pytest.raises(ImageError, match=r"clip\.avi: has frames of 160 x 120 pixels, more than"):
+        Video(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's account of memory")
+def test_a_header_that_states_a_long_text_costs_nothing(tmp_path):
+    """The text of an AVI file, measured in a process of its own: as stated it has 1.9 GB."""
+    path = tmp_path / "clip.avi"
+    write_frames(path, FRAMES)
+    file = bytearray(path.read_bytes())
+    for length, stated in (
+        (file.index(b"INFO") - 4, 2_000_000_000),
+        (file.index(b"ISFT") + 4, 1_900_000_000),
+    ):
+        file[length : length + 4] = stated.to_bytes(4, "little")
+    path.write_bytes(file)
+    script = (
+        "import resource, sys, cv2\n"
+        "from trisquare.images.video import Video\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "with Video(sys.argv[1]) as video: pass\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, path], capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) < 200_000  # kB
+
+
 @pytest.mark.parametrize(("each", "is_read"), [(0.005, True), (0.5, False)])
 def test_frames_that_take_as_long_as_far_larger_ones_are_refused(
     tmp_path, monkeypatch, each, is_read

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
+import functools
 import os
 import shutil
 import subprocess
@@ -27,6 +29,10 @@ is estimated from the duration, and frames at the ends that cannot be decoded al
 
 PROBED_BYTES = 1 << 16
 """That the disk must have left after a video: the last part that FFmpeg writes is not longer."""
+
+LARGEST_PIECE = 128_000_000
+"""Bytes that FFmpeg may allocate at once: a frame of 42 megapixels, more than 8K video has. Without
+this limit it allocates what a header states, up to 2 GB, before it looks whether that is there."""
 
 TURNS = {90: "ROTATE_90_CLOCKWISE", 180: "ROTATE_180", 270: "ROTATE_90_COUNTERCLOCKWISE"}
 """What OpenCV calls the turn by which a stored frame is shown upright."""
@@ -83,6 +89,7 @@ class Video:
     def __init__(self, path: PathLike, limits: PictureLimits | None = None) -> None:
         import cv2  # loaded where a video is read
 
+        _limit_allocations()
         self.name = os.fspath(path)
         if not os.path.exists(path):
             raise MissingImageError(f"{self.name}: No such file or directory")
@@ -109,6 +116,11 @@ class Video:
         self.turn = int(turn) if turn in TURNS else 0
         self.unevenness = 0.0
         (PictureLimits.stated() if limits is None else limits).check_pixels(self.name, self.size)
+        if width * height * 3 > LARGEST_PIECE:
+            raise ImageError(
+                f"{self.name}: has frames of {self.size[0]} x {self.size[1]} pixels, more than the "
+                f"{LARGEST_PIECE // 3_000_000} megapixels that frames of a video may have"
+            )
 
     def frames_in_all(self, done: int) -> int:
         """Return how many frames there are, once so many are read: it may state too few."""
@@ -162,6 +174,15 @@ class Video:
 
     def __exit__(self, *error: object) -> None:
         self._capture.release()
+
+
+@functools.cache
+def _limit_allocations() -> None:
+    """Limit each allocation of the FFmpeg that OpenCV's wheel for Linux brings, for good."""
+    import cv2  # loaded where a video is read
+
+    for library in Path(cv2.__file__).parents[1].glob("opencv_*.libs/libavutil*.so*"):
+        ctypes.CDLL(os.fspath(library)).av_max_alloc(ctypes.c_size_t(LARGEST_PIECE))
 
 
 def _clocks() -> tuple[float, float]:
@@ -237,7 +258,7 @@ def add_sound(path: PathLike, source: PathLike) -> str | None:
         return "its sound, if any, is left out: ffmpeg, which would copy it, is not on the PATH"
     silent = Path(path)
     both = silent.with_name(f".sound{silent.name}")
-    command = [ffmpeg, "-nostdin", "-v", "error", "-n"]
+    command = [ffmpeg, "-nostdin", "-v", "error", "-max_alloc", str(LARGEST_PIECE), "-n"]
     command += ["-i", f"file:{path}", "-i", f"file:{os.path.realpath(source)}"]
     command += ["-map", "0:v", "-map", "1:a?", "-c", "copy", f"file:{both}"]
     try:
