@@ -404,15 +404,15 @@ class PlaneEdges(Frozen):
     def line(cls, points: Any, std: Any = None, *, image: int = 0) -> PlaneEdges:
         """Make the edge of a straight line at an unknown place in space.
 
-        Its image says nothing of the camera matrix: that it is straight tells of the lens's
-        distortion and of its centre. `calibrate_edges` uses it beside squares, if it is consistent
-        with them; the result has it in `Calibration.lines`.
+        Its image does not constrain the camera matrix. That the line is straight constrains the
+        lens's distortion and its centre. `calibrate_edges` uses it beside squares, if it is
+        consistent with them; the result has it in `Calibration.lines`.
 
         Parameters
         ----------
         points : array_like, shape (N, 2), N >= 3
             Samples of its image, in any order, pixels.
-        std : array_like, shape (N,), optional
+        std : float or array_like, shape (N,), optional
             As for `PlaneEdges`.
         image : int
             As for `PlaneEdges`.
@@ -563,7 +563,7 @@ def changed_edges(edges: PlaneEdges, **changes: Any) -> PlaneEdges:
 def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
     """Check that a figure may be a line of the scene."""
     if len(points) != 1 or plane is not None:
-        raise ValueError('freedom "line" is of one line, on no plane that it shares')
+        raise ValueError('freedom "line" takes the points of one line, and plane=None')
     if len(points[0]) < MIN_SCENE_LINE_SAMPLES:
         raise NotEnoughDataError(
             f"points[0] holds {len(points[0])} points: a line of the scene needs at least "
@@ -574,7 +574,8 @@ def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
 def _unit_normal_lines(lines: Any, least: int) -> FloatArray:
     given = real_array(lines, "lines", (None, 3))
     if len(given) < least:
-        raise NotEnoughDataError(f"a plane needs at least {least} lines, not {len(given)}")
+        wanted = "a line" if least == 1 else f"at least {least} lines, not {len(given)}"
+        raise NotEnoughDataError(f"a figure needs {wanted}")
     norms = np.hypot(given[:, 0], given[:, 1])
     if not (norms > 0).all():
         raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")

@@ -165,9 +165,9 @@ class TrisquareError(Exception):
 
 
 class ImageError(TrisquareError):
-    """The picture is missing, unreadable or incomplete.
+    """The picture is missing, unreadable, incomplete or too large, or an extra package is missing.
 
-    Raised before anything is searched. Check the path, or copy the file again: a truncated
+    Raised before anything is searched in it. Check the path, or copy the file again: a truncated
     picture is refused although many viewers show its upper part.
 
     Examples
@@ -297,8 +297,9 @@ class InternalError(TrisquareError):
 class LensModelError(ValueError):
     """A camera file's format has no model for a lens, or trisquare has none for what a file holds.
 
-    Of the arguments alone, hence no `TrisquareError`. Choose another format, or ask for the nearest
-    lens with ``approximate=True`` (``trisquare convert --approximate``).
+    It depends on the arguments alone, and so is a ValueError and no `TrisquareError`. Choose
+    another format, or ask for the nearest lens with ``approximate=True``
+    (``trisquare convert --approximate``).
 
     Attributes
     ----------

@@ -105,7 +105,7 @@ def test_a_difference_that_no_parameter_makes_is_no_noise(result):
     comparison = ts.compare(result, other)
     assert comparison.unexplained > expected
     assert comparison.same is False
-    assert "px (rms) that no uncertain parameter makes" in comparison.verdict
+    assert "px (rms) that no uncertain parameter explains" in comparison.verdict
 
 
 def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
@@ -117,7 +117,7 @@ def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
     comparison = ts.compare(vague, replace(result.camera, distortion=distortion))
     assert comparison.worst_in_stds < 2
     assert comparison.same is False
-    assert "better known than any one place" in comparison.verdict
+    assert "better known than any single place" in comparison.verdict
 
 
 def test_cameras_without_a_visible_difference_are_the_same(result):

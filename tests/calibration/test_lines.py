@@ -122,7 +122,7 @@ def test_bad_lines_are_refused():
         ts.PlaneEdges.line(points[:2])
     with pytest.raises(ValueError, match="finite"):
         ts.PlaneEdges.line([*points[:4], [np.nan, 3.0]])
-    with pytest.raises(ValueError, match="no plane"):
+    with pytest.raises(ValueError, match="plane=None"):
         ts.PlaneEdges([[0, 1, 0]], [points], plane=0, freedom="line")
     with pytest.raises(ValueError, match="one line"):
         ts.PlaneEdges([[0, 1, 0], [1, 0, 0]], [points, points], freedom="line")

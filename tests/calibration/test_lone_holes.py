@@ -91,6 +91,6 @@ def test_lengths_on_a_hole_are_not_in_units_of_the_frame(covered, run, tmp_path,
     assert f"plane {hole} shows the hole of a frame" in err
     code, out, err = run("measure", tmp_path / "photo.png", *camera, "--side", "50mm", *ends[:2])
     assert code == 0
-    assert "--side is the hole's here" in err
+    assert "its side is that of the hole" in err
     ts.locate(picture, result)
     assert f"plane {hole} shows the hole of a frame" in caplog.text

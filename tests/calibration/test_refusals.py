@@ -112,7 +112,7 @@ CASES = {
         ),
         0.6,
         {},
-        "the squares huddle in",
+        "the squares cover only",
     ),
     "two planes": (
         placed([35, 35], [70, 70], at=[(0.27, 0.5), (0.73, 0.5)]),

@@ -116,7 +116,7 @@ def test_planes_that_stand_otherwise_are_named():
     warning = result.warnings[0]
     assert (warning.code, warning.severity) == ("relation_contradicted", "high")
     assert "planes 0 and 1" in warning
-    assert abs(float(str(warning).split(" are ")[1].split(" ")[0]) - off) < 0.5
+    assert abs(float(str(warning).split(" come out ")[1].split(" ")[0]) - off) < 0.5
 
 
 @pytest.mark.slow

@@ -153,8 +153,8 @@ def test_too_few_planes_and_bad_options_are_refused(scene):
         ts.calibrate_edges(edges[:2], IMAGE_SIZE, free="skew")
     for options, message in (
         ({"free": "skw"}, "did you mean 'skew'"),
-        ({"free": "k3"}, "model= says which the lens has; choose skew"),
-        ({"fix": "k3"}, "not held one by one"),
+        ({"free": "k3"}, "model= says which ones the lens has; choose skew"),
+        ({"fix": "k3"}, "single coefficients cannot be held"),
         ({"fix": "fx"}, "fx is held with 'focal'; choose among aspect"),
         ({"fix": "cy"}, "cy is held with 'principal_point'"),
         ({"free": "aspect"}, "free unless fix= names it"),

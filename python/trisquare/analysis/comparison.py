@@ -269,14 +269,16 @@ class Comparison(RebuiltByConstructor):
             return f"the same within their uncertainty: {apart}; {usual}, {p}"
         if self.same is None:
             most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
-            return f"cannot tell: {apart}; {usual}, where more than {most}, hides any difference"
+            return f"cannot tell: {apart}; {usual}, and more than {most}, hides any difference"
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
-            size = f"{size}, but in ways that are better known than any one place"
+            size = f"{size}, but the pattern of the differences is better known than any single place"
         said = f"they differ by more than they state: {apart}; {size}, {p}"
         if self.unexplained <= expected:
             return said
-        return f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter makes"
+        return (
+            f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter explains"
+        )
 
     def _among_targets(self) -> str:
         found, expected = self.rms_among_targets, self.expected_rms_among_targets

@@ -176,7 +176,7 @@ def _diagnose(
     nothing = f"no single change of the set-up would help much; {better} would"
     if cause is not None:
         # The changes are predicted for noise alone, which is not what limits it.
-        remedies = [f"mend first what a warning names ({cause})", *remedies[:1]]
+        remedies = [f"first see to what a warning names ({cause})", *remedies[:1]]
     remedies = remedies or [nothing]
     contradicted = contradicted_aspect(calibration)
     if contradicted is not None and cause != UNCHECKED and name in ("fx", "fy"):

@@ -85,8 +85,8 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
 
-    Of what looks like squares, or rectangles of a named shape, the largest set is used that one
-    camera sees as such; the others are in the result's ``rejected``, and a warning tells where the
+    Of all shapes that may be squares (or rectangles of a named shape), the largest set is used that
+    one camera sees as such. The others are in the result's ``rejected``. A warning says where the
     choice is uncertain.
 
     Parameters
@@ -95,10 +95,11 @@ def calibrate(
         Arrays are uint8, uint16 or float32 of shape (H, W), (H, W, 3) or (H, W, 4), grey, BGR or
         BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
         ``"frames/*.png"`` for the files that match, in the order of their names (``2.jpg`` before
-        ``10.jpg``), both but for what trisquare has drawn on; bytes for a file's content. Several
-        photographs must be of one camera and size; their planes are pooled. One in which nothing
-        is found is named in `warnings` and left out, as is one that is given twice. A file's
-        orientation tag is ignored, with a warning: the result refers to the picture as stored.
+        ``10.jpg``); pictures that trisquare drew on are skipped in both. Bytes are a file's
+        content. Several photographs must be of one camera and size; their planes are pooled. One in
+        which nothing is found is named in `warnings` and left out, as is one that is given twice. A
+        file's orientation tag is ignored, with a warning: the result refers to the picture as it
+        is stored.
     method : {"ml", "linear"}
         Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
         stated standard deviations are those that maximum likelihood would have with residuals of
@@ -113,10 +114,11 @@ def calibrate(
         tangential terms together do what another axis of the camera does: with the prism models
         the principal point may have to be fixed. ``"auto"`` takes the model of "none" to
         "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
-        fit, or a fisheye where these leave sides that err together, or bend a wide field as one
-        does, and it explains the edges clearly better, by Schwarz's criterion (1978); the rejected
-        ones are in ``alternatives``, and what they would say stays, by their probabilities, in the
-        covariance. It needs ``method="ml"`` and a free distortion.
+        fit. It also tries a fisheye where under these models the samples of a side err
+        together, or a wide field looks as a fisheye shows it, and takes it where it explains the
+        edges clearly better by Schwarz's criterion (1978). The models not taken are in
+        ``alternatives``; by their probabilities they add to the covariance. It needs
+        ``method="ml"`` and a free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
         One, several joined by commas, or a sequence: held at the values of `initial`, or else at
         aspect 1, the image centre, and zero. The model of a distortion that is held is that of
@@ -148,8 +150,8 @@ def calibrate(
     side : str or float, optional
         Length of the squares' sides (of a board: of a cell; of "a4" and the like: the shorter one,
         see `Plane`), such as ``"84mm"``, or in metres. The planes of the result then have it as
-        `side`, and their poses are metric. All targets must be of this size. A number from 10 on is
-        warned of: mostly it is of millimetres.
+        `side`, and their poses are metric. All targets must be of this size. A number of 10 or more
+        raises a warning: it is probably in millimetres.
     frames : int, optional
         How many frames to take of each video among the paths and in the folders: sharp ones that
         differ from one another, each one photograph of the camera. They are held in memory.
@@ -269,13 +271,13 @@ def calibrate_photographs(
     by_hand = outlines is not None
     try:
         if not gathered.figures:
-            # What was not used is told with its place, once the error is on its way.
+            # Rejected shapes are added to the error below, with their places.
             untold = [
                 text for text in gathered.warnings if not is_reported(text, gathered.rejected)
             ]
             nothing = nothing_found(kinds, gathered.image_size)
             raise DetectionError("; ".join(untold) if by_hand else nothing)
-        # What was asked for by its layout or drawn by hand is vouched for.
+        # Of layouts that are named, and of outlines drawn by hand, nothing is to be chosen.
         choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
         edges = [*gathered.figures, *gathered.lines]
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
@@ -428,7 +430,7 @@ def _calibration(
     told = fault_warnings(faults, tone_of_image, gathered.names)
     warnings += [CalibrationWarning(*own) for own in told]
     spoilt = [SPOILT[code] for _, code, _ in told if code in SPOILT]
-    # Boards' own zigzag takes the shift away.
+    # The alternating cells of a board cancel the shift.
     drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
     no_fault = {image for image, own in faults.items() if not own.is_shifted}
     untold = {image: tone_of_image[image] for image in drifting & no_fault}
@@ -553,8 +555,8 @@ def _holes_of_unknown_side(
     """Warn of the planes whose unit is not the stated side."""
     return [
         CalibrationWarning(
-            f"plane {number} {LONE_HOLE}: side= is not the hole's, so its pose is in units of the "
-            "hole's own side",
+            f"plane {number} {LONE_HOLE}: side= is the frame's, so the pose of this plane is in "
+            "units of the hole's side",
             "side_unknown",
             "medium",
             number,
@@ -567,7 +569,7 @@ def _holes_of_unknown_side(
 def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
     """Return the lines of the scene with the reasons why some are not used."""
     agree = any(is_used for _, _, is_used in found.lines)
-    curved = "it is not straight under the camera that the others ask for"
+    curved = "it is not straight under the lens that the other lines and the planes show"
     unusable = "no line agrees with the planes"
     lines = []
     for index, rms, is_used in found.lines:

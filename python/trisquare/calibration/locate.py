@@ -30,7 +30,7 @@ SMALLEST_MISFIT = 0.3
 """Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
 
 
-HOLE = f"{LONE_HOLE}: its side is the hole's, and not the frame's"
+HOLE = f"{LONE_HOLE}: its side is that of the hole, not of the frame"
 
 
 class Located(NamedTuple):

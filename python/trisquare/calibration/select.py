@@ -63,9 +63,11 @@ def chosen_by(
         text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
         warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
+        are = "shapes are" if len(larger) > 1 else "shape is"
+        larger_ones = f"{len(larger)} rejected {are}"
         text = (
-            f"{chosen}; {len(larger)} of the rejected are larger than one of these: if they are "
-            "true targets, the answer is wrong"
+            f"{chosen}; {larger_ones} larger than the smallest of these: if one is a true target, "
+            "the answer is wrong"
         )
         sure = {figure.plane for figure in kept if figure.kind not in PLAIN}
         are_outvoted = len(sure) >= LEAST_SURE and {one.kind for one in larger} <= PLAIN

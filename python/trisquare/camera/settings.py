@@ -136,7 +136,7 @@ def _hint(name: str, known: Sequence[str]) -> str:
     """Say which of the known names was meant, if any."""
     coefficients = {own for names in COEFFICIENTS.values() for own in names}
     if name in coefficients:
-        return "coefficients are not held one by one, model= says which the lens has; "
+        return "single coefficients cannot be held, model= says which ones the lens has; "
     if name in ("fx", "fy", "cx", "cy"):
         group = "focal" if name[0] == "f" else "principal_point"
         return f"{name} is held with {group!r}; "

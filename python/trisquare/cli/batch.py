@@ -79,7 +79,7 @@ def batch_command(
     output: Path = option(
         ...,
         "FOLDER",
-        "Keep results in this folder; what it holds is not done again.",
+        "Keep results in this folder; cameras whose results are already in it are skipped.",
         "--output",
         "-o",
     ),

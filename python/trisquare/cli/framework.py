@@ -57,7 +57,8 @@ EXIT_CODES_HELP = """\
 3  nothing found in the photograph, or not enough of it
 4  the geometry does not determine the camera, or no convergence
 5  a picture or a file is missing or cannot be read
-6  of a batch, cameras failed or are beyond the limits; of a checked sheet, something is not ok
+6  of a batch, cameras failed or are beyond the limits; of a checked sheet, something is not ok; of
+   calibrate, a warning is as severe as was to fail
 1, 70, 130  nobody reads the output; internal error; Ctrl-C"""
 
 NOT_ALL_PASSED_EXIT = 6

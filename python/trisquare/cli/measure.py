@@ -67,7 +67,7 @@ def measure_command(
     camera: Path | None = option(
         None,
         "FILE",
-        "The camera that took it, which must be said: a calibration's JSON, or any format that "
+        "The camera that took it (required): a calibration's JSON, or any format that "
         "convert reads (then taken as exact).",
     ),
     plane: int | None = option(
@@ -144,7 +144,7 @@ def measure_command(
         plane, *others = _likely_planes(pixels, planes, lens)
     chosen = _chosen(planes, plane)
     if plane in holes:
-        warnings.append(f"plane {plane} {HOLE}: --side is the hole's here")
+        warnings.append(f"plane {plane} {HOLE}")
         stated = None  # the calibration's is that of the frames
     length = given or stated or Length(1.0, "")
     x, y = chosen.corners.mean(axis=0)

@@ -15,7 +15,9 @@ from trisquare.images.limits import parse_amount
 KEYWORD = re.compile(r"""\b(fix|free|model|method|targets|tone)=["']([^"'\s]+)["']""")
 """A keyword of `calibrate` with its value; the option has the same name."""
 
-NAME_ALONE = re.compile(r"\b(fix|free|initial|orthogonal|parallel|targets|tone)=(?=[\s,;:.)]|$)")
+NAME_ALONE = re.compile(
+    r"\b(fix|free|initial|model|orthogonal|parallel|side|targets|tone)=(?=[\s,;:.)]|$)"
+)
 """A keyword without a value, as messages name it."""
 
 

@@ -143,20 +143,20 @@ _ADVICE = {
         "them toward dark or light: one common shift is estimated; scan in grey levels"
     ),
     "motion_blurred": (
-        "the camera or the targets moved while the shutter was open, which blurs the edges by "
-        "direction: standard deviations grew by what the shape of the blur leaves unknown; expose "
-        "for a shorter time"
+        "the camera or the targets moved while the shutter was open, which blurs the edges more "
+        "in one direction: standard deviations grew by what the shape of the blur leaves "
+        "unknown; expose for a shorter time"
     ),
     "out_of_focus": (
-        "the edges are blurred so widely that what lies beside them reaches into them and moves "
-        "them; if the picture was blurred after it was coded, that hides how far its tone curve "
-        "moved them, which standard deviations hold: focus on the targets, keep other things away "
-        "from them, and calibrate the picture as it was recorded"
+        "the edges are so blurred that things beside them shift them. If the picture was blurred "
+        "or enlarged after it was coded, that also hides how far its tone curve shifted them; "
+        "standard deviations include it. Focus on the targets, keep other things away from them, "
+        "and use the picture as it was recorded"
     ),
     "periodic_pattern": (
         "a fine pattern lies over the picture (moire, the grid of a screen, the raster of a "
-        "print), which moves the edges to and fro: for it sides may be rejected or taken for "
-        "hidden; photograph plain paper in place of a screen, or from another distance"
+        "print), which shifts the edges back and forth: good sides may be rejected for it, or "
+        "taken for hidden; photograph plain paper in place of a screen, or from another distance"
     ),
 }
 
@@ -177,7 +177,9 @@ def _texts(own: PictureFaults, tone: PictureTone) -> dict[str, str]:
             f"by {own.motion[0]:.1f} px at {own.motion[1]:.0f} degrees from the x axis"
         )
     elif own.blur > TOLD_BLUR:
-        texts["out_of_focus"] = f"by {own.blur:.1f} px (standard deviation), felt four times as far"
+        texts["out_of_focus"] = (
+            f"by {own.blur:.1f} px (standard deviation), reaching four times as far"
+        )
     if own.pattern is not None:
         texts["periodic_pattern"] = f"waves of {100.0 * own.pattern:.0f} % of the targets' contrast"
     shift = "" if tone.shift is None else f", shift {tone.shift[0]:+.2f} +- {tone.shift[1]:.2f} px"

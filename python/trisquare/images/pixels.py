@@ -78,7 +78,7 @@ INTEGER_SLACK = 0.02
 ROWS_AT_ONCE = 256
 
 NARROW_BITS = (8, 10, 12)
-"""Of integers that 16 bits hold as they are: what cameras of machines write."""
+"""Of integers that 16 bits hold as they are: what machine-vision cameras write."""
 
 
 def as_recorded(picture: Image) -> Image:

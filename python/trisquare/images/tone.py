@@ -116,8 +116,8 @@ def shift_text(
         grown = f", which makes standard deviations up to {growth:.1f} times as large"
     return (
         "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all edges "
-        f"of the picture may lie off toward their dark side by one distance{grown}; state the "
-        f'curve if you know it, as with tone="srgb"; estimated distance ({"; ".join(shifts)})'
+        f"of a picture may be shifted toward their dark side by a common distance{grown}. State "
+        f'the curve if you know it, as with tone="srgb". Estimated shift ({"; ".join(shifts)})'
     )
 
 

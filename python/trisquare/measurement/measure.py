@@ -89,8 +89,12 @@ def _localised(
     if (mended := found.mended(core)) is not None:
         core = mended
         measured, estimate, found = _core.localise(core, spans, told)
-        faults = replace(faults, clipped=found.clipped, motion=found.motion)
-        faults = replace(faults, side_error=found.side_error, line_error=found.line_error)
+        faults = replace(
+            PictureFaults.of(found),
+            row_shift=faults.row_shift,
+            colour_shift=faults.colour_shift,
+            is_green=faults.is_green,
+        )
     if tone == "auto":
         return measured, PictureTone.estimated(estimate), faults, core
     return measured, PictureTone.known(tone, estimate), faults, core

@@ -46,9 +46,10 @@ pub enum Error {
 
     /// Points that the lens model says nothing about.
     #[error(
-        "{count} point(s), the first of index {first}, lie beyond the valid radius: the \
+        "{} beyond the valid radius: the \
          distortion is monotonic and invertible only up to a radius of {radius:.6}, {degrees:.2} \
          degrees from the axis{}",
+        points_lie(*.count, *.first),
         if *degrees > 90.0 { ", and a pinhole sees less than 90" } else { "" }
     )]
     BeyondValidRadius {
@@ -63,7 +64,7 @@ pub enum Error {
     },
 
     /// Points that no camera sees.
-    #[error("{count} point(s), the first of index {first}, lie behind the camera (z <= 0)")]
+    #[error("{} behind the camera (z <= 0)", points_lie(*.count, *.first))]
     BehindCamera {
         /// How many there are.
         count: usize,
@@ -116,8 +117,8 @@ pub enum Error {
          whose values are known",
         counted(*found, "plane"),
         match found {
-            0..3 => "show more squares in different directions (three tell them well)",
-            _ => "show more, or state their shape (one of unknown aspect tells half as much as a square)",
+            0..3 => "show more squares in different directions (three determine them well)",
+            _ => "show more, or state their shape (one of unknown aspect gives one equation, a square two)",
         }
     )]
     NotEnoughPlanes {
@@ -132,8 +133,8 @@ pub enum Error {
     /// Lines of the scene, and no plane: [`fit_distortion`](crate::fit_distortion) finds what they
     /// tell.
     #[error(
-        "{} of the scene and no plane: lines tell of the lens's distortion alone, the rest of the \
-         camera needs squares",
+        "{} of the scene and no plane: lines determine the distortion only, the rest of the camera \
+         needs squares",
         counted(*lines, "line")
     )]
     LinesAlone {
@@ -187,9 +188,9 @@ pub enum Error {
 
     /// One circle, on whose plane nothing else stands that would tell its direction.
     #[error(
-        "figure {figure} is one circle on a plane of its own: its image has five numbers, as many as \
-         its pose, which leaves none for the camera: measure a circle concentric with it as well, or \
-         give it the plane of a figure that stands before it in the list"
+        "figure {figure} is one circle on a plane of its own: its image has five parameters and so has \
+         its pose, which leaves no equation for the camera. Measure a circle concentric with it as \
+         well, or give it the plane of a figure that stands before it in the list"
     )]
     LoneCircle {
         /// Index of the figure.
@@ -243,7 +244,7 @@ pub enum Error {
     #[error(
         "the distortion that fits best with this lens model turns back {radius:.0} px from the \
          principal point, inside the picture (its farthest corner is {corner:.0} px away), as no \
-         lens does: the edges do not determine so many coefficients; choose a model with fewer, or \
+         lens does: the edges do not determine that many coefficients. Choose a model with fewer, or \
          show targets nearer the corners"
     )]
     TurnsBack {
@@ -255,8 +256,8 @@ pub enum Error {
 
     /// A lens of another family answers where the asked one does not.
     #[error(
-        "the lens is a fisheye: choose the lens model {model}, with which the edges fit to {rms:.2} px (fx \
-         is {focal:.1}); with the one asked for there is no answer"
+        "the lens is a fisheye: choose the lens model {model}, which fits the edges to {rms:.2} px (fx is \
+         {focal:.1}); with the one asked for there is no answer"
     )]
     LensOfAnotherFamily {
         /// The model that holds the lens.
@@ -285,6 +286,14 @@ pub enum Error {
 /// A number of things, in words that agree with it.
 pub(crate) fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Which points lie where they may not.
+fn points_lie(count: usize, first: usize) -> String {
+    match count {
+        1 => format!("the point of index {first} lies"),
+        _ => format!("{count} points, the first of index {first}, lie"),
+    }
 }
 
 /// What an iteration spent, and where it stood.

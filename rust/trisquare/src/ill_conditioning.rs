@@ -194,15 +194,15 @@ impl fmt::Display for Cause {
             }
             Self::Huddled { width, height } => write!(
                 f,
-                "the squares huddle in {:.0} % of the picture's width and {:.0} % of its height",
+                "the squares cover only {:.0} % of the picture's width and {:.0} % of its height",
                 100.0 * width,
                 100.0 * height
             ),
-            Self::Open { planes: 1, .. } => write!(f, "one plane leaves too much open"),
+            Self::Open { planes: 1, .. } => write!(f, "one plane determines too few parameters"),
             Self::Open { planes, degrees } => write!(
                 f,
-                "the {planes} planes (largest angle between two {degrees:.1} degrees) leave too \
-                 much open"
+                "the {planes} planes, of which no two differ by more than {degrees:.1} degrees, \
+                 determine too few parameters"
             ),
         }
     }

@@ -79,7 +79,7 @@ def decode_tags(
     while True:
         best = min(
             (
-                _Hits.of(book, readings[book.side, border], open_quads, border)
+                _Hits.of(book, readings[book.side, border], open_quads)
                 for book in books
                 for border in _borders(book)
             ),
@@ -189,7 +189,7 @@ class _Hits(NamedTuple):
     log_chance: float
 
     @classmethod
-    def of(cls, book: Dictionary, reading: _Reading, open_quads: Bits, border: int) -> _Hits:
+    def of(cls, book: Dictionary, reading: _Reading, open_quads: Bits) -> _Hits:
         quads = np.flatnonzero(reading.clear & open_quads)
         if not len(quads):
             return cls({}, 0.0)

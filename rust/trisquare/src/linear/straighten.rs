@@ -239,13 +239,11 @@ fn solve(problem: &Straight<'_>, start: Straightening) -> Result<Minimum<Straigh
         iterations: MAX_ITERATIONS,
         decrease: LAST_DECREASE,
     };
-    let failed = |iterations, rms| Error::NotConverged {
+    minimise(problem, start, limits).ok_or(Error::NotConverged {
         stage: "straightening",
-        iterations,
-        rms,
-    };
-    let found = minimise(problem, start, limits).ok_or_else(|| failed(0, 0.0))?;
-    Ok(found)
+        iterations: 0,
+        rms: 0.0,
+    })
 }
 
 /// The straightness of all curves as a least-squares problem in the coefficients (and the centre): to

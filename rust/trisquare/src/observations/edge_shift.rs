@@ -133,6 +133,9 @@ impl GridLineSamples {
 
     /// Adds to the deviations at crossings what a shift of the edges does there.
     fn doubt(&mut self, faded: &[bool], shift: f64) {
+        if self.samples.is_empty() {
+            return;
+        }
         let mut sorted: Vec<f64> = self.samples.iter().map(|it| it.std).collect();
         sorted.sort_by(f64::total_cmp);
         let doubt = 1f64.hypot(shift / sorted[sorted.len() / 2]);

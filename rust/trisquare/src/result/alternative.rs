@@ -57,7 +57,7 @@ pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, st
             let (setting, focal) = (cured_by(model, held), *focal);
             format!(" {}", Alternative { setting, focal })
         }
-        None => " No model here fits it either: is it a fisheye?".into(),
+        None => " No richer model of its family fits it either: try one of another family".into(),
     }
 }
 

@@ -64,8 +64,8 @@ pub enum Warning {
     Disagreement(Disagreement),
     /// One side does not fit the square that the others show.
     #[error(
-        "plane {plane}: side {side}{} is rejected: its samples miss the line that all others ask \
-         for by {distance:.2} px (is it bent, torn, or covered?)",
+        "plane {plane}: side {side}{} is rejected: its samples lie {distance:.2} px (rms) from the \
+         line that the other sides predict (is it bent, torn, or covered?)",
         of_figure(*.figure)
     )]
     SideRejected {
@@ -101,8 +101,8 @@ pub enum Warning {
     },
     /// One plane does not fit the camera that the others show.
     #[error(
-        "plane {plane} was rejected: it disagrees with all others, by {distance:.2} px: is it \
-         flat, and exactly square (or of the stated shape)?"
+        "plane {plane} was rejected: it disagrees with all others by {distance:.2} px. Is it flat, \
+         and exactly square (or of the stated shape)?"
     )]
     PlaneRejected {
         /// Index of the plane.
@@ -149,8 +149,8 @@ pub enum Warning {
     },
     /// Groups of planes give answers that differ more than their samples let expect.
     #[error(
-        "the pictures, or the planes of one, disagree {factor:.1} times more than their edges let \
-         expect, and all standard deviations were raised so many times: did focus or zoom change, \
+        "the pictures, or the planes of one, disagree {factor:.1} times more than the noise of their \
+         edges explains; all standard deviations were raised by that factor. Did focus or zoom change, \
          or did something move while a picture was taken?"
     )]
     PlanesVary {
@@ -177,8 +177,8 @@ pub enum Warning {
     },
     /// The lens does what its model cannot.
     #[error(
-        "the lens {} beyond its model{}: residuals depend on the place in the picture, alike on \
-         all planes{}.{}",
+        "the lens {} beyond its model{}: all planes have the same residuals at the same place in the \
+         picture{}.{}",
         if *.certain { "is" } else { "may be" },
         or_held(.held),
         raised(.parameter, *.factor),
@@ -247,9 +247,9 @@ pub enum Warning {
     },
     /// With a skew, which is held at zero, all planes agree better.
     #[error(
-        "with K[0, 1] = {} px, which is held at 0, the planes agree better, and fx is {focal:.1} px: \
-         was the picture sheared, as by a rolling shutter or a scanner (then free it), or is a target \
-         not exactly square?",
+        "with K[0, 1] = {} px, which is held at 0, all planes agree better and fx is {focal:.1} px: was \
+         the picture sheared, as by a rolling shutter or a scanner (then free it)? If not, check that \
+         every target is exactly square",
         with_its_std(*.skew, *.std)
     )]
     Sheared {
@@ -277,10 +277,10 @@ pub enum Warning {
     },
     /// The planes do not tell the principal point, which is held at the picture's centre.
     #[error(
-        "the standard deviation of fx, {} px, leaves out {added:.1} px: the principal point is held \
-         at the picture's centre, cameras have it some {scatter:.0} px from there (1.2 % of the \
-         width), and the planes cannot tell. Hold it at a known value, or show three planes tilted \
-         in different directions",
+        "the standard deviation of fx, {} px, takes the principal point to be at the picture's centre. \
+         Of real cameras it is some {scatter:.0} px away (1.2 % of the width), which adds {added:.1} px, \
+         and these planes cannot measure it. Hold it at a known value, or show three planes tilted in \
+         different directions",
         two_digits(*.std)
     )]
     PrincipalPointAssumed {
@@ -294,7 +294,7 @@ pub enum Warning {
     /// The planes are no more than the camera needs, so that nothing tells whether they are true.
     #[error(
         "nothing checks the targets{}: {} no more than this camera needs{}. If {}, fx is off by {} px, \
-         and its standard deviation, {} px, does not show it: show one more, tilted another way",
+         which its standard deviation, {} px, does not include. Show one more, tilted another way",
         after_rejections(*.rejected), planes_in_directions(*.planes, *.directions), beside_rough(*.rough),
         untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
@@ -322,8 +322,8 @@ pub enum Warning {
     },
     /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
     #[error(
-        "{parameter} is known to {std:.0} px only ({:.0} % of {of}): the planes err by more than \
-         noise, and tell too little of the camera for that; more planes help, or flatter ones",
+        "the standard deviation of {parameter} is {std:.0} px ({:.0} % of {of}): the planes err by more \
+         than noise, and are too few or too alike to average that out. Show more planes, or flatter ones",
         100.0 * .part
     )]
     BarelyDetermined {
@@ -355,8 +355,8 @@ pub enum Warning {
     },
     /// The distortion cannot be inverted in a part of the picture.
     #[error(
-        "the lens has no answer in {} of the picture: there, where no target was, its polynomial \
-         turns back. Targets nearer to the corners help, or a lens model with fewer coefficients",
+        "the distortion cannot be inverted in {} of the picture: no target was there, and its polynomial \
+         turns back. Show targets nearer to the corners, or choose a lens model with fewer coefficients",
         part_of_whole(*.missing)
     )]
     LensEndsInPicture {
@@ -365,9 +365,10 @@ pub enum Warning {
     },
     /// The lens is a guess in a part of the picture.
     #[error(
-        "the lens is known to {limit:.0} px in {} of the picture only: beyond, where no target was, \
-         it is a guess that may be {worst:.0} px off, or more where the lens is not as its model. \
-         Targets nearer to the corners help, or a lens model with fewer coefficients",
+        "projections are known to {limit:.0} px in only {} of the picture. Elsewhere no target was: there \
+         their standard deviation reaches {worst:.0} px, and they may be farther off where the lens \
+         departs from its model. Show targets nearer to the corners, or choose a lens model with fewer \
+         coefficients",
         part_of_whole(1.0 - .unknown)
     )]
     LensExtrapolated {
@@ -380,8 +381,8 @@ pub enum Warning {
     },
     /// Planes stand otherwise than they are said to.
     #[error(
-        "planes {} and {} are {} degrees from {stand} where nothing is asked of them: leave the \
-         relation out",
+        "planes {} and {} come out {} degrees from {stand} without this relation: leave it out, or \
+         correct the numbers of the planes",
         .planes[0], .planes[1], with_its_std(*.degrees, *.std)
     )]
     RelationContradicted {
@@ -568,8 +569,8 @@ mod tests {
         };
         assert_eq!(
             warning.to_string(),
-            "the plane contradicts the camera: sides lie 0.012 px off, 12.3 times more than their \
-             own straightness lets expect; it may not be flat, or not exactly square (or of the \
+            "the plane contradicts the camera: sides lie 0.012 px off, 12.3 times what their own \
+             straightness explains; it may not be flat, or not exactly square (or of the \
              stated shape), or what is held (principal point, aspect) is wrong"
         );
         let (planes, held) = (3, Vec::new());
@@ -581,7 +582,7 @@ mod tests {
         };
         let text = warning.to_string();
         assert!(
-            text.starts_with("the planes contradict each other: 12.3 times more than the sides'")
+            text.starts_with("the planes contradict each other: sides lie off by 12.3 times what")
         );
         assert!(
             text.ends_with("may not be flat, or not exactly square (or of the stated shape)"),

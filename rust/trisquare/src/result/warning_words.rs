@@ -60,11 +60,11 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
 pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
     match sigmas {
         Some(sigmas) => format!(
-            "they would move the lens by {sigmas:.1} standard deviations of what the planes say (are \
-             most of them curved, or is the lens beyond its model?)"
+            "they would change the distortion by {sigmas:.1} of its standard deviations (are most of \
+             them curved, or is the lens beyond its model?)"
         ),
-        None => "hardly any of them is straight under a lens that the planes allow, or nothing is \
-             free that they tell of"
+        None => "hardly any of them is straight under a lens that the planes allow, or no free \
+             parameter depends on them"
             .to_owned(),
     }
 }
@@ -81,18 +81,14 @@ pub(super) fn contradiction(
         _ => ("the planes contradict each other", "one of them"),
     };
     let suspected = or_held(held);
-    let more = format!("{factor:.1} times more than");
     // What was stored before does not say how far.
     let off = match displacement {
-        0.0 => format!("{more} the sides'"),
-        _ => format!(
-            "sides lie {} px off, {more} their",
-            two_digits(displacement)
-        ),
+        0.0 => "off by".into(),
+        _ => format!("{} px off,", two_digits(displacement)),
     };
     format!(
-        "{what}: {off} own straightness lets expect; {which} may not be flat, or not exactly \
-         square (or of the stated shape){suspected}"
+        "{what}: sides lie {off} {factor:.1} times what their own straightness explains; {which} \
+         may not be flat, or not exactly square (or of the stated shape){suspected}"
     )
 }
 

@@ -62,14 +62,14 @@ pub enum Doubt {
         focal: f64,
     },
     /// What agrees may do so by chance.
-    #[error("so few agree that it may be chance")]
+    #[error("so few planes agree that it may be chance")]
     Chance,
     /// Of many candidates too few agree: a camera makes squares of some of them by chance.
-    #[error("fewer than half of so many agree, as some of them may by chance")]
+    #[error("fewer than half of the candidates agree, and so many may agree by chance")]
     Minority,
     /// The camera is no ordinary one.
     #[error(
-        "they ask for an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
+        "they imply an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
          the image centre"
     )]
     OddCamera {
