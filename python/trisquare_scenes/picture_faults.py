@@ -134,6 +134,16 @@ def winged(share: float, spread: float) -> OnLight:
     return act
 
 
+def defocused(radius: float) -> OnLight:
+    """Spread all light evenly over a disc, as a lens out of focus does: pixels."""
+    reach, parts = int(np.ceil(radius)), 20
+    offsets = (np.arange((2 * reach + 1) * parts) + 0.5) / parts - reach - 0.5
+    inside = np.hypot(offsets, offsets[:, None]) < radius
+    disc = inside.reshape(2 * reach + 1, parts, -1, parts).mean(axis=(1, 3))
+    kernel = disc / disc.sum()
+    return lambda light: cv2.filter2D(light, -1, kernel).reshape(light.shape)
+
+
 def moved(length: float, direction: float) -> OnLight:
     """Move the camera along a line while the shutter is open: pixels, degrees."""
     return Motion(length, direction).blurred

@@ -17,6 +17,7 @@ from trisquare_scenes.picture_faults import (
     UNDAMAGED,
     PictureFault,
     bloomed,
+    defocused,
     exposed,
     made_smaller,
     moved,
@@ -85,6 +86,18 @@ def test_wings_of_a_blur_contradict_no_stated_tone(seed):
     result = ts.calibrate(picture, tone="srgb")
     assert {warning.code for warning in result.warnings} <= {"pixels_not_used"}
     assert_within(result, SCENE, 4)
+
+
+@pytest.mark.parametrize("seed", first_quick([150, 151, 152, 153]))
+def test_a_blur_that_is_not_normal_is_no_tone_curve(seed):
+    """A disc makes the shoulders of an edge narrower, which a curve does to one of them."""
+    scene = squares(seed)
+    picture = photo(PictureFault(on_light=[defocused(1.6)]), seed, scene)
+    result = ts.calibrate(picture)
+    assert (result.stage, result.warnings) == ("pixels", ())
+    assert result.tone == pytest.approx(2.2, abs=4 * result.tone_std + 0.03)
+    assert_within(result, scene, 4)
+    assert not ts.calibrate(picture, tone="srgb").warnings
 
 
 @pytest.mark.parametrize("seed", first_quick([145, 143, 148, 149]))

@@ -272,7 +272,9 @@ class Comparison(RebuiltByConstructor):
             return f"cannot tell: {apart}; {usual}, and more than {most}, hides any difference"
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
-            size = f"{size}, but the pattern of the differences is better known than any single place"
+            size = (
+                f"{size}, but the pattern of the differences is better known than any single place"
+            )
         said = f"they differ by more than they state: {apart}; {size}, {p}"
         if self.unexplained <= expected:
             return said

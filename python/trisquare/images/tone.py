@@ -9,7 +9,7 @@ from typing import TypeAlias
 import trisquare._core as _core
 from trisquare._support.number_text import plus_minus, with_its_std
 
-CONTRADICTED = 5.0
+CONTRADICTED = 4.0
 """Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
 
 NOTABLE_GROWTH = 1.2

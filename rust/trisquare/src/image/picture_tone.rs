@@ -56,8 +56,18 @@ impl PictureTone {
     }
 }
 
-/// Parameters that the pixels of a picture share: those of its tone curve, and the shift.
-pub(crate) const PICTURE_PARAMETERS: usize = TONE_PARAMETERS + 1;
+/// Parameters that the pixels of a picture share: those of its tone curve, the shift, and the
+/// kurtosis of its lens's blur.
+pub(crate) const PICTURE_PARAMETERS: usize = TONE_PARAMETERS + 2;
+pub(crate) const SHIFT: usize = TONE_PARAMETERS;
+pub(crate) const KURTOSIS: usize = TONE_PARAMETERS + 1;
+
+/// How far the kurtosis of a lens's blur, over 24, may be from none: a lens out of focus spreads light
+/// over a disc (-0.04 of its share's square), one with wings over more.
+pub(crate) const KURTOSIS_STD: f64 = 0.004;
+pub(crate) const USUAL_KURTOSIS: f64 = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
+/// Of a parameter that does not move.
+pub(crate) const HELD: f64 = 1e15;
 
 /// What a fit believes of the coding of a picture.
 #[derive(Clone)]
@@ -66,6 +76,28 @@ pub(crate) struct PictureState {
     pub curve: ToneCurve,
     /// How far all edges appear moved towards the dark, px.
     pub shift: f64,
+    /// What the lens adds to the kurtosis of the pixel's box, over 24.
+    pub kurtosis: f64,
+}
+
+/// What the kurtosis of a lens's blur is to a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum KurtosisRole {
+    /// A parameter.
+    Estimated,
+    /// None: the profiles do not quite fit any curve, as after JPEG, which may be all that one is seen
+    /// of. What a kurtosis would change is uncertain.
+    Doubted,
+}
+
+impl KurtosisRole {
+    /// What is known of it beforehand.
+    fn information(self) -> f64 {
+        match self {
+            Self::Estimated => USUAL_KURTOSIS,
+            Self::Doubted => HELD,
+        }
+    }
 }
 
 /// Information on a picture's parameters from elsewhere than its pixels, and that times the way to
@@ -81,6 +113,7 @@ impl PictureState {
             given,
             curve: given.tone().curve(),
             shift: 0.0,
+            kurtosis: 0.0,
         }
     }
 
@@ -91,6 +124,19 @@ impl PictureState {
 
     pub fn has_free_shift(&self) -> bool {
         self.given.shift_std().is_some()
+    }
+
+    /// What is to be assumed of the kurtosis: nothing where the tone curve is not estimated, which alone
+    /// takes the shape of a blur for its own, or nearly linear: there no symmetric blur moves an edge.
+    pub fn kurtosis_role(&self) -> Option<KurtosisRole> {
+        if self.given.tone().power().is_like_linear() {
+            return None;
+        }
+        match self.given {
+            PictureTone::Estimated(_) => Some(KurtosisRole::Estimated),
+            PictureTone::Approximated(..) => Some(KurtosisRole::Doubted),
+            PictureTone::Known(_) | PictureTone::Shifted(..) => None,
+        }
     }
 
     /// By how much the edges may lie off beside an estimated curve (standard deviation, px), where
@@ -125,8 +171,13 @@ impl PictureState {
         }
         if let Some(std) = self.given.shift_std() {
             let information = 1.0 / (std * std);
-            prior.information[TONE_PARAMETERS] = information;
-            prior.gradient[TONE_PARAMETERS] = -information * self.shift;
+            prior.information[SHIFT] = information;
+            prior.gradient[SHIFT] = -information * self.shift;
+        }
+        if let Some(role) = self.kurtosis_role() {
+            let information = role.information();
+            prior.information[KURTOSIS] = information;
+            prior.gradient[KURTOSIS] = -information * self.kurtosis;
         }
         prior
     }
@@ -137,7 +188,10 @@ impl PictureState {
             next.curve = Tone::Power(power.moved(&[step[0], step[1]])).curve();
         }
         if self.has_free_shift() {
-            next.shift += step[TONE_PARAMETERS];
+            next.shift += step[SHIFT];
+        }
+        if self.kurtosis_role().is_some() {
+            next.kurtosis += step[KURTOSIS];
         }
         next
     }

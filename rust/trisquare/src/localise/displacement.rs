@@ -1,10 +1,12 @@
 //! Samples, moved to where a better tone curve sees them.
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
-use super::tone_fit::{ToneEstimate, ToneShare, Trust, pool};
+use super::tone_fit::{
+    KURTOSIS, Pooled, Shared, SharedMatrix, ToneEstimate, ToneShare, Trust, pool,
+};
 use crate::image::PowerCurve;
 
 /// Moves the samples to where the estimate from all pixels sees them, and tells how far one
@@ -14,32 +16,34 @@ pub(super) fn corrected(
     measured: Vec<Result<Measured, NoEdge>>,
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
     let found = || measured.iter().flatten();
-    let (step, estimate) = pool(
-        first,
-        found().filter_map(|m| m.share.as_ref()),
-        Trust::ByMisfit,
-    );
-    let common = common_shift(found());
-    // One standard deviation in each of two independent directions.
-    let deviations = estimate
-        .covariance
+    let shares = found().filter_map(|m| m.share.as_ref());
+    let Pooled {
+        mut step,
+        covariance,
+        estimate,
+    } = pool(first, shares, Trust::ByMisfit);
+    let common = common_shift(found(), step[KURTOSIS]);
+    // That has the kurtosis.
+    step[KURTOSIS] = 0.0;
+    // One standard deviation in each of some independent directions.
+    let deviations = covariance
         .cholesky()
-        .map_or_else(Matrix2::zeros, |f| f.l());
-    let mut gram = Matrix2::zeros();
+        .map_or_else(SharedMatrix::zeros, |f| f.l());
+    let mut gram = SharedMatrix::zeros();
     for measured in found() {
         for (tone_drift, std) in measured.drifts().iter().zip(&measured.edges.std) {
-            let deviation = deviations.tr_mul(&tone_drift.by_tone) / *std;
+            let deviation = deviations.tr_mul(&tone_drift.by_shared) / *std;
             gram += deviation * deviation.transpose();
         }
     }
-    // Both move the samples much alike: the direction that moves them most stands for both.
-    let direction = deviations * first_axis(&gram);
+    // All move the samples much alike: the direction that moves them most stands for all.
+    let direction = deviations * first_axis(gram);
     let spans = measured.into_iter();
     let displaced = spans
         .map(|measured| {
             let drift = |drift: &Drift| {
-                let by_curve = drift.by_tone.dot(&direction);
-                by_curve.hypot(estimate.hidden_shift)
+                let by_shared = drift.by_shared.dot(&direction);
+                by_shared.hypot(estimate.hidden_shift)
             };
             Ok(measured?.displaced(&step, common, drift))
         })
@@ -55,27 +59,28 @@ pub(super) fn shifted(
 ) -> Vec<Result<SpanEdges, NoEdge>> {
     let spans = measured.into_iter();
     spans
-        .map(|measured| Ok(measured?.displaced(&Vector2::zeros(), 0.0, |_| shift_std)))
+        .map(|measured| Ok(measured?.displaced(&Shared::zeros(), 0.0, |_| shift_std)))
         .collect()
 }
 
-/// The unit eigenvector of the larger eigenvalue.
-fn first_axis(matrix: &Matrix2<f64>) -> Vector2<f64> {
-    let angle = 0.5 * (2.0 * matrix[(0, 1)]).atan2(matrix[(0, 0)] - matrix[(1, 1)]);
-    Vector2::new(angle.cos(), angle.sin())
+/// The unit eigenvector of the largest eigenvalue.
+fn first_axis(matrix: SharedMatrix) -> Shared {
+    let eigen = matrix.symmetric_eigen();
+    eigen.eigenvectors.column(eigen.eigenvalues.imax()).into()
 }
 
-/// How far towards the dark the sides' pixels ask their edges to move where the kurtosis of their
-/// blur is free and the tone curve is not, in the mean over the sides.
+/// How far towards the dark the kurtosis of the pixels' box and of the lens moves the edges, the tone
+/// curve held, in the mean over the sides.
 ///
 /// The lens and the pixels' box are the same for all; what a side asks for beyond the mean is its
 /// noise, and would be an error that all of its samples share.
-fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>) -> f64 {
+fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>, of_lens: f64) -> f64 {
+    let held_curve = Shared::new(0.0, 0.0, of_lens);
     let (mut sum, mut count) = (0.0, 0.0);
     for measured in found {
         // Where light and dark are exchanged again and again, no line moves as a whole.
         if let Some(share) = measured.share.as_ref().filter(|_| !measured.is_crossed) {
-            sum += share.own_step(&Vector2::zeros())[0] * measured.to_dark();
+            sum += share.own_step(&held_curve)[0] * measured.to_dark();
             count += 1.0;
         }
     }
@@ -85,8 +90,8 @@ fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>) -> f64 {
 /// How a sample is displaced along the unit normal of its side.
 struct Drift {
     normal: Vector2<f64>,
-    /// By the tone curve's parameters.
-    by_tone: Vector2<f64>,
+    /// By what the sides share.
+    by_shared: Shared,
 }
 
 impl Measured {
@@ -102,7 +107,7 @@ impl Measured {
 
     /// Of a side that does not tell the tone, only the normals.
     fn drifts(&self) -> Vec<Drift> {
-        let by_tone = self
+        let by_shared = self
             .share
             .as_ref()
             .map(ToneShare::drift)
@@ -111,24 +116,24 @@ impl Measured {
             let (by_coefficients, normal) = self.side.curve.distances_at(*point);
             Drift {
                 normal,
-                by_tone: by_tone.tr_mul(&by_coefficients),
+                by_shared: by_shared.tr_mul(&by_coefficients),
             }
         };
         self.edges.points.iter().map(tone_drift).collect()
     }
 
-    /// The samples, moved by a step of the tone curve and a common shift towards the dark, and how
+    /// The samples, moved by a step of what the sides share and a common shift towards the dark, and how
     /// far what is left unknown displaces each.
     fn displaced(
         mut self,
-        step: &Vector2<f64>,
+        step: &Shared,
         common: f64,
         unknown: impl Fn(&Drift) -> f64,
     ) -> SpanEdges {
         let to_dark = self.to_dark();
         let drifts = self.drifts();
         for (point, tone_drift) in self.edges.points.iter_mut().zip(&drifts) {
-            *point += tone_drift.normal * (tone_drift.by_tone.dot(step) + common * to_dark);
+            *point += tone_drift.normal * (tone_drift.by_shared.dot(step) + common * to_dark);
         }
         let displacements = drifts.iter().map(|d| d.normal * unknown(d) * to_dark);
         self.edges.tone_drift = displacements.collect();

@@ -51,8 +51,8 @@ const MIN_SAMPLES: usize = 2;
 pub(super) struct Localiser<'a> {
     reader: GreyReader<'a>,
     tone: Tone,
-    /// Whether the sides are asked for the tone curve.
-    tells_tone: bool,
+    /// The kurtosis of the lens's blur, over 24, where the sides are asked for the tone curve.
+    lens_kurtosis: Option<f64>,
     /// No noise is taken to be below this.
     noise_floor: f64,
     pixels: Vec<Pixel>,
@@ -67,7 +67,7 @@ impl<'a> Localiser<'a> {
         Self {
             reader: picture.reader(tone),
             tone,
-            tells_tone: false,
+            lens_kurtosis: None,
             noise_floor: picture.rounding_noise(),
             pixels: Vec::new(),
             wide: Vec::new(),
@@ -76,10 +76,10 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    /// The same, but its sides are asked for the tone curve.
-    pub fn telling_tone(self) -> Self {
+    /// The same, but its sides are asked for the tone curve, the lens's blur having this kurtosis.
+    pub fn telling_tone(self, lens_kurtosis: f64) -> Self {
         Self {
-            tells_tone: true,
+            lens_kurtosis: Some(lens_kurtosis),
             ..self
         }
     }
@@ -317,13 +317,13 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Unmeasurable);
         }
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
-        let share = match self.tells_tone {
-            true => {
+        let share = match self.lens_kurtosis {
+            Some(kurtosis) => {
                 let stride = tone_fit::stride(self.pixels.len(), spans.len());
                 let asked = thinning::some_of(self.pixels.iter().zip(&self.predictions), stride);
-                ToneShare::of(&side, self.reader.curve(), asked, noise)
+                ToneShare::of(&side, (self.reader.curve(), kurtosis), asked, noise)
             }
-            false => None,
+            None => None,
         };
         let edges = SpanEdges {
             points: samples.points,

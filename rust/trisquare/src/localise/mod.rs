@@ -216,7 +216,8 @@ fn with_curve(
     previews: &[Result<Preview, NoEdge>],
     first: &ToneEstimate,
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
-    let mut localiser = Localiser::new(picture, Tone::Power(first.curve)).telling_tone();
+    let mut localiser =
+        Localiser::new(picture, Tone::Power(first.curve)).telling_tone(first.kurtosis);
     let measured = localiser.measure_all(&sought.spans, previews);
     let (edges, mut estimate) = displacement::corrected(first.curve, measured);
     // A misfit that some pixels do not show is chance, or a single side's.

@@ -2,9 +2,10 @@
 //!
 //! A blurred step in light is symmetric about its edge; what asymmetry the coded step has is the
 //! tone curve's. Every side has its own curve, base, contrast and blur, which are eliminated; the
-//! information that all sides have left on the tone curve's parameters adds up.
+//! information that all sides have left on what they share, the tone curve's parameters and the
+//! kurtosis of the lens's blur, adds up.
 
-use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, Vector2};
+use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector};
 
 use super::band::Pixel;
 use super::curve::COEFFICIENTS;
@@ -17,7 +18,8 @@ use super::side::{PLACES, Side, polynomial, polynomial_through};
 use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
-    PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, box_kurtosis,
+    PictureTone, PowerCurve, TONE_PARAMETERS, Tone, ToneCurve, TonePrior, USUAL_KURTOSIS,
+    box_kurtosis,
 };
 use crate::numeric::median;
 
@@ -32,23 +34,25 @@ const LAST_STEP: f64 = 0.3;
 /// A round's step of the logarithm of gamma is cut to this.
 const MAX_STEP: f64 = 0.4;
 
-/// A side's own parameters, the kurtosis of its blur, and its spread, which looks like a tone curve's
-/// shift.
+/// A side's own parameters, and its spread, which looks like a tone curve's shift.
+const OWN: usize = PARAMETERS + 1;
+const SPREAD: usize = PARAMETERS;
+/// Any spread is as likely; where there is none, this keeps the equations regular.
+const SPREAD_STD: f64 = 1.0;
+/// What the sides of a picture share: the tone curve's parameters, and what the lens adds to the
+/// kurtosis of the pixel's box.
 ///
 /// A pixel's box, a lens out of focus and sharpening all make a blur that is not quite normal, but
 /// symmetric. Where the tone is curved a symmetric misfit looks like another curve: without the
-/// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2. Wholly unknown it would leave
-/// gamma to within 0.2 only.
-const OWN: usize = PARAMETERS + 2;
-const KURTOSIS: usize = PARAMETERS;
-const SPREAD: usize = PARAMETERS + 1;
-/// How far the kurtosis, over 24, may be from that of the pixel's box: about half as far as the
-/// box's own at a blur of half a pixel.
-const KURTOSIS_STD: f64 = 0.01;
-/// Any spread is as likely; where there is none, this keeps the equations regular.
-const SPREAD_STD: f64 = 1.0;
+/// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2, and by as much without that of a
+/// lens that spreads light over a disc of 0.8 pixels.
+const SHARED: usize = TONE_PARAMETERS + 1;
+pub(super) const KURTOSIS: usize = TONE_PARAMETERS;
+/// Values of what is shared, or a step of them: of the kurtosis, whose effect is linear, the value.
+pub(super) type Shared = SVector<f64, SHARED>;
+pub(super) type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 /// All parameters.
-const TOTAL: usize = OWN + TONE_PARAMETERS;
+const TOTAL: usize = OWN + SHARED;
 
 /// A mean profile that departs by this part of the contrast leaves the tone curve half the
 /// information that its noise alone would: with more, it is JPEG or sharpening that is measured.
@@ -74,7 +78,7 @@ const BLIND_SHIFT_STD: f64 = 0.1;
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
 /// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
-const GAMMA_DEVIATIONS: f64 = 2.0;
+const GAMMA_DEVIATIONS: f64 = 1.0;
 /// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens.
 const LEAST_BLUR: f64 = 0.4;
 /// But of one that was made smaller since, the box is smaller as well.
@@ -99,9 +103,9 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
 /// Bins are counted from this one, before any pixel; the side's middle parts two.
 const FIRST_BIN: f64 = -1e6;
 
-/// Columns of a pixel's row: derivatives by height, base, contrast, blur, kurtosis and spread, by the
-/// tone's parameters, and the residual.
-const COLUMNS: usize = 6 + TONE_PARAMETERS + 1;
+/// Columns of a pixel's row: derivatives by height, base, contrast, blur and spread, by what is
+/// shared, and the residual.
+const COLUMNS: usize = 5 + SHARED + 1;
 
 /// What is known of the tone curve of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,6 +127,8 @@ pub struct ToneEstimate {
     pub misfit_shift: f64,
     /// The same where the profiles are those of no curve.
     pub shift_std: Option<f64>,
+    /// What the lens adds to the kurtosis of the pixel's box, over 24.
+    pub(super) kurtosis: f64,
 }
 
 impl ToneEstimate {
@@ -163,13 +169,13 @@ impl ToneEstimate {
     }
 }
 
-/// One side's normal equations with the tone's parameters, the side's own eliminated.
+/// One side's normal equations with what all sides share, the side's own parameters eliminated.
 pub(super) struct ToneShare {
     factor: Cholesky<f64, Const<OWN>>,
-    cross: SMatrix<f64, OWN, TONE_PARAMETERS>,
+    cross: SMatrix<f64, OWN, SHARED>,
     right: SVector<f64, OWN>,
-    information: Matrix2<f64>,
-    gradient: Vector2<f64>,
+    information: SharedMatrix,
+    gradient: Shared,
     profile: Profile,
     blur: f64,
     /// Whether the profile's asymmetry is the tone curve's alone.
@@ -177,11 +183,11 @@ pub(super) struct ToneShare {
 }
 
 impl ToneShare {
-    /// From pixels and what the side predicts of them; `None` if they leave one of the side's
-    /// parameters open.
+    /// From pixels and what the side predicts of them by a tone curve, with the kurtosis of the lens's
+    /// blur that is known so far; `None` if they leave one of the side's parameters open.
     pub fn of<'a>(
         side: &Side,
-        tone: &ToneCurve,
+        (tone, of_lens): (&ToneCurve, f64),
         pixels: impl Iterator<Item = (&'a Pixel, &'a Prediction)>,
         noise: f64,
     ) -> Option<Self> {
@@ -189,27 +195,25 @@ impl ToneShare {
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = Profile::default();
         let blur = side.mean_blur();
-        let kurtosis = box_kurtosis(&side.curve.along, blur);
+        let of_box = box_kurtosis(&side.curve.along, blur);
         let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
         let rows = told.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * blur * p.blurs * (p.blurs * p.blurs - 3.0);
+            let residual = p.residual - of_box * by_kurtosis;
             let lighter = side.contrast[0] * pixel.flip.slope;
-            profile.add(
-                p.blurs * lighter.signum(),
-                p.residual - kurtosis * by_kurtosis,
-            );
+            profile.add(p.blurs * lighter.signum(), residual - of_lens * by_kurtosis);
             let row = [
                 p.by_height,
                 p.by_base,
                 p.by_contrast,
                 p.by_blur,
-                by_kurtosis,
                 side.by_spread(pixel, p),
                 by_gamma,
                 by_toe,
-                p.residual,
+                by_kurtosis,
+                residual,
             ];
             let inverse_variance = inverse_variance * pixel.count;
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
@@ -227,15 +231,12 @@ impl ToneShare {
     fn reduced(side: &Side, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
         let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
         let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
-        let cross = all.fixed_view::<OWN, TONE_PARAMETERS>(0, OWN).into_owned();
-        let mut right = direct.fixed_rows::<OWN>(0).into_owned();
-        let prior = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
-        own[(KURTOSIS, KURTOSIS)] += prior;
-        right[KURTOSIS] += prior * box_kurtosis(&side.curve.along, side.mean_blur());
+        let cross = all.fixed_view::<OWN, SHARED>(0, OWN).into_owned();
+        let right = direct.fixed_rows::<OWN>(0).into_owned();
         own[(SPREAD, SPREAD)] += 1.0 / (SPREAD_STD * SPREAD_STD);
         let factor = own.cholesky()?;
-        let square = all.fixed_view::<TONE_PARAMETERS, TONE_PARAMETERS>(OWN, OWN);
-        let direct = direct.fixed_rows::<TONE_PARAMETERS>(OWN);
+        let square = all.fixed_view::<SHARED, SHARED>(OWN, OWN);
+        let direct = direct.fixed_rows::<SHARED>(OWN);
         Some(Self {
             information: square - cross.tr_mul(&factor.solve(&cross)),
             gradient: direct - cross.tr_mul(&factor.solve(&right)),
@@ -248,14 +249,13 @@ impl ToneShare {
         })
     }
 
-    /// The step of the side's own parameters that goes with one of the tone's.
-    pub fn own_step(&self, step: &Vector2<f64>) -> SVector<f64, OWN> {
+    /// The step of the side's own parameters that goes with one of what is shared.
+    pub fn own_step(&self, step: &Shared) -> SVector<f64, OWN> {
         self.factor.solve(&(self.right - self.cross * step))
     }
 
-    /// By what the side's height above its chord changes with the tone's parameters, by the powers
-    /// of `s`.
-    pub fn drift(&self) -> SMatrix<f64, COEFFICIENTS, TONE_PARAMETERS> {
+    /// By what the side's height above its chord changes with what is shared, by the powers of `s`.
+    pub fn drift(&self) -> SMatrix<f64, COEFFICIENTS, SHARED> {
         let all = -self.factor.solve(&self.cross);
         all.fixed_rows::<COEFFICIENTS>(0).into_owned()
     }
@@ -274,19 +274,28 @@ pub(super) enum Trust {
     ByMisfit,
 }
 
-/// Pools what the sides tell, with what is usual; the step from `curve` and the estimate there.
+/// What all sides tell together: a step of what they share, its covariance, and the estimate there.
+pub(super) struct Pooled {
+    pub step: Shared,
+    pub covariance: SharedMatrix,
+    pub estimate: ToneEstimate,
+}
+
+/// Pools what the sides tell, with what is usual, from `curve` on.
 pub(super) fn pool<'a>(
     curve: PowerCurve,
     shares: impl Iterator<Item = &'a ToneShare>,
     trust: Trust,
-) -> (Vector2<f64>, ToneEstimate) {
+) -> Pooled {
     let prior = TonePrior::at(&curve);
-    let mut information = Matrix2::from_diagonal(&Vector2::from(prior.information));
-    let mut gradient = Vector2::from(prior.gradient);
+    let [of_gamma, of_toe] = prior.information;
+    let mut information =
+        SharedMatrix::from_diagonal(&Shared::new(of_gamma, of_toe, USUAL_KURTOSIS));
+    let mut gradient = Shared::new(prior.gradient[0], prior.gradient[1], 0.0);
     let mut sides = 0_u32;
     let mut profile = Profile::default();
     let mut blurs = 0.0;
-    let mut told = (Matrix2::zeros(), Vector2::zeros());
+    let mut told = (SharedMatrix::zeros(), Shared::zeros());
     for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
         told.0 += share.information;
         told.1 += share.gradient;
@@ -309,24 +318,32 @@ pub(super) fn pool<'a>(
         _ => (SHIFT_PER_MISFIT * misfit).min(MOST_SHIFT) * mean_blur,
     };
     // The prior alone makes it positive definite, but for overflow.
-    let covariance = information.try_inverse().unwrap_or_else(Matrix2::zeros);
+    let covariance = information
+        .try_inverse()
+        .unwrap_or_else(SharedMatrix::zeros);
     let step = covariance * gradient;
-    let curve = curve.moved(&step.into());
+    let curve = curve.moved(&[step[0], step[1]]);
+    let of_curve = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let hidden_shift = match sides {
         0 => 0.0,
-        _ => hidden_shift(mean_blur, &curve, curve.effective_gamma_std(&covariance)),
+        _ => hidden_shift(mean_blur, &curve, curve.effective_gamma_std(&of_curve)),
     };
     let misfit_shift = misfit_shift.hypot(hidden_shift);
     let estimate = ToneEstimate {
         curve,
-        covariance,
+        covariance: of_curve,
         sides: sides as usize,
         misfit,
         hidden_shift,
         misfit_shift,
         shift_std: (!fits).then_some(misfit_shift),
+        kurtosis: step[KURTOSIS],
     };
-    (step, estimate)
+    Pooled {
+        step,
+        covariance,
+        estimate,
+    }
 }
 
 /// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
@@ -363,6 +380,7 @@ pub(super) fn estimate_tone(
         preview.thin(stride(preview.pixels.len(), sides));
     }
     let mut power = start;
+    let mut kurtosis = 0.0;
     let mut trust = Trust::Full;
     let mut rounds = 0;
     loop {
@@ -379,13 +397,14 @@ pub(super) fn estimate_tone(
             if rounds > 1 {
                 side.predict_all(&tone, pixels, predictions);
             }
-            ToneShare::of(side, &tone, pixels.iter().zip(&*predictions), *noise)
+            let pixels = pixels.iter().zip(&*predictions);
+            ToneShare::of(side, (&tone, kurtosis), pixels, *noise)
         };
         let shares: Vec<Option<ToneShare>> = previews.iter_mut().map(share).collect();
-        let (step, estimate) = pool(power, shares.iter().flatten(), trust);
+        let Pooled { step, estimate, .. } = pool(power, shares.iter().flatten(), trust);
         let cut = (MAX_STEP / step[0].abs()).min(1.0);
         let step = step * cut;
-        let next = power.moved(&step.into());
+        let next = power.moved(&[step[0], step[1]]);
         for (preview, share) in previews.iter_mut().zip(&shares) {
             if let (Ok(preview), Some(share)) = (preview, share) {
                 preview
@@ -393,7 +412,7 @@ pub(super) fn estimate_tone(
                     .follow(share, &step, [Tone::Power(power), Tone::Power(next)]);
             }
         }
-        power = next;
+        (power, kurtosis) = (next, step[KURTOSIS]);
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
         let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
         if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
@@ -429,7 +448,7 @@ impl Side {
     ///
     /// What the curve's change does to base and contrast is far from linear where there is little
     /// light, but their coded values hardly change: these are kept instead.
-    fn follow(&mut self, share: &ToneShare, step: &Vector2<f64>, [old, new]: [Tone; 2]) {
+    fn follow(&mut self, share: &ToneShare, step: &Shared, [old, new]: [Tone; 2]) {
         let at_old = share.factor.solve(&share.right);
         let mut own = share.own_step(step);
         own.fixed_rows_mut::<{ BLUR - BASE }>(BASE)
@@ -452,6 +471,7 @@ mod tests {
     use super::super::blur::BlurShape;
     use super::super::curve::Curve;
     use super::*;
+    use nalgebra::Vector2;
 
     #[test]
     fn no_misfit_shifts_edges_by_more_than_their_blur() {
@@ -462,15 +482,15 @@ mod tests {
                 factor: SMatrix::<f64, OWN, OWN>::identity().cholesky().unwrap(),
                 cross: SMatrix::zeros(),
                 right: SVector::zeros(),
-                information: Matrix2::identity(),
-                gradient: Vector2::zeros(),
+                information: SharedMatrix::identity(),
+                gradient: Shared::zeros(),
                 profile,
                 blur,
                 is_sound: true,
             }
         };
         let shares = [share(1.0, 1.5), share(0.9, f64::NAN)];
-        let (_, found) = pool(Tone::Srgb.power(), shares.iter(), Trust::ByMisfit);
+        let found = pool(Tone::Srgb.power(), shares.iter(), Trust::ByMisfit).estimate;
         assert_eq!(found.sides, 1);
         assert!(found.misfit > 0.5 && found.misfit_shift < 2.0);
         assert_eq!(found.shift_std, Some(found.misfit_shift));

@@ -17,6 +17,17 @@ pub(crate) struct Coverage {
     /// Derivative by the logarithm of the blur at constant distances in blurs: the blur's kurtosis
     /// changes with it.
     pub by_log_blur: f64,
+    /// Derivative by the kurtosis of the blur across the side that cuts it alone.
+    pub by_kurtosis: f64,
+}
+
+/// The kurtosis of the blur across the sides.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Kurtosis {
+    /// Of the pixel's own box, across each side.
+    pub of_box: [f64; 4],
+    /// What a lens adds to that, across all of them.
+    pub of_lens: f64,
 }
 
 /// Two blurred sides that meet at a corner: correlated like their inward normals.
@@ -68,7 +79,7 @@ pub(crate) fn plateau(inside: bool) -> Coverage {
 pub(crate) fn coverage(
     near: u8,
     z: &[f64; 4],
-    kurtosis: &[f64; 4],
+    kurtosis: &Kurtosis,
     corners: &[Corner; 4],
 ) -> Coverage {
     let mut cutting = [0; 4];
@@ -86,16 +97,18 @@ pub(crate) fn coverage(
     match count {
         0 => plateau(true),
         1 => {
-            let (z, kurtosis) = (z[cutting[0]], kurtosis[cutting[0]]);
+            let (z, of_box) = (z[cutting[0]], kurtosis.of_box[cutting[0]]);
             let (value, density) = cdf_and_pdf(z);
             let square = z * z;
-            let excess = kurtosis * z * (square - 3.0) * density;
+            let by_kurtosis = z * (3.0 - square) * density;
+            let kurtosis = of_box + kurtosis.of_lens;
             let slope = 1.0 + kurtosis * (square * (square - 6.0) + 3.0);
             Coverage {
-                value: value - excess,
+                value: value + kurtosis * by_kurtosis,
                 cuts: [(cutting[0], density * slope), (0, 0.0)],
                 cut_count: 1,
-                by_log_blur: 4.0 * excess,
+                by_log_blur: -4.0 * of_box * by_kurtosis,
+                by_kurtosis,
             }
         }
         // With three sides at one pixel the square is as small as its blur: the first two stand
@@ -120,7 +133,7 @@ fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Cover
         value,
         cuts: [(a, by_a), (b, by_b)],
         cut_count: 2,
-        by_log_blur: 0.0,
+        ..Coverage::default()
     }
 }
 
@@ -134,6 +147,13 @@ mod tests {
         std::array::from_fn(|_| Corner::new(correlation))
     }
 
+    fn of_box(of_box: [f64; 4]) -> Kurtosis {
+        Kurtosis {
+            of_box,
+            of_lens: 0.0,
+        }
+    }
+
     #[test]
     fn derivatives_agree_with_central_differences() {
         for (near, rho) in [
@@ -144,7 +164,10 @@ mod tests {
             (0b0101, 0.3),
         ] {
             let z = [0.3, -0.6, 0.9, 0.2];
-            let kurtosis = [-0.003, 0.002, -0.001, 0.004];
+            let kurtosis = Kurtosis {
+                of_box: [-0.003, 0.002, -0.001, 0.004],
+                of_lens: -0.002,
+            };
             let corners = corners(rho);
             let value = |z: &[f64; 4]| coverage(near, z, &kurtosis, &corners).value;
             let found = coverage(near, &z, &kurtosis, &corners);
@@ -176,7 +199,7 @@ mod tests {
                 / f64::from(parts);
             let mut z = [0.0; 4];
             z[0] = distance / blur;
-            let modelled = coverage(1, &z, &[kurtosis; 4], &corners(0.0)).value;
+            let modelled = coverage(1, &z, &of_box([kurtosis; 4]), &corners(0.0)).value;
             worst = worst.max((modelled - exact).abs());
             worst_normal = worst_normal.max((cdf(z[0]) - exact).abs());
         }
@@ -186,9 +209,19 @@ mod tests {
 
     #[test]
     fn plateaus_are_flat() {
-        let inside = coverage(0b0011, &[4.0, 6.0, 0.0, 0.0], &[0.0; 4], &corners(0.0));
+        let inside = coverage(
+            0b0011,
+            &[4.0, 6.0, 0.0, 0.0],
+            &of_box([0.0; 4]),
+            &corners(0.0),
+        );
         assert_eq!((inside.value, inside.cut_count), (1.0, 0));
-        let outside = coverage(0b0011, &[-5.0, 0.0, 0.0, 0.0], &[0.0; 4], &corners(0.0));
+        let outside = coverage(
+            0b0011,
+            &[-5.0, 0.0, 0.0, 0.0],
+            &of_box([0.0; 4]),
+            &corners(0.0),
+        );
         assert_eq!((outside.value, outside.cut_count), (0.0, 0));
     }
 }

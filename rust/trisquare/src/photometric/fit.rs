@@ -10,7 +10,7 @@ use super::exposure::{EXPOSURE_PARAMETERS, Exposure};
 use super::figure_chart::FigureChart;
 use super::figure_sums::FigureSums;
 use super::scene::Scene;
-use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, ToneFit};
+use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, SHIFT, ToneFit};
 use crate::lens::Lens;
 use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, Spread, each};
 use crate::observations::{FreeParameters, View};
@@ -234,12 +234,13 @@ impl PixelFit<'_> {
         let fits = state.pictures.iter().enumerate().map(|(image, picture)| {
             let first = self.picture_offset(image);
             let block = covariance.fixed_view::<2, 2>(first, first).into_owned();
-            let last = first + PICTURE_PARAMETERS - 1;
+            let shifted = first + SHIFT;
             let (curve, shift) = (picture.has_free_curve(), picture.has_free_shift());
             Some(ToneFit {
                 curve: picture.curve.tone().power(),
                 covariance: curve.then_some(block),
-                shift: (shift && !curve).then(|| (picture.shift, covariance[(last, last)].sqrt())),
+                shift: (shift && !curve)
+                    .then(|| (picture.shift, covariance[(shifted, shifted)].sqrt())),
             })
         });
         fits.collect()

@@ -8,7 +8,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::band::Bands;
 use super::band_pixels::{PixelFigure, Width};
@@ -20,10 +20,10 @@ use super::optimum::{converge, optimum};
 use super::photographs::{Photographs, Refusal};
 use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
-use crate::image::{PictureState, PictureTone, Tone};
+use crate::image::{KURTOSIS, KurtosisRole, PictureState, PictureTone, Tone, USUAL_KURTOSIS};
 use crate::lens::Lens;
 use crate::noise::drifted_to;
-use crate::numeric::{Loss, each};
+use crate::numeric::{ArrowSystem, Loss, each};
 use crate::observations::{FreeParameters, PlaneEdges, View};
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
@@ -139,12 +139,21 @@ fn attempt<L: Lens>(
     let measured = of_planes
         .into_iter()
         .all(|figure| edges[figure.index].std.is_some());
+    let doubted = doubted_kurtosis(&fit, &state, &found.system);
     let (mut better, fitted) =
         answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
     // With a stated tone curve that is wrong they do, which is told.
     if !known && better.rms > MOST_RESIDUALS * calibration.rms {
         return Err(CONTRADICTED);
+    }
+    if let Some(doubted) = doubted {
+        better.covariance += &doubted.lens * doubted.lens.transpose();
+        for (tone, change) in better.tones.iter_mut().zip(&doubted.curves) {
+            if let Some(covariance) = &mut tone.covariance {
+                *covariance += change * change.transpose();
+            }
+        }
     }
     if let Some((warning, change)) = contradicted {
         better.covariance += &change * change.transpose();
@@ -351,6 +360,46 @@ fn answer<L: Lens>(
     better.tones = tones;
     better.tone_growth = tone_growth;
     Some((better, fitted))
+}
+
+/// What changes with blurs that are not normal, in the pictures where that is uncertain.
+struct Doubted {
+    /// The camera's free parameters.
+    lens: DVector<f64>,
+    /// The parameters of each picture's tone curve.
+    curves: Vec<Vector2<f64>>,
+}
+
+/// `None` where it is uncertain in no picture.
+fn doubted_kurtosis<L: Lens>(
+    fit: &PixelFit<'_>,
+    state: &PixelState<L>,
+    system: &ArrowSystem,
+) -> Option<Doubted> {
+    let pictures = state.pictures.iter().enumerate().take(fit.free_pictures);
+    let doubted = pictures.filter(|own| own.1.kurtosis_role() == Some(KurtosisRole::Doubted));
+    let columns: Vec<usize> = doubted
+        .map(|(image, _)| fit.picture_offset(image) + KURTOSIS)
+        .collect();
+    if columns.is_empty() {
+        return None;
+    }
+    let mut freed = system.clone();
+    for column in columns {
+        freed.prior[(column, column)] = USUAL_KURTOSIS;
+    }
+    // The equations are those before the last step.
+    let [held, freed] = [system, &freed].map(|system| Some(fit.advance(state, &fit.step(system)?)));
+    let (held, freed) = (held?, freed?);
+    let pairs = freed.pictures.iter().zip(&held.pictures);
+    let curves = pairs.map(|(freed, held)| {
+        let [freed, held] = [freed, held].map(|own| own.curve.tone().power());
+        Vector2::new((freed.gamma / held.gamma).ln(), freed.toe - held.toe)
+    });
+    Some(Doubted {
+        lens: fit.free.difference(&freed.view.lens, &held.view.lens),
+        curves: curves.collect(),
+    })
 }
 
 /// How many times as large as of the other a standard deviation of a covariance is, at most.

@@ -4,11 +4,13 @@ use nalgebra::{Vector2, Vector3};
 
 use super::band_pixels::{BandPixel, PixelFigure};
 use super::coverage;
-use super::coverage::{Corner, Coverage, PLATEAU, coverage};
+use super::coverage::{Corner, Coverage, Kurtosis, PLATEAU, coverage};
 use super::exposure::{
     EXPOSURE_PARAMETERS, Exposure, LIGHT_PARAMETERS, VARIATION_PARAMETERS, Variation,
 };
-use crate::image::{PICTURE_PARAMETERS, PictureState, TONE_PARAMETERS, ToneCurve, box_kurtosis};
+use crate::image::{
+    KURTOSIS, PICTURE_PARAMETERS, PictureState, SHIFT, TONE_PARAMETERS, ToneCurve, box_kurtosis,
+};
 use crate::lens::Lens;
 use crate::observations::View;
 
@@ -33,13 +35,14 @@ pub(super) struct Scene<'a, L> {
     corners: [Corner; 4],
     pub corner_pixels: [Vector2<f64>; 4],
     /// Of the blur across each side.
-    kurtosis: [f64; 4],
+    kurtosis: Kurtosis,
     /// One over the figure's size, and its widest blur: every pixel asks for them.
     per_size: f64,
     widest_blur: f64,
     /// What of the picture is free.
     has_free_curve: bool,
     has_free_shift: bool,
+    has_free_kurtosis: bool,
 }
 
 /// The model at one pixel.
@@ -87,7 +90,7 @@ impl<'a, L: Lens> Scene<'a, L> {
             directions[i] = leaving.normalize();
         }
         let per_size = 1.0 / figure.size;
-        let kurtosis = std::array::from_fn(|i| {
+        let of_box = std::array::from_fn(|i| {
             let middle = corner_pixels[i].lerp(&corner_pixels[(i + 1) % 4], 0.5);
             let blurs = exposure.blurs(&((middle - figure.centre) * per_size));
             box_kurtosis(&directions[i], blurs[i])
@@ -102,11 +105,15 @@ impl<'a, L: Lens> Scene<'a, L> {
             lines: [0, 1, 2, 3].map(|i| plane.line(figure.figure, &figure.sides[i])),
             corners: correlations.map(Corner::new),
             corner_pixels,
-            kurtosis,
+            kurtosis: Kurtosis {
+                of_box,
+                of_lens: picture.kurtosis,
+            },
             per_size,
             widest_blur: exposure.widest_blur(),
             has_free_curve: picture.has_free_curve(),
             has_free_shift: picture.has_free_shift(),
+            has_free_kurtosis: picture.kurtosis_role().is_some(),
         })
     }
 
@@ -260,7 +267,11 @@ impl<'a, L: Lens> Scene<'a, L> {
         if self.has_free_shift {
             let cuts = &shade.coverage.cuts[..shade.coverage.cut_count];
             let by_distance: f64 = cuts.iter().map(|cut| self.gain(shade, *cut)).sum();
-            all[TONE_PARAMETERS] = self.shift_direction() * by_distance;
+            all[SHIFT] = self.shift_direction() * by_distance;
+        }
+        if self.has_free_kurtosis && !shade.is_silent {
+            let by_coverage = shade.slope * shade.light * self.exposure.contrast;
+            all[KURTOSIS] = by_coverage * shade.coverage.by_kurtosis;
         }
         all
     }

@@ -3,7 +3,7 @@
 use super::blur_prior::{self, Told};
 use super::exposure::{BLUR_DIFFERENCES, DIFFERENCES, EXPOSURE_PARAMETERS};
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use crate::image::TONE_PARAMETERS;
+use crate::image::SHIFT;
 use crate::lens::Lens;
 use crate::numeric::{ArrowStep, ArrowSystem, variance_about_zero};
 use crate::observations::POSE_PARAMETERS;
@@ -78,7 +78,7 @@ fn tell_shifts<L: Lens>(
     }
     let covariance = system.reduced_information()?.cholesky()?.inverse() * covariance_factor;
     for (image, shift, widest) in unsure {
-        let own = fit.picture_offset(image) + TONE_PARAMETERS;
+        let own = fit.picture_offset(image) + SHIFT;
         let prior = widest.powi(-2);
         // What the pixels tell alone, without what was known beforehand.
         let posterior = 1.0 / covariance[(own, own)];
