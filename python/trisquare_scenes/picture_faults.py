@@ -141,7 +141,7 @@ def defocused(radius: float) -> OnLight:
     inside = np.hypot(offsets, offsets[:, None]) < radius
     disc = inside.reshape(2 * reach + 1, parts, -1, parts).mean(axis=(1, 3))
     kernel = disc / disc.sum()
-    return lambda light: cv2.filter2D(light, -1, kernel).reshape(light.shape)
+    return lambda light: np.asarray(cv2.filter2D(light, -1, kernel).reshape(light.shape), float)
 
 
 def moved(length: float, direction: float) -> OnLight:
