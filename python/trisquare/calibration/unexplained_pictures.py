@@ -49,6 +49,6 @@ def disagreement_text(pictures: Sequence[str]) -> str:
     """Return what is said of pictures that are unexplained, by their names."""
     return (
         f"no camera explains all pictures: nothing in {', '.join(pictures)} fits the camera of the "
-        "others as a flat target does. Was another zoom, focus or camera used, or is one turned? "
-        "Calibrate those pictures on their own"
+        "others as a flat target does. Was another zoom, focus or camera used, or were pictures "
+        "turned, cropped or stabilised? Calibrate those pictures on their own"
     )
