@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from memory import growth
 from quick import first_quick
 from videos import (
     moving,
@@ -174,17 +175,8 @@ def test_a_header_that_states_a_long_text_costs_nothing(tmp_path):
     ):
         file[length : length + 4] = stated.to_bytes(4, "little")
     path.write_bytes(file)
-    script = (
-        "import resource, sys, cv2\n"
-        "from trisquare.images.video import Video\n"
-        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        "with Video(sys.argv[1]) as video: pass\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script, path], capture_output=True, text=True, check=True
-    )
-    assert int(done.stdout) < 200_000  # kB
+    kilobytes, _ = growth("with Video(sys.argv[1]): pass", path)
+    assert kilobytes < 200_000
 
 
 @pytest.mark.parametrize(("each", "is_read"), [(0.005, True), (0.5, False)])

@@ -1,0 +1,25 @@
+"""How much memory something takes, by Linux's account."""
+
+import subprocess
+import sys
+
+SCRIPT = """
+import resource, sys, cv2, trisquare as ts
+from trisquare.images.video import Video
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    {}
+except ts.ImageError as error:
+    print(error, file=sys.stderr)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+def growth(statement, path):
+    """Kilobytes by which a statement raises a new process's peak, and what that says of an error.
+
+    The statement has the path as ``sys.argv[1]``.
+    """
+    command = [sys.executable, "-c", SCRIPT.format(statement), path]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return int(done.stdout), done.stderr
