@@ -123,8 +123,8 @@ def test_planes_that_stand_otherwise_are_named():
 @pytest.mark.parametrize(
     ("seed", "relations", "text"),
     [
-        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 are .* from parallel"),
-        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 are .* from right angles"),
+        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 come out .* from parallel"),
+        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 come out .* from right angles"),
     ],
 )
 def test_a_refusal_names_planes_that_stand_otherwise(seed, relations, text):

@@ -74,12 +74,12 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     --------
     >>> for name, own in ts.diagnose(result).items():
     ...     print(name, f"{own.std:.2g}")
-    fx 0.078
-    fy 0.084
-    cx 0.046
-    cy 0.083
-    k1 3.8e-05
-    k2 3.7e-05
+    fx 0.077
+    fy 0.083
+    cx 0.047
+    cy 0.085
+    k1 3.9e-05
+    k2 3.8e-05
     """
 
     __slots__ = ("_parameters",)

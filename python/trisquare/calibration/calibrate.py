@@ -190,7 +190,7 @@ def calibrate(
     --------
     >>> result = ts.calibrate("photo.jpg")
     >>> print(f"fx {result.camera.fx:.1f} px, known to {result.std['fx']:.3f} px")
-    fx 902.4 px, known to 0.078 px
+    fx 902.4 px, known to 0.077 px
     >>> held = ts.calibrate("photo.jpg", fix="aspect")
     >>> held.parameters
     ('fx', 'cx', 'cy', 'k1', 'k2')

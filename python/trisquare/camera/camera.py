@@ -188,7 +188,7 @@ class Camera(RebuiltByConstructor):
         Examples
         --------
         >>> camera.project([[0, 0, 1], [0.1, 0.2, 2]]).round(1).tolist()
-        [[651.6, 470.2], [696.6, 559.8]]
+        [[651.6, 470.2], [696.6, 559.9]]
         """
         return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
 

@@ -176,7 +176,7 @@ class Calibration(Record):
     --------
     >>> K, distortion = result.camera.K, result.camera.distortion
     >>> print(f"fx is known to {result.std['fx']:.3f} px, from {len(result.planes)} planes")
-    fx is known to 0.078 px, from 3 planes
+    fx is known to 0.077 px, from 3 planes
     """
 
     # Without an annotation, lest it be among `__dataclass_fields__`.

@@ -36,7 +36,7 @@ class PoseUncertainty(Record):
     >>> uncertainty = result.planes[0].uncertainty
     >>> std = np.sqrt(np.diag(uncertainty.given_camera))
     >>> print(f"distance along the axis known to {std[5]:.5f} sides")
-    distance along the axis known to 0.00005 sides
+    distance along the axis known to 0.00007 sides
     """
 
     given_camera: FloatArray = field(metadata=member(array(6, 6)))

@@ -23,7 +23,7 @@ pub(super) fn corrected(
         estimate,
     } = pool(first, shares, Trust::ByMisfit);
     let common = common_shift(found(), step[KURTOSIS]);
-    // That has the kurtosis.
+    // The common shift has what the kurtosis does.
     step[KURTOSIS] = 0.0;
     // One standard deviation in each of some independent directions.
     let deviations = covariance
