@@ -64,7 +64,7 @@ pub(crate) const KURTOSIS: usize = TONE_PARAMETERS + 1;
 
 /// How far the kurtosis of a lens's blur, over 24, may be from none: a lens out of focus spreads light
 /// over a disc (-0.04 of its share's square), one with wings over more.
-pub(crate) const KURTOSIS_STD: f64 = 0.004;
+const KURTOSIS_STD: f64 = 0.004;
 /// That as information.
 pub(crate) const USUAL_KURTOSIS: f64 = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
 /// Information on a parameter that does not move.

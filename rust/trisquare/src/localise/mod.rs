@@ -50,6 +50,7 @@ use preview::Preview;
 pub(crate) use profile::Profile;
 use sought::Sought;
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
+pub(crate) use tone_fit::MAX_MISFIT;
 pub use tone_fit::ToneEstimate;
 
 /// How far all edges of a picture in two levels may lie off (px, standard deviation): a threshold

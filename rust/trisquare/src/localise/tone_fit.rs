@@ -60,7 +60,7 @@ const TOTAL: usize = OWN + SHARED;
 /// what their noise explains.
 const TRUSTED_MISFIT: f64 = 5e-4;
 /// From here on the profiles are taken to be those of no tone curve at all.
-const MAX_MISFIT: f64 = 1.5e-3;
+pub(crate) const MAX_MISFIT: f64 = 1.5e-3;
 /// The shift, in blurs, that a misfit may hide. A shift of one blur changes the profile by 0.2 in
 /// root mean square over its bins; what is left after a fit is a third of what there was, and less
 /// where the fitted curve is believed: with that, k1 of rendered pictures after JPEG 88 to 95 was

@@ -8,6 +8,7 @@ use super::optimum::optimum;
 use super::told_step::told_step;
 use crate::image::{HELD, KURTOSIS, PictureState, PictureTone, PowerCurve, ToneFit};
 use crate::lens::Lens;
+use crate::localise::MAX_MISFIT;
 use crate::result::Warning;
 
 /// Standard deviations of the effective gamma from which the pixels contradict a stated curve: JPEG
@@ -19,11 +20,6 @@ const CONTRADICTED_BY_ANY_BLUR: f64 = 3.0;
 /// No curve is known better than this, as a part of its effective gamma: of lenses far out of focus
 /// pixels asked for up to 0.04 less than sRGB's.
 const KNOWN: f64 = 0.05;
-
-/// Profiles with more than this misfit are those of no curve, and contradict none: of pictures through
-/// lenses whose blur has wings free curves left 0.0017 to 0.04, of curves taken for sRGB at most 0.0012,
-/// after JPEG 85 as well.
-const MOST_MISFIT: f64 = 1.5e-3;
 
 /// Frees the tone curves at the optimum of stated ones: one step of the fit tells what the pixels
 /// ask for. Where that is something else, a warning of it, and by how much the free parameters change
@@ -84,7 +80,9 @@ pub(super) fn contradicted_tone<L: Lens>(
     if !is_other {
         return None;
     }
-    if misfit(&fit, &free, picture)? > MOST_MISFIT {
+    // Profiles of no curve contradict none: of pictures through lenses whose blur has wings free curves
+    // left 0.0017 to 0.04, of curves taken for sRGB at most 0.0012, after JPEG 85 as well.
+    if misfit(&fit, &free, picture)? > MAX_MISFIT {
         return None;
     }
     let change = fit.free.difference(&free.view.lens, &of_stated.view.lens);
