@@ -79,6 +79,7 @@ pub(crate) struct PictureState {
     pub shift: f64,
     /// What the lens adds to the kurtosis of the pixel's box, over 24.
     pub kurtosis: f64,
+    pub kurtosis_role: KurtosisRole,
 }
 
 /// What the kurtosis of a lens's blur is to a fit.
@@ -86,17 +87,23 @@ pub(crate) struct PictureState {
 pub(crate) enum KurtosisRole {
     /// A parameter.
     Estimated,
-    /// None: the profiles do not quite fit any curve, as after JPEG, which may be all that one is seen
-    /// of. What a kurtosis would change is uncertain.
+    /// None. The profiles do not quite fit any curve, as after JPEG, which may be all that is seen of a
+    /// kurtosis: what one would change is uncertain.
     Doubted,
+    /// None. Where the tone curve is not estimated, which alone takes the shape of a blur for its own,
+    /// or is nearly linear, no symmetric blur moves an edge.
+    None,
 }
 
 impl KurtosisRole {
-    /// What is known of it beforehand.
-    fn information(self) -> f64 {
-        match self {
-            Self::Estimated => USUAL_KURTOSIS,
-            Self::Doubted => HELD,
+    fn of(given: PictureTone) -> Self {
+        if given.tone().power().is_like_linear() {
+            return Self::None;
+        }
+        match given {
+            PictureTone::Estimated(_) => Self::Estimated,
+            PictureTone::Approximated(..) => Self::Doubted,
+            PictureTone::Known(_) | PictureTone::Shifted(..) => Self::None,
         }
     }
 }
@@ -115,6 +122,7 @@ impl PictureState {
             curve: given.tone().curve(),
             shift: 0.0,
             kurtosis: 0.0,
+            kurtosis_role: KurtosisRole::of(given),
         }
     }
 
@@ -127,17 +135,8 @@ impl PictureState {
         self.given.shift_std().is_some()
     }
 
-    /// What is to be assumed of the kurtosis: nothing where the tone curve is not estimated, which alone
-    /// takes the shape of a blur for its own, or nearly linear: there no symmetric blur moves an edge.
-    pub fn kurtosis_role(&self) -> Option<KurtosisRole> {
-        if self.given.tone().power().is_like_linear() {
-            return None;
-        }
-        match self.given {
-            PictureTone::Estimated(_) => Some(KurtosisRole::Estimated),
-            PictureTone::Approximated(..) => Some(KurtosisRole::Doubted),
-            PictureTone::Known(_) | PictureTone::Shifted(..) => None,
-        }
+    pub fn has_free_kurtosis(&self) -> bool {
+        self.kurtosis_role == KurtosisRole::Estimated
     }
 
     /// By how much the edges may lie off beside an estimated curve (standard deviation, px), where
@@ -175,10 +174,9 @@ impl PictureState {
             prior.information[SHIFT] = information;
             prior.gradient[SHIFT] = -information * self.shift;
         }
-        if let Some(role) = self.kurtosis_role() {
-            let information = role.information();
-            prior.information[KURTOSIS] = information;
-            prior.gradient[KURTOSIS] = -information * self.kurtosis;
+        if self.has_free_kurtosis() {
+            prior.information[KURTOSIS] = USUAL_KURTOSIS;
+            prior.gradient[KURTOSIS] = -USUAL_KURTOSIS * self.kurtosis;
         }
         prior
     }
@@ -191,7 +189,7 @@ impl PictureState {
         if self.has_free_shift() {
             next.shift += step[SHIFT];
         }
-        if self.kurtosis_role().is_some() {
+        if self.has_free_kurtosis() {
             next.kurtosis += step[KURTOSIS];
         }
         next

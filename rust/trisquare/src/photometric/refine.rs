@@ -20,10 +20,10 @@ use super::optimum::{converge, optimum};
 use super::photographs::{Photographs, Refusal};
 use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
-use crate::image::{KURTOSIS, KurtosisRole, PictureState, PictureTone, Tone, USUAL_KURTOSIS};
+use crate::image::{KurtosisRole, PictureState, PictureTone, Tone};
 use crate::lens::Lens;
 use crate::noise::drifted_to;
-use crate::numeric::{ArrowSystem, Loss, each};
+use crate::numeric::{Loss, each};
 use crate::observations::{FreeParameters, PlaneEdges, View};
 use crate::refine::{Refined, residuals};
 use crate::result::{Calibration, Stage, Warning};
@@ -139,7 +139,7 @@ fn attempt<L: Lens>(
     let measured = of_planes
         .into_iter()
         .all(|figure| edges[figure.index].std.is_some());
-    let doubted = doubted_kurtosis(&fit, &state, &found.system);
+    let doubted = doubted_kurtosis(&fit, &state);
     let (mut better, fitted) =
         answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
@@ -370,27 +370,20 @@ struct Doubted {
     curves: Vec<Vector2<f64>>,
 }
 
-/// `None` where it is uncertain in no picture.
-fn doubted_kurtosis<L: Lens>(
-    fit: &PixelFit<'_>,
-    state: &PixelState<L>,
-    system: &ArrowSystem,
-) -> Option<Doubted> {
-    let pictures = state.pictures.iter().enumerate().take(fit.free_pictures);
-    let doubted = pictures.filter(|own| own.1.kurtosis_role() == Some(KurtosisRole::Doubted));
-    let columns: Vec<usize> = doubted
-        .map(|(image, _)| fit.picture_offset(image) + KURTOSIS)
-        .collect();
-    if columns.is_empty() {
+/// `None` where it is uncertain in no picture, or the steps do not converge.
+fn doubted_kurtosis<L: Lens>(fit: &PixelFit<'_>, held: &PixelState<L>) -> Option<Doubted> {
+    let mut freed = held.clone();
+    let pictures = freed.pictures.iter_mut();
+    let doubted = pictures.filter(|own| own.kurtosis_role == KurtosisRole::Doubted);
+    if doubted
+        .map(|own| own.kurtosis_role = KurtosisRole::Estimated)
+        .count()
+        == 0
+    {
         return None;
     }
-    let mut freed = system.clone();
-    for column in columns {
-        freed.prior[(column, column)] = USUAL_KURTOSIS;
-    }
-    // The equations are those before the last step.
-    let [held, freed] = [system, &freed].map(|system| Some(fit.advance(state, &fit.step(system)?)));
-    let (held, freed) = (held?, freed?);
+    // The normal equations at the optimum of held ones do not tell: it may be far.
+    let (freed, _) = optimum(fit, freed)?;
     let pairs = freed.pictures.iter().zip(&held.pictures);
     let curves = pairs.map(|(freed, held)| {
         let [freed, held] = [freed, held].map(|own| own.curve.tone().power());

@@ -113,7 +113,7 @@ impl<'a, L: Lens> Scene<'a, L> {
             widest_blur: exposure.widest_blur(),
             has_free_curve: picture.has_free_curve(),
             has_free_shift: picture.has_free_shift(),
-            has_free_kurtosis: picture.kurtosis_role().is_some(),
+            has_free_kurtosis: picture.has_free_kurtosis(),
         })
     }
 
