@@ -312,17 +312,20 @@ pub(super) fn pool<'a>(
     gradient += told.1 * trust;
     let fits = sides > 0 && misfit < MAX_MISFIT;
     let mean_blur = blurs / f64::from(sides);
-    let misfit_shift = match sides {
-        0 => BLIND_SHIFT_STD,
-        _ if fits => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
-        _ => (SHIFT_PER_MISFIT * misfit).min(MOST_SHIFT) * mean_blur,
-    };
     // The prior alone makes it positive definite, but for overflow.
     let covariance = information
         .try_inverse()
         .unwrap_or_else(SharedMatrix::zeros);
     let step = covariance * gradient;
     let curve = curve.moved(&[step[0], step[1]]);
+    let misfit_shift = match sides {
+        0 => BLIND_SHIFT_STD,
+        _ if fits => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
+        _ => {
+            let of_misfit = (SHIFT_PER_MISFIT * misfit).min(MOST_SHIFT);
+            of_misfit.hypot(unread_shift(&curve)) * mean_blur
+        }
+    };
     let of_curve = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let hidden_shift = match sides {
         0 => 0.0,
@@ -344,6 +347,20 @@ pub(super) fn pool<'a>(
         covariance,
         estimate,
     }
+}
+
+/// By how much more, in blurs, all edges may lie towards the dark than this curve tells, where no
+/// curve describes their profiles: a usual one may have coded them, with a shoulder or after a blur
+/// with wings, which take away the asymmetry that is its mark.
+fn unread_shift(curve: &PowerCurve) -> f64 {
+    let excess = curve.effective_gamma() - 1.0;
+    // A fit that ran away has no effective gamma, and tells nothing.
+    let told = if excess.is_nan() {
+        0.0
+    } else {
+        excess / USUAL_EXCESS
+    };
+    USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))
 }
 
 /// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
@@ -504,6 +521,19 @@ mod tests {
         };
         assert!(away.effective_gamma().is_nan());
         assert_eq!(hidden_shift(0.42, &away, 0.1), 0.0);
+    }
+
+    #[test]
+    fn profiles_of_no_curve_may_be_those_of_a_usual_one() {
+        let shift = |gamma| unread_shift(&PowerCurve { gamma, toe: 0.0 });
+        let away = PowerCurve {
+            gamma: 0.63,
+            toe: -0.21,
+        };
+        assert_eq!(unread_shift(&away), USUAL_SHIFT);
+        assert_eq!(shift(0.8), USUAL_SHIFT);
+        assert!((shift(1.6) - 0.5 * USUAL_SHIFT).abs() < 1e-12);
+        assert_eq!(shift(2.3), 0.0);
     }
 
     #[test]
