@@ -2,57 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 import trisquare._core as _core
-from trisquare._support.arrays import ReadOnlyDict, size_of_image
+from trisquare._support.arrays import size_of_image
 from trisquare._support.lengths import length_in
 from trisquare._support.log import LOG
-from trisquare._support.number_text import listed
-from trisquare._support.records import of_core
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
+from trisquare.calibration.assemble import assemble
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
-from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.select import chosen_by
-from trisquare.calibration.unexplained_pictures import disagreement_text, unexplained_pictures
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
-from trisquare.images.faults import SPOILT, fault_warnings
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource, Outlines, Tone
 from trisquare.images.sources import sources_of
-from trisquare.images.tone import contradicting_pictures, contradiction_text, pooled, shift_text
 from trisquare.results.calibration import Calibration
-from trisquare.results.calibration_warning import CalibrationWarning, by_severity
-from trisquare.results.model_alternative import ModelAlternative
-from trisquare.results.plane import Plane
-from trisquare.results.pose_uncertainty import PoseUncertainty
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected, is_reported
-from trisquare.results.residual_correlation import ResidualCorrelation
-from trisquare.results.residuals import FigureResiduals
-from trisquare.results.scene_line import SceneLine
 
 LARGE_SIDE = 10.0
 """Metres from which on a side that is a number alone is doubted: it may be of millimetres."""
-
-NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
-"""Added to what speaks against the squares that were found."""
-
-OUTLIER = "it disagrees with all others"
-"""Why a plane is not used that the warning ``plane_rejected`` names."""
-
 
 OF_MANY = dict.fromkeys(
     ("max_seconds", "max_memory", "timeout"),
@@ -271,12 +252,7 @@ def calibrate_photographs(
     by_hand = outlines is not None
     try:
         if not gathered.figures:
-            # Rejected shapes are added to the error below, with their places.
-            untold = [
-                text for text in gathered.warnings if not is_reported(text, gathered.rejected)
-            ]
-            nothing = nothing_found(kinds, gathered.image_size)
-            raise DetectionError("; ".join(untold) if by_hand else nothing)
+            raise _nothing_to_fit(kinds, gathered, by_hand)
         # Of layouts that are named, and of outlines drawn by hand, nothing is to be chosen.
         choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
         edges = [*gathered.figures, *gathered.lines]
@@ -287,7 +263,7 @@ def calibrate_photographs(
             gathered.rejected += others
             gathered.warnings += remarks
         gathered.warnings += _doubts_of_side(side)
-        calibration = _calibration(
+        calibration = assemble(
             outcome.solution(), gathered, settings, length, photographs.file_names
         )
     except TrisquareError as error:
@@ -296,6 +272,14 @@ def calibrate_photographs(
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
     return Calibrated(calibration, rejected_shapes(gathered) if explain or explain_all else ())
+
+
+def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:
+    if not by_hand:
+        return DetectionError(nothing_found(kinds, gathered.image_size))
+    # The reasons against the outlines are added to every error, with their places.
+    others = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
+    return DetectionError("; ".join(others))
 
 
 def calibrate_edges(
@@ -359,7 +343,7 @@ def calibrate_edges(
     ]
     given = Gathered(size_of_image(image_size), figures, warnings=_doubts_of_side(side))
     outcome = _ask_core(counted, given, settings, choosing=False)
-    return _calibration(outcome.solution(), given, settings, length)
+    return assemble(outcome.solution(), given, settings, length)
 
 
 def _doubts_of_side(side: str | float | None) -> list[CalibrationWarning]:
@@ -399,183 +383,3 @@ def _ask_core(
         parallel=settings.parallel,
         free=settings.free,
     )
-
-
-def _calibration(
-    found: _core.Solution,
-    gathered: Gathered,
-    settings: Settings,
-    side: float | None,
-    pictures: tuple[str, ...] = (),
-) -> Calibration:
-    """Return what the core found as a result."""
-    figures = [*gathered.figures, *gathered.lines]
-    images, tones = gathered.images, gathered.tones
-    of_planes = tuple(figure for figure in figures if figure.freedom != "line")
-    # The fit to the pixels knows more of the tone than the edges' profiles alone.
-    if found.tones:
-        tones = [tone.refined(fit) for tone, fit in zip(tones, found.tones, strict=True)]
-    tone, tone_std = pooled(tones)
-    tone_of_image = dict(zip(images, tones, strict=True))
-    warnings = []
-    contradicting = contradicting_pictures(tone_of_image, gathered.names)
-    # Of the same the fit to the pixels tells more: what it makes of the camera.
-    if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
-        text = contradiction_text(contradicting)
-        warnings.append(CalibrationWarning(text, "tone_contradicted", "high"))
-    # A picture that nothing was measured in, such as a repeated one, has no faults and no curve.
-    measured = {figure.image for figure in gathered.figures}
-    faults = dict(zip(images, gathered.faults, strict=True))
-    faults = {image: own for image, own in faults.items() if image in measured}
-    told = fault_warnings(faults, tone_of_image, gathered.names)
-    warnings += [CalibrationWarning(*own) for own in told]
-    spoilt = [SPOILT[code] for _, code, _ in told if code in SPOILT]
-    # The alternating cells of a board cancel the shift.
-    drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
-    no_fault = {image for image, own in faults.items() if not own.is_shifted}
-    untold = {image: tone_of_image[image] for image in drifting & no_fault}
-    if shifted := shift_text(untold, gathered.names, found.tone_growth):
-        warnings.append(CalibrationWarning(shifted, "no_tone_curve", "low"))
-    kinds = {figure.kind for figure in gathered.figures}
-    may_be_rectangles = bool(images) and kinds <= {"square", "frame"}
-    for text, code, severity, plane, picture in found.warnings:
-        if code == "planes_contradict":
-            if spoilt:
-                text += (
-                    f". The picture is {listed(spoilt)}, which may be why: take a better one first"
-                )
-            if may_be_rectangles:
-                text += NO_SQUARES_HINT
-        if picture is not None:
-            text = contradiction_text(contradicting or gathered.names[images[picture]], text)
-        warnings.append(CalibrationWarning(text, code, severity, plane))
-    outliers = {warning.plane for warning in warnings if warning.code == "plane_rejected"}
-    sides = _sides(found, figures, side)
-    warnings += _holes_of_unknown_side(sides, side)
-    correlation = found.correlation
-    coherence = ResidualCorrelation(
-        correlation.neighbours,
-        correlation.probability,
-        tuple(correlation.displacements),
-        correlation.contradiction,
-    )
-    side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]
-    camera = of_core(
-        Camera,
-        K=found.camera_matrix,
-        distortion=found.distortion,
-        image_size=gathered.image_size,
-        model=settings.model_of(found.model),
-        valid_radius=None if found.valid_radius == math.inf else found.valid_radius,
-    )
-    planes = tuple(
-        _plane(
-            plane,
-            kind=figures[plane.figure].kind,
-            image=images[plane.image] if images else plane.image,
-            side=sides[number],
-            side_error=side_errors[number],
-            rejection=OUTLIER if number in outliers else None,
-        )
-        for number, plane in enumerate(found.planes)
-    )
-    if unexplained := unexplained_pictures(planes, gathered.rejected, coherence.displacements):
-        names = gathered.names or [f"picture {image}" for image in range(max(unexplained) + 1)]
-        text = disagreement_text([names[image] for image in unexplained])
-        # It is why the choice is uncertain, or planes contradict each other.
-        gathered.warnings.insert(0, CalibrationWarning(text, "pictures_disagree", "high"))
-    return of_core(
-        Calibration,
-        camera=camera,
-        std=ReadOnlyDict(found.std),
-        covariance=found.covariance,
-        parameters=tuple(found.parameters),
-        planes=planes,
-        rms=found.rms,
-        noise_scale=found.noise_scale,
-        warnings=tuple(by_severity([*gathered.warnings, *warnings])),
-        method=settings.method,
-        tone=tone,
-        fixed=settings.fixed,
-        orthogonal=settings.orthogonal,
-        parallel=settings.parallel,
-        stage=found.stage,
-        alternatives=tuple(ModelAlternative(*other) for other in found.alternatives),
-        coherence=coherence,
-        tone_std=tone_std,
-        rejected=tuple(gathered.rejected),
-        edges=of_planes,
-        residuals=tuple(
-            of_core(
-                FigureResiduals,
-                plane=own.plane,
-                distances=tuple(own.distances),
-                normals=tuple(own.normals),
-            )
-            for own in found.residuals
-        ),
-        lines=_scene_lines(found, figures),
-        pictures=pictures,
-    )
-
-
-def _plane(found: _core.SolvedPlane, side_error: float | None, **members: Any) -> Plane:
-    """Return a plane that the core found, with what else is told of it."""
-    if found.uncertainty is not None:
-        given_camera, by_camera = found.uncertainty
-        members["uncertainty"] = of_core(
-            PoseUncertainty, given_camera=given_camera, by_camera=by_camera, side_error=side_error
-        )
-    if found.aspect is not None:
-        members["aspect"], members["aspect_std"] = found.aspect
-    if found.radii:
-        members["radii"], members["radii_std"] = map(np.array, zip(*found.radii, strict=True))
-    return of_core(
-        Plane,
-        corners=found.corners,
-        rotation=found.rotation,
-        translation=found.translation,
-        rms=found.rms,
-        samples=found.samples,
-        **members,
-    )
-
-
-def _sides(
-    found: _core.Solution, figures: Sequence[PlaneEdges], side: float | None
-) -> list[float | None]:
-    """Return the length of every plane's unit: what is stated of frames is not their holes'."""
-    holes = lone_holes(figures)
-    return [None if figures[plane.figure].plane in holes else side for plane in found.planes]
-
-
-def _holes_of_unknown_side(
-    sides: Sequence[float | None], side: float | None
-) -> list[CalibrationWarning]:
-    """Warn of the planes whose unit is not the stated side."""
-    return [
-        CalibrationWarning(
-            f"plane {number} {LONE_HOLE}: side= is the frame's, so the pose of this plane is in "
-            "units of the hole's side",
-            "side_unknown",
-            "medium",
-            number,
-        )
-        for number, own in enumerate(sides)
-        if side is not None and own is None
-    ]
-
-
-def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
-    """Return the lines of the scene with the reasons why some are not used."""
-    agree = any(is_used for _, _, is_used in found.lines)
-    curved = "it is not straight under the lens that the other lines and the planes show"
-    unusable = "no line agrees with the planes"
-    lines = []
-    for index, rms, is_used in found.lines:
-        reason = curved if agree else unusable
-        if rms is None:
-            reason = "the lens does not see all of it"
-        points, image = figures[index].points[0], figures[index].image
-        lines.append(SceneLine(image, points, rms, None if is_used else reason))
-    return tuple(lines)

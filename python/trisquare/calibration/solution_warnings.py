@@ -1,0 +1,81 @@
+"""Warnings of what the core found, and of faults and tone curves of its pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import trisquare._core as _core
+from trisquare._support.number_text import listed
+from trisquare.calibration.gather import Gathered
+from trisquare.images.faults import SPOILT, PictureFaults, fault_warnings
+from trisquare.images.tone import (
+    PictureTone,
+    contradicting_pictures,
+    contradiction_text,
+    shift_text,
+)
+from trisquare.results.calibration_warning import CalibrationWarning
+
+NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
+"""Added to what speaks against the squares that were found."""
+
+
+def solution_warnings(
+    found: _core.Solution, gathered: Gathered, tones: Mapping[int, PictureTone]
+) -> Iterator[CalibrationWarning]:
+    """Warn of what may make the solution wrong; `tones` are those of the pictures, by index."""
+    contradicting = contradicting_pictures(tones, gathered.names)
+    # Where the fit to the pixels contradicts the tone curve, it says what that makes of the camera.
+    if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
+        text = contradiction_text(contradicting)
+        yield CalibrationWarning(text, "tone_contradicted", "high")
+    faults = _faults(gathered)
+    of_faults = fault_warnings(faults, tones, gathered.names)
+    for text, code, severity in of_faults:
+        yield CalibrationWarning(text, code, severity)
+    yield from _shift_warnings(found, gathered, tones, faults)
+    hints = _contradiction_hints(
+        gathered, [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
+    )
+    for text, code, severity, plane, picture in found.warnings:
+        if code == "planes_contradict":
+            text += hints
+        if picture is not None:
+            name = gathered.names[gathered.images[picture]]
+            text = contradiction_text(contradicting or name, text)
+        yield CalibrationWarning(text, code, severity, plane)
+
+
+def _faults(gathered: Gathered) -> dict[int, PictureFaults]:
+    """Return the faults by index of the pictures that something was measured in.
+
+    Another one, such as a repeated one, has no faults and no curve.
+    """
+    measured = {figure.image for figure in gathered.figures}
+    faults = zip(gathered.images, gathered.faults, strict=True)
+    return {image: own for image, own in faults if image in measured}
+
+
+def _shift_warnings(
+    found: _core.Solution,
+    gathered: Gathered,
+    tones: Mapping[int, PictureTone],
+    faults: Mapping[int, PictureFaults],
+) -> Iterator[CalibrationWarning]:
+    """Warn of pictures that fit no tone curve, unless a fault that has its own warning is why."""
+    # The alternating cells of a board cancel the shift.
+    drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
+    no_fault = {image for image, own in faults.items() if not own.is_shifted}
+    shifted = {image: tones[image] for image in drifting & no_fault}
+    if text := shift_text(shifted, gathered.names, found.tone_growth):
+        yield CalibrationWarning(text, "no_tone_curve", "low")
+
+
+def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str]) -> str:
+    """Return why planes may contradict each other, `spoilt` being what the picture is."""
+    hints = ""
+    if spoilt:
+        hints += f". The picture is {listed(spoilt)}, which may be why: take a better one first"
+    if gathered.images and {figure.kind for figure in gathered.figures} <= {"square", "frame"}:
+        hints += NO_SQUARES_HINT
+    return hints
