@@ -140,23 +140,8 @@ pub(crate) fn calibrate_beside<L: Lens>(
     photographs: Option<&Photographs<'_>>,
     nested: NestedOptima<L>,
 ) -> Result<Calibration<L>, Error> {
-    let found = run(edges, size, options, photographs, Purpose::Answer(nested));
-    found.map_err(|error| {
-        if !is_of_geometry(&error) {
-            return error;
-        }
-        if let Some(mistaken) = mistaken_size(edges, size) {
-            return mistaken;
-        }
-        let contradicted = match sort_by_plane(edges) {
-            Ok(planes) => contradicted(edges, &planes, size, options),
-            Err(_) => Vec::new(),
-        };
-        match contradicted.first() {
-            Some(warning) => Error::ContradictedRelation(warning.to_string()),
-            None => error,
-        }
-    })
+    let given = Given::check(edges, size, options, photographs)?;
+    given.answer(nested).map_err(|error| given.cause_of(error))
 }
 
 /// As [`calibrate`], without a judgement of the geometry: to compare models, the richest first, of
@@ -167,19 +152,22 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     options: &Options<L>,
     shared: &mut Comparison<L>,
 ) -> Result<Calibration<L>, Error> {
-    run(edges, size, options, None, Purpose::Comparison(shared))
+    Given::check(edges, size, options, None)?.compared(shared)
 }
 
-/// As [`calibrate`], of planes and sides of which none has to be rejected.
-///
-/// # Errors
-/// As [`calibrate`], without what would help, and if one has to be.
+/// As [`calibrate`], of planes and sides of which none has to be rejected; `None` where one has, or
+/// there is no answer. Nobody asks what would help: that takes longer than to see that they disagree.
 pub(crate) fn calibrate_agreeing<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
-) -> Result<Calibration<L>, Error> {
-    run(edges, size, options, None, Purpose::Agreement)
+) -> Option<Calibration<L>> {
+    let given = Given::check(edges, size, options, None).ok()?;
+    let problem = given.problem(&given.work(), &mut NestedOptima::default());
+    let problem = problem.ok()?;
+    let found = agreed_by_all(&problem, &given.planes)?;
+    problem.judge(&found.0).ok()?;
+    given.judged(&problem, found).ok()
 }
 
 /// What one fit of a lens to all planes leaves.
@@ -242,215 +230,276 @@ impl<L: Lens> Comparison<L> {
     }
 }
 
-/// What a calibration is for.
-enum Purpose<'a, L: Lens> {
-    /// Where some optima may be known already.
-    Answer(NestedOptima<L>),
-    /// With other models, all of which share their work.
-    Comparison(&'a mut Comparison<L>),
-    /// To see whether all planes agree with a lens: none is rejected.
-    Agreement,
+/// What is given, checked, and sorted by plane.
+struct Given<'a, L: Lens> {
+    edges: &'a [PlaneEdges],
+    planes: Vec<ObservedPlane>,
+    lines: Vec<ObservedPlane>,
+    size: ImageSize,
+    options: &'a Options<L>,
+    photographs: Option<&'a Photographs<'a>>,
 }
 
-fn run<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    photographs: Option<&Photographs<'_>>,
-    purpose: Purpose<'_, L>,
-) -> Result<Calibration<L>, Error> {
-    size.check()?;
-    options.check()?;
-    if let Some(photographs) = photographs {
-        photographs.check(edges, size)?;
-    }
-    let planes = sort_by_plane(edges)?;
-    let lines = lines_of_scene(edges)?;
-    check_lines((planes.len(), lines.len()), options.method)?;
-    check_drift_count(&planes)?;
-    check_relations::<L>(&planes)?;
-    let own = || Rc::new(Work::for_planes(&planes));
-    let rejecting = !matches!(purpose, Purpose::Agreement);
-    let (work, mut comparison, mut nested) = match purpose {
-        Purpose::Answer(nested) => (own(), None, nested),
-        Purpose::Agreement => (own(), None, NestedOptima::default()),
-        Purpose::Comparison(shared) => {
-            let work = Rc::clone(shared.work.get_or_insert_with(own));
-            let nested = std::mem::take(&mut shared.nested);
-            (work, Some(shared), nested)
-        }
-    };
-    let judging = comparison.is_none();
-    let problem = JointProblem::of_planes(&planes, size, options, &work, &mut nested);
-    if let Some(comparison) = &mut comparison {
-        comparison.nested = nested;
-    }
-    let richer = comparison.as_ref().and_then(|it| it.richer.as_ref());
-    check_plane_equations(&planes, &problem.free)?;
+/// A solution, and the warnings that name what it rejects.
+type Solved<L> = (Solution<L>, Vec<Warning>);
 
-    // Nobody asks what would help planes to agree: that takes longer than to see that they do not.
-    let advised = |failure: Failure<L>| match rejecting {
-        true => problem.advised(&planes, failure),
-        false => failure.into_error(),
-    };
-    let (stage, found) = match options.method {
-        Method::Linear => (
-            Stage::Linear,
-            problem.solve(&planes).map(|s| (s, Vec::new())),
-        ),
-        Method::MaximumLikelihood => (
-            Stage::Edges,
-            match richer {
-                Some((planes, view)) => problem.solve_below(planes, view).map(|s| (s, Vec::new())),
-                None if rejecting => reject_outliers(&problem, &planes),
-                None => agreed_by_all(&problem, &planes),
-            },
-        ),
-    };
-    let (mut solution, outliers) = found.map_err(advised)?;
-    if let Some(comparison) = comparison {
-        comparison.priors = problem.free.priors().to_vec();
+impl<'a, L: Lens> Given<'a, L> {
+    fn check(
+        edges: &'a [PlaneEdges],
+        size: ImageSize,
+        options: &'a Options<L>,
+        photographs: Option<&'a Photographs<'_>>,
+    ) -> Result<Self, Error> {
+        size.check()?;
+        options.check()?;
+        if let Some(photographs) = photographs {
+            photographs.check(edges, size)?;
+        }
+        let planes = sort_by_plane(edges)?;
+        let lines = lines_of_scene(edges)?;
+        check_lines((planes.len(), lines.len()), options.method)?;
+        check_drift_count(&planes)?;
+        check_relations::<L>(&planes)?;
+        Ok(Self {
+            edges,
+            planes,
+            lines,
+            size,
+            options,
+            photographs,
+        })
+    }
+
+    fn work(&self) -> Rc<Work> {
+        Rc::new(Work::for_planes(&self.planes))
+    }
+
+    fn problem(
+        &self,
+        work: &Rc<Work>,
+        nested: &mut NestedOptima<L>,
+    ) -> Result<JointProblem<'_, L>, Error> {
+        let problem = JointProblem::of_planes(&self.planes, self.size, self.options, work, nested);
+        check_plane_equations(&self.planes, &problem.free)?;
+        Ok(problem)
+    }
+
+    /// The calibration with a judgement of the geometry; optima of nested models may be known.
+    fn answer(&self, mut nested: NestedOptima<L>) -> Result<Calibration<L>, Error> {
+        let problem = self.problem(&self.work(), &mut nested)?;
+        let advised = |failure| problem.advised(&self.planes, failure);
+        let found = self.solve(&problem).map_err(advised)?;
+        problem.judge(&found.0).map_err(advised)?;
+        self.judged(&problem, found)
+    }
+
+    /// The calibration without one, beside richer models that were fitted before.
+    fn compared(&self, shared: &mut Comparison<L>) -> Result<Calibration<L>, Error> {
+        let work = Rc::clone(shared.work.get_or_insert_with(|| self.work()));
+        let problem = self.problem(&work, &mut shared.nested)?;
+        let found = match (&shared.richer, self.options.method) {
+            (Some((planes, view)), Method::MaximumLikelihood) => {
+                problem.solve_below(planes, view).map(|s| (s, Vec::new()))
+            }
+            _ => self.solve(&problem),
+        };
+        let (solution, outliers) =
+            found.map_err(|failure| problem.advised(&self.planes, failure))?;
+        shared.priors = problem.free.priors().to_vec();
         let view = solution.refined.view.clone();
-        match &mut comparison.richer {
+        match &mut shared.richer {
             Some((_, last)) => *last = view,
-            first => *first = Some((solution.with_its_outliers(&planes), view)),
+            first => *first = Some((solution.with_its_outliers(&self.planes), view)),
+        }
+        if self.stage() == Stage::Edges {
+            problem.check_reach(&solution.refined.view.lens)?;
+        }
+        let (mut calibration, _) = self.stated(&problem, (&solution, outliers));
+        self.join_lines(&problem, (&solution, None), &mut calibration)?;
+        calibration.sort_warnings();
+        Ok(calibration)
+    }
+
+    fn solve(&self, problem: &JointProblem<'_, L>) -> Result<Solved<L>, Failure<L>> {
+        match self.options.method {
+            Method::Linear => problem.solve(&self.planes).map(|s| (s, Vec::new())),
+            Method::MaximumLikelihood => reject_outliers(problem, &self.planes),
         }
     }
-    if judging {
-        problem.judge(&solution).map_err(advised)?;
-    }
-    if stage == Stage::Edges {
-        problem.check_reach(&solution.refined.view.lens)?;
-    }
-    let verdict = match judging {
-        true => problem.lens_verdict(&solution),
-        false => None,
-    };
-    if let Some(LensVerdict::NotFlat) = verdict
-        && let Some(found) = problem.with_relief(&planes, &solution)
-    {
-        solution = found;
-    }
-    let mut calibration = Calibration::assemble(&problem, &solution, stage);
-    let fitted = match (stage, photographs) {
-        (Stage::Edges, Some(photographs)) => {
-            improve(edges, &problem, &solution, photographs, &mut calibration)
+
+    /// The calibration of a solution whose geometry can answer, with the warnings of all that may
+    /// make it wrong.
+    fn judged(
+        &self,
+        problem: &JointProblem<'_, L>,
+        (mut solution, outliers): Solved<L>,
+    ) -> Result<Calibration<L>, Error> {
+        if self.stage() == Stage::Edges {
+            problem.check_reach(&solution.refined.view.lens)?;
         }
-        _ => None,
-    };
-    if calibration.stage == stage {
-        calibration.state_poses(&solution);
-    }
-    calibration.warnings.splice(0..0, outliers);
-    let causes = match &verdict {
-        Some(verdict) => problem.heed(verdict, (&planes, &solution), &mut calibration),
-        None => Vec::new(),
-    };
-    if !lines.is_empty() {
+        let verdict = problem.lens_verdict(&solution);
+        if let Some(LensVerdict::NotFlat) = verdict
+            && let Some(found) = problem.with_relief(&self.planes, &solution)
+        {
+            solution = found;
+        }
+        let (mut calibration, fitted) = self.stated(problem, (&solution, outliers));
+        let causes = match &verdict {
+            Some(verdict) => problem.heed(verdict, (&self.planes, &solution), &mut calibration),
+            None => Vec::new(),
+        };
         let optimum = (&solution, fitted.as_ref());
-        add_lines(&problem, optimum, &lines, &mut calibration);
-        problem.check_reach(&calibration.camera)?;
+        self.join_lines(problem, optimum, &mut calibration)?;
+        self.add_doubts((problem, &solution), causes, &mut calibration);
+        calibration.sort_warnings();
+        Ok(calibration)
     }
-    if judging {
-        let given = (edges, planes.as_slice(), size, options);
-        add_doubts(given, (&problem, &solution), causes, &mut calibration);
+
+    /// What its solutions come from, before the pixels are asked.
+    fn stage(&self) -> Stage {
+        match self.options.method {
+            Method::Linear => Stage::Linear,
+            Method::MaximumLikelihood => Stage::Edges,
+        }
     }
-    calibration.sort_warnings();
-    Ok(calibration)
-}
 
-/// Warns of what may make the answer wrong, and of how well it is known. What explains other warnings
-/// comes before them, a consequence after its causes.
-fn add_doubts<L: Lens>(
-    (edges, planes, size, options): (&[PlaneEdges], &[ObservedPlane], ImageSize, &Options<L>),
-    (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
-    causes: Vec<Warning>,
-    calibration: &mut Calibration<L>,
-) {
-    let focal = |edges: &[PlaneEdges], options: &Options<L>| {
-        let found = calibrate_unjudged(edges, size, options, &mut Comparison::default());
-        Some(found.ok()?.camera.focal().x)
-    };
-    let refined = &solution.refined;
-    let conditioning = problem.conditioning(&solution.planes, refined);
-    let found = &*calibration;
-    let mut warnings = Vec::from_iter(outside_picture(edges, size));
-    warnings.extend(contradicted(edges, planes, size, options));
-    warnings.extend(assumed_centre(
-        &conditioning,
-        found,
-        refined.covariance_factor,
-    ));
-    warnings.extend(causes);
-    warnings.extend(held_skew(&solution.planes, refined, options, |fixed| {
-        let options = Options { fixed, ..*options };
-        calibrate_unjudged(edges, size, &options, &mut Comparison::default()).ok()
-    }));
-    warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
-        focal(edges, &Options { fixed, ..*options })
-    }));
-    warnings.extend(found.warnings.iter().cloned());
-    warnings.extend(unchecked_targets(edges, &solution.planes, found, |edges| {
-        focal(edges, options)
-    }));
-    warnings.extend(poorly_known(found, options.fixed));
-    calibration.warnings = warnings;
-}
-
-/// Samples outside the picture, where there are any.
-fn outside_picture(edges: &[PlaneEdges], size: ImageSize) -> Option<Warning> {
-    let (figure, samples, first) = samples_outside(edges, size)?;
-    Some(Warning::OutsidePicture {
-        figure,
-        samples,
-        first: first.into(),
-        size: [size.width, size.height],
-    })
-}
-
-/// Of figures of which one is wholly outside the picture: no camera has seen them in it.
-fn mistaken_size(edges: &[PlaneEdges], size: ImageSize) -> Option<Error> {
-    let is_outside = |figure: &PlaneEdges| {
-        let outside = samples_outside(slice::from_ref(figure), size);
-        outside.is_some_and(|(_, samples, _)| samples == figure.sample_count())
-    };
-    let figure = edges.iter().position(is_outside)?;
-    let ImageSize { width, height } = size;
-    Some(Error::InvalidArgument(format!(
-        "figure {figure} lies wholly outside the picture of {width} x {height} pixels: is that its \
-         size, width before height?"
-    )))
-}
-
-/// Whether planes that do not stand as they are said to may be why there is no camera.
-fn is_of_geometry(error: &Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::DegenerateGeometry | ErrorKind::Convergence
-    )
-}
-
-/// Relations between the planes that a calibration without them contradicts.
-fn contradicted<L: Lens>(
-    edges: &[PlaneEdges],
-    planes: &[ObservedPlane],
-    size: ImageSize,
-    options: &Options<L>,
-) -> Vec<Warning> {
-    let relations = relations_of(planes);
-    if relations.is_empty() {
-        return Vec::new();
+    /// A solution as a calibration, improved by the pixels if there are any, with their optimum.
+    fn stated(
+        &self,
+        problem: &JointProblem<'_, L>,
+        (solution, outliers): (&Solution<L>, Vec<Warning>),
+    ) -> (Calibration<L>, Option<Solution<L>>) {
+        let stage = self.stage();
+        let mut calibration = Calibration::assemble(problem, solution, stage);
+        let fitted = match (stage, self.photographs) {
+            (Stage::Edges, Some(photographs)) => {
+                improve(self.edges, problem, solution, photographs, &mut calibration)
+            }
+            _ => None,
+        };
+        if calibration.stage == stage {
+            calibration.state_poses(solution);
+        }
+        calibration.warnings.splice(0..0, outliers);
+        (calibration, fitted)
     }
-    let untold = edges.iter().map(|edges| PlaneEdges {
-        relations: Vec::new(),
-        ..edges.clone()
-    });
-    let untold: Vec<PlaneEdges> = untold.collect();
-    let untold = calibrate_unjudged(&untold, size, options, &mut Comparison::default());
-    untold.map_or_else(
-        |_| Vec::new(),
-        |untold| contradicted_relations(&untold, &relations),
-    )
+
+    /// Adds the lines of the scene, if there are any, to the optimum for edges or for pixels.
+    fn join_lines(
+        &self,
+        problem: &JointProblem<'_, L>,
+        optimum: (&Solution<L>, Option<&Solution<L>>),
+        calibration: &mut Calibration<L>,
+    ) -> Result<(), Error> {
+        if self.lines.is_empty() {
+            return Ok(());
+        }
+        add_lines(problem, optimum, &self.lines, calibration);
+        problem.check_reach(&calibration.camera)
+    }
+
+    /// Warns of what may make the answer wrong, and of how well it is known. What explains other
+    /// warnings comes before them, a consequence after its causes.
+    fn add_doubts(
+        &self,
+        (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
+        causes: Vec<Warning>,
+        calibration: &mut Calibration<L>,
+    ) {
+        let options = self.options;
+        let compared = |edges: &[PlaneEdges], fixed| {
+            let options = Options { fixed, ..*options };
+            calibrate_unjudged(edges, self.size, &options, &mut Comparison::default()).ok()
+        };
+        let focal = |edges: &[PlaneEdges], fixed| Some(compared(edges, fixed)?.camera.focal().x);
+        let refined = &solution.refined;
+        let conditioning = problem.conditioning(&solution.planes, refined);
+        let found = &*calibration;
+        let mut warnings = Vec::from_iter(self.outside_picture());
+        warnings.extend(self.contradicted());
+        warnings.extend(assumed_centre(
+            &conditioning,
+            found,
+            refined.covariance_factor,
+        ));
+        warnings.extend(causes);
+        warnings.extend(held_skew(&solution.planes, refined, options, |fixed| {
+            compared(self.edges, fixed)
+        }));
+        warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
+            focal(self.edges, fixed)
+        }));
+        warnings.extend(found.warnings.iter().cloned());
+        warnings.extend(unchecked_targets(
+            self.edges,
+            &solution.planes,
+            found,
+            |edges| focal(edges, options.fixed),
+        ));
+        warnings.extend(poorly_known(found, options.fixed));
+        calibration.warnings = warnings;
+    }
+
+    /// Samples outside the picture, where there are any.
+    fn outside_picture(&self) -> Option<Warning> {
+        let (figure, samples, first) = samples_outside(self.edges, self.size)?;
+        Some(Warning::OutsidePicture {
+            figure,
+            samples,
+            first: first.into(),
+            size: [self.size.width, self.size.height],
+        })
+    }
+
+    /// What an error is said instead of, where that is more likely wrong: the size of the picture, or
+    /// how planes are said to stand.
+    fn cause_of(&self, error: Error) -> Error {
+        if !matches!(
+            error.kind(),
+            ErrorKind::DegenerateGeometry | ErrorKind::Convergence
+        ) {
+            return error;
+        }
+        if let Some(mistaken) = self.mistaken_size() {
+            return mistaken;
+        }
+        match self.contradicted().first() {
+            Some(warning) => Error::ContradictedRelation(warning.to_string()),
+            None => error,
+        }
+    }
+
+    /// Of figures of which one is wholly outside the picture: no camera has seen them in it.
+    fn mistaken_size(&self) -> Option<Error> {
+        let is_outside = |figure: &PlaneEdges| {
+            let outside = samples_outside(slice::from_ref(figure), self.size);
+            outside.is_some_and(|(_, samples, _)| samples == figure.sample_count())
+        };
+        let figure = self.edges.iter().position(is_outside)?;
+        let ImageSize { width, height } = self.size;
+        Some(Error::InvalidArgument(format!(
+            "figure {figure} lies wholly outside the picture of {width} x {height} pixels: is that \
+             its size, width before height?"
+        )))
+    }
+
+    /// Relations between the planes that a calibration without them contradicts.
+    fn contradicted(&self) -> Vec<Warning> {
+        let relations = relations_of(&self.planes);
+        if relations.is_empty() {
+            return Vec::new();
+        }
+        let unrelated = self.edges.iter().map(|edges| PlaneEdges {
+            relations: Vec::new(),
+            ..edges.clone()
+        });
+        let unrelated: Vec<PlaneEdges> = unrelated.collect();
+        let shared = &mut Comparison::default();
+        match calibrate_unjudged(&unrelated, self.size, self.options, shared) {
+            Ok(free) => contradicted_relations(&free, &relations),
+            Err(_) => Vec::new(),
+        }
+    }
 }
 
 /// Lines tell of the lens beside planes, which the linear steps do not know how to join.

@@ -86,7 +86,7 @@ fn of_lens<A: Lens, B: Lens>(
         model,
         ..options.for_family::<B>()
     };
-    let found = calibrate_agreeing(edges, size, &options).ok()?;
+    let found = calibrate_agreeing(edges, size, &options)?;
     let mut codes = found.warnings.iter().map(Warning::code);
     (codes.all(|code| code == OF_PLACES) && has_other_coefficients(&found, asked))
         .then(|| (model.name(), found.camera.focal().x))

@@ -3,7 +3,6 @@
 
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
-use crate::error::Error;
 use crate::lens::Lens;
 use crate::noise::{Misfit, Moments, Noise, SideMoments};
 use crate::observations::{Figure, ObservedPlane, Side, has_grid, relations_of};
@@ -111,26 +110,15 @@ pub(crate) fn reject_outliers<L: Lens>(
     Ok((solution, warnings))
 }
 
-/// The best camera for all sides and planes, if they agree: the answer of [`reject_outliers`] where
-/// that rejects none of them, without the search.
-///
-/// # Errors
-/// If no camera is found, or they disagree.
+/// The best camera for all sides and planes, with its warnings: the answer of [`reject_outliers`] where
+/// that rejects none of them, without the search. `None` where they disagree, or no camera is found.
 pub(crate) fn agreed_by_all<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
-) -> Result<(Solution<L>, Vec<Warning>), Failure<L>> {
-    let solution = problem.solve(planes)?;
-    if solution.agrees(problem) {
-        let warnings = warnings(&solution);
-        return Ok((solution, warnings));
-    }
-    let disagreement = Error::NotConverged {
-        stage: "the camera of all planes",
-        iterations: 0,
-        rms: f64::NAN,
-    };
-    Err(disagreement.into())
+) -> Option<(Solution<L>, Vec<Warning>)> {
+    let solution = problem.solve(planes).ok()?;
+    let warnings = warnings(&solution);
+    solution.agrees(problem).then_some((solution, warnings))
 }
 
 /// How many of so many planes are left out in turn.

@@ -68,14 +68,6 @@ impl<L> Failure<L> {
             Self::IllConditioned(_) | Self::Other(Error::NotConverged { .. })
         )
     }
-
-    /// The error, without what would help.
-    pub fn into_error(self) -> Error {
-        match self {
-            Self::IllConditioned(found) => Error::IllConditioned(Box::new(found.ill_conditioning)),
-            Self::Other(error) => error,
-        }
-    }
 }
 
 impl<'a, L: Lens> JointProblem<'a, L> {
