@@ -11,12 +11,15 @@ use nalgebra::DVector;
 
 use crate::error::Error;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{ArrowStep, ArrowSystem, Loss, Problem};
-use crate::observations::{FreeParameters, ObservedPlane, View};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem};
+use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View};
 use crate::refine::{EdgeProblem, Refined, residuals};
 
 /// Entries of the equations of what the planes share, at most: 2 GB, of 15,000 pictures.
 const MOST_NUMBERS: usize = 250_000_000;
+
+/// By which samples are weighed.
+const LOSS: Loss = Loss::Tukey;
 
 /// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
 /// samples where they are without the tone drift, and the optimum there, whose normal equations
@@ -31,7 +34,8 @@ pub(crate) fn account_for_drift<L: Lens>(
     if !planes.iter().any(ObservedPlane::has_tone_drift) {
         return None;
     }
-    let system = freed(planes, judged, refined)?;
+    let pictures = pictures(planes);
+    let system = freed(planes, &pictures, judged, refined)?;
     let all: Vec<usize> = (0..free.len()).collect();
     let mut step = step_of(&system, judged, &all)?;
     let mut view = refined.view.advanced(free, &step);
@@ -40,7 +44,6 @@ pub(crate) fn account_for_drift<L: Lens>(
         step = step_of(&system, judged, &free.of_matrix())?;
         view = refined.view.advanced(free, &step);
     }
-    let pictures = pictures(planes);
     let mut planes = planes.to_vec();
     for plane in &mut planes {
         plane.remove_tone_drift(step.shared[judged.len() + place(&pictures, plane)]);
@@ -113,12 +116,13 @@ fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
 /// # Errors
 /// [`Error::InvalidArgument`].
 pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
-    let side = pictures(planes).len() + MAX_LENS_COLUMNS;
+    let count = pictures(planes).len();
+    let side = count + MAX_LENS_COLUMNS;
     if side.saturating_mul(side) > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift)
     {
         return Err(Error::InvalidArgument(format!(
-            "{} pictures are too many to free a drift for each: leave out the drift, or pictures",
-            pictures(planes).len()
+            "{count} pictures are too many to free a drift for each: leave out the drift, or \
+             pictures"
         )));
     }
     Ok(())
@@ -129,21 +133,20 @@ fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
     pictures.partition_point(|number| *number < plane.image)
 }
 
-/// The normal equations with one more shared parameter per picture, after all others.
+/// The normal equations with one more shared parameter for each of the pictures, after all others.
 fn freed<L: Lens>(
     planes: &[ObservedPlane],
+    pictures: &[usize],
     judged: &FreeParameters,
     refined: &Refined<L>,
 ) -> Option<ArrowSystem> {
-    let loss = Loss::Tukey;
-    let scale = refined.noise_scale * (loss.mean_weight() / refined.covariance_factor).sqrt();
-    let pictures = pictures(planes);
+    let scale = refined.noise_scale * (LOSS.mean_weight() / refined.covariance_factor).sqrt();
     let known = judged.len();
     // Of the same weights as what is added, or the whole would not be positive definite.
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
     let count = known + pictures.len();
     let blocks = system.blocks.iter().zip(planes);
-    let blocks = blocks.map(|(block, plane)| block.extended(&[known + place(&pictures, plane)]));
+    let blocks = blocks.map(|(block, plane)| block.extended(&[known + place(pictures, plane)]));
     let mut system = ArrowSystem {
         prior: system.prior.clone().resize(count, count, 0.0),
         prior_gradient: system.prior_gradient.clone().resize_vertically(count, 0.0),
@@ -154,46 +157,61 @@ fn freed<L: Lens>(
         // A unit is one standard deviation; the factor makes the covariance of the information.
         system.prior[(picture, picture)] = refined.covariance_factor;
     }
-    for (p, plane) in planes.iter().enumerate() {
-        let state = &refined.view.planes[p];
-        let lens = &refined.view.lens;
+    let View {
+        lens,
+        planes: states,
+        ..
+    } = &refined.view;
+    for (block, (plane, state)) in system.blocks.iter_mut().zip(planes.iter().zip(states)) {
         for (f, side) in plane.sides_by_figure() {
-            for found in state.model_lines(lens, f, side) {
-                let (model, range) = found?;
-                let line = state.line(f, &model.line);
-                let line_jacobian = state.line_jacobian(f, &model);
-                for i in range {
-                    let sample = &side.samples[i];
-                    let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
-                    let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
-                    let displacement = match side.tone_drift.get(i) {
-                        Some(tone_drift) => {
-                            let displaced =
-                                lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
-                            lens.line_distance(&displaced, &line) - distance.value
-                        }
-                        None => 0.0,
-                    };
-                    let to_noise = side.trust() * sample.weight / scale;
-                    let (_, weight) = loss.cost_and_weight(distance.value * to_noise);
-                    let mut shared = DVector::zeros(judged.len());
-                    judged.gather(&distance.wrt_lens, shared.as_mut_slice());
-                    let own = line_jacobian.tr_mul(&distance.wrt_line);
-                    // Products with the displacement, which belongs to one shared column.
-                    let weighted = weight * to_noise * to_noise * displacement;
-                    let block = &mut system.blocks[p];
-                    for (i, shared) in shared.iter().enumerate() {
-                        block.shared[(i, known)] += weighted * shared;
-                        block.shared[(known, i)] += weighted * shared;
-                    }
-                    block.shared[(known, known)] += weighted * displacement;
-                    block.shared_gradient[known] += weighted * distance.value;
-                    block.cross.column_mut(known).axpy(weighted, &own, 1.0);
-                }
-            }
+            add_drift(block, (f, side), (lens, state), judged, scale)?;
         }
     }
     Some(system)
+}
+
+/// Adds what the samples of a side of some figure tell of the picture's drift to the equations of their
+/// plane, where it comes last of what is shared.
+fn add_drift<L: Lens>(
+    block: &mut Block,
+    (figure, side): (usize, &Side),
+    (lens, state): (&L, &PlaneState),
+    judged: &FreeParameters,
+    scale: f64,
+) -> Option<()> {
+    let drift = judged.len();
+    for found in state.model_lines(lens, figure, side) {
+        let (model, range) = found?;
+        let line = state.line(figure, &model.line);
+        let line_jacobian = state.line_jacobian(figure, &model);
+        for i in range {
+            let sample = &side.samples[i];
+            let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
+            let distance = lens.line_distance_jacobian(&pixel_ray, &line, judged.columns());
+            let displacement = match side.tone_drift.get(i) {
+                Some(tone_drift) => {
+                    let displaced = lens.unproject_with_jacobian(&(sample.pixel + tone_drift))?;
+                    lens.line_distance(&displaced, &line) - distance.value
+                }
+                None => 0.0,
+            };
+            let to_noise = side.trust() * sample.weight / scale;
+            let (_, weight) = LOSS.cost_and_weight(distance.value * to_noise);
+            let mut shared = DVector::zeros(judged.len());
+            judged.gather(&distance.wrt_lens, shared.as_mut_slice());
+            let own = line_jacobian.tr_mul(&distance.wrt_line);
+            // Products with the displacement, which belongs to one shared column.
+            let weighted = weight * to_noise * to_noise * displacement;
+            for (i, shared) in shared.iter().enumerate() {
+                block.shared[(i, drift)] += weighted * shared;
+                block.shared[(drift, i)] += weighted * shared;
+            }
+            block.shared[(drift, drift)] += weighted * displacement;
+            block.shared_gradient[drift] += weighted * distance.value;
+            block.cross.column_mut(drift).axpy(weighted, &own, 1.0);
+        }
+    }
+    Some(())
 }
 
 #[cfg(test)]
