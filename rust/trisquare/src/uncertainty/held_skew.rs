@@ -7,14 +7,16 @@ use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options};
 use crate::refine::{Refined, system_at};
 use crate::result::{Calibration, Warning};
 
-/// A skew is evident, and matters, beyond so many of its standard deviations and this part of the focal
-/// length.
-const TOLERANCE: f64 = 5e-4;
+/// A skew matters beyond this part of the focal length.
+const NOTABLE_SKEW: f64 = 5e-4;
+
+/// It is evident beyond so many of its standard deviations.
 const EVIDENT: f64 = 4.0;
 
-/// Some samples of each side are asked first, whether the skew may be other than zero: by so many
-/// standard deviations of what they tell.
-const SOME_SAMPLES: usize = 50;
+/// So many samples of each side are asked first, as they are quick to answer, ...
+const FIRST_SAMPLES: usize = 50;
+
+/// ... and all of them where the skew is beyond so many standard deviations of what the first tell.
 const POSSIBLE: f64 = 1.5;
 
 /// Warns of a skew that all planes agree with, and that is not zero.
@@ -38,11 +40,11 @@ pub(crate) fn held_skew<L: Lens>(
         ..held
     };
     let free = Options { fixed, ..*options }.free_parameters();
-    let some: Vec<_> = planes.iter().map(|p| p.subsampled(SOME_SAMPLES)).collect();
-    for (samples, least) in [(some.as_slice(), POSSIBLE), (planes, EVIDENT)] {
-        if deviations(samples, refined, &free)? < least {
-            return None;
-        }
+    let first: Vec<_> = planes.iter().map(|p| p.subsampled(FIRST_SAMPLES)).collect();
+    if deviations(&first, refined, &free)? < POSSIBLE
+        || deviations(planes, refined, &free)? < EVIDENT
+    {
+        return None;
     }
     let found = freed(fixed)?;
     if found.warnings.iter().any(is_of_a_target) {
@@ -50,7 +52,7 @@ pub(crate) fn held_skew<L: Lens>(
     }
     let (skew, std) = (found.camera.skew(), found.std_of(SKEW)?);
     let focal = found.camera.focal().x;
-    (skew.abs() > (TOLERANCE * focal).max(EVIDENT * std)).then_some(Warning::Sheared {
+    (skew.abs() > (NOTABLE_SKEW * focal).max(EVIDENT * std)).then_some(Warning::Sheared {
         skew,
         std,
         focal,
@@ -59,10 +61,10 @@ pub(crate) fn held_skew<L: Lens>(
 
 /// Whether a target is blamed, which a skew would only make up for.
 fn is_of_a_target(warning: &Warning) -> bool {
-    use Warning::{NoSquares, PlaneRejected, PlanesContradict, SideRejected};
+    use Warning::{PlaneRejected, PlanesContradict, SideRejected};
     matches!(
         warning,
-        PlaneRejected { .. } | PlanesContradict { .. } | NoSquares { .. } | SideRejected { .. }
+        PlaneRejected { .. } | PlanesContradict { .. } | SideRejected { .. }
     )
 }
 
