@@ -112,15 +112,18 @@ pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(0.5 * (lower + *median))
 }
 
+/// The same, of an even number the larger of the two in the middle: always one of the values.
+pub(crate) fn upper_median(mut values: Vec<f64>) -> Option<f64> {
+    let upper = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    Some(*values.select_nth_unstable_by(upper, f64::total_cmp).1)
+}
+
 /// Standard deviation of the bulk of zero-mean residuals, from their median size.
 pub(crate) fn median_scale(residuals: impl Iterator<Item = f64>) -> f64 {
-    let mut sizes: Vec<f64> = residuals.map(f64::abs).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    MAD_TO_STD * *median
+    MAD_TO_STD * upper_median(residuals.map(f64::abs).collect()).unwrap_or(0.0)
 }
 
 /// Sums over residuals from which the spread of an M-estimator follows.

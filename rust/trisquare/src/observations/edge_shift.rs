@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix5, Matrix5x3, RowVector3, Vector2, Vector5};
 
-use crate::numeric::median;
+use crate::numeric::{median, upper_median};
 
 /// Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
 /// its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by
@@ -133,12 +133,11 @@ impl GridLineSamples {
 
     /// Adds to the deviations at crossings what a shift of the edges does there.
     fn doubt(&mut self, faded: &[bool], shift: f64) {
-        if self.samples.is_empty() {
+        let stds = self.samples.iter().map(|it| it.std);
+        let Some(usual) = upper_median(stds.collect()) else {
             return;
-        }
-        let mut sorted: Vec<f64> = self.samples.iter().map(|it| it.std).collect();
-        sorted.sort_by(f64::total_cmp);
-        let doubt = 1f64.hypot(shift / sorted[sorted.len() / 2]);
+        };
+        let doubt = 1f64.hypot(shift / usual);
         for (sample, _) in self.samples.iter_mut().zip(faded).filter(|it| *it.1) {
             sample.std *= doubt;
         }

@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 use super::sample_checks::check_samples;
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
+use crate::numeric::upper_median;
 
 /// How far beyond a corner, in units of the side, samples may lie before the order is doubted:
 /// sides that bulge under distortion meet elsewhere than their lines.
@@ -94,11 +95,7 @@ pub(super) fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
 
 /// The index of the sample that is farthest from the median of all; `None` if there is none.
 fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
-    let median = |axis: usize| {
-        let mut values: Vec<f64> = side.iter().map(|point| point[axis]).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
-    };
+    let median = |axis: usize| upper_median(side.iter().map(|point| point[axis]).collect());
     let middle = Vector2::new(median(0)?, median(1)?);
     let distance = |i: &usize| (side[*i] - middle).norm();
     (0..side.len()).max_by(|a, b| distance(a).total_cmp(&distance(b)))

@@ -17,6 +17,7 @@ use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_ch
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
+use crate::numeric::upper_median;
 use crate::observations::{Method, ObservedPlane, Options, PlaneEdges, has_grid, sort_by_plane};
 use crate::refine::{Refined, Residual, residuals, root_mean_square};
 use crate::solver::{JointProblem, reject_outliers};
@@ -161,10 +162,8 @@ impl<L: Lens> Chooser<'_, L> {
         }
         let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
         let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
-        let mut sorted = distances.clone();
-        sorted.sort_by(f64::total_cmp);
         Some(CameraOfBoards {
-            usual: sorted[sorted.len() / 2],
+            usual: upper_median(distances.clone())?,
             boards,
             distances,
             refined,

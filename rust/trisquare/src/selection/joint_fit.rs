@@ -6,6 +6,7 @@ use super::hypothesis::{ALIKE_SHARE, alike};
 use super::squareness::Pinhole;
 use crate::lens::Lens;
 use crate::noise::Misfit;
+use crate::numeric::upper_median;
 use crate::refine::{Refined, root_mean_square};
 
 /// A joint fit agrees if its sides are in the wrong place, and bent, by less than so many times the
@@ -57,12 +58,8 @@ impl<L: Lens> Fit<L> {
     /// By how much an ordinary member puts its sides in the wrong place: more than noise alone, at
     /// least 1, where paper is not flat.
     pub fn ordinary_misfit(&self) -> f64 {
-        let mut own = self.own_misfits.clone();
-        own.sort_by(f64::total_cmp);
-        let median = own
-            .get(own.len() / 2)
-            .map_or(0.0, |median| median / MEDIAN_OF_CHANCE);
-        median.max(1.0)
+        let median = upper_median(self.own_misfits.clone());
+        median.map_or(1.0, |median| (median / MEDIAN_OF_CHANCE).max(1.0))
     }
 
     /// The number of members, of which those that stand alike count as little more than one.
