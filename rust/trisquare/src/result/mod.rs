@@ -15,4 +15,5 @@ pub use calibration::{
     SceneLine, SideResiduals,
 };
 pub use residual_correlation::ResidualCorrelation;
+pub(crate) use warning::NOTABLE_FACTOR;
 pub use warning::{Disagreement, Severity, Stage, Warning};

@@ -431,8 +431,9 @@ pub enum Warning {
     },
 }
 
-/// Standard deviations that were raised more than so many times ask for a look.
-const NOTABLE_FACTOR: f64 = 2.0;
+/// Standard deviations that were raised more than so many times ask for a look. Below there is nothing to
+/// do about sides that err together: the diagnosis names them.
+pub(crate) const NOTABLE_FACTOR: f64 = 2.0;
 
 /// What a stored warning says that does not tell how many planes there were.
 #[cfg(feature = "serde")]

@@ -15,7 +15,7 @@ use crate::noise::{
 use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{Refined, residuals};
-use crate::result::{Disagreement, ResidualCorrelation, Warning};
+use crate::result::{Disagreement, NOTABLE_FACTOR, ResidualCorrelation, Warning};
 
 /// Variances that were raised by less are not told of: deviations would be 1.0 times as large.
 const WORTH_TELLING: f64 = 1.1;
@@ -42,10 +42,6 @@ pub(crate) struct Correlated {
     pub disagreement: Option<(Disagreement, DVector<f64>)>,
     pub residual_correlation: ResidualCorrelation,
 }
-
-/// Below this factor on the standard deviations there is nothing to do about sides that err
-/// together: the diagnosis names them.
-const NOTABLE_FACTOR: f64 = 2.0;
 
 impl ResidualCorrelation {
     /// By how much the standard deviation of each parameter of a covariance was raised by what the
