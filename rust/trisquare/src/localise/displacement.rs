@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
 use super::tone_fit::{
-    KURTOSIS, Pooled, Shared, SharedMatrix, ToneEstimate, ToneShare, Trust, pool,
+    KURTOSIS_OF_SHARED, Pooled, Shared, SharedMatrix, ToneEstimate, ToneShare, Trust, pool,
 };
 use crate::image::PowerCurve;
 
@@ -22,9 +22,9 @@ pub(super) fn corrected(
         covariance,
         estimate,
     } = pool(first, shares, Trust::ByMisfit);
-    let common = common_shift(found(), step[KURTOSIS]);
+    let common = common_shift(found(), step[KURTOSIS_OF_SHARED]);
     // The common shift has what the kurtosis does.
-    step[KURTOSIS] = 0.0;
+    step[KURTOSIS_OF_SHARED] = 0.0;
     // One standard deviation in each of some independent directions.
     let deviations = covariance
         .cholesky()

@@ -47,7 +47,8 @@ const SPREAD_STD: f64 = 1.0;
 /// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2, and by as much without that of a
 /// lens that spreads light over a disc of 0.8 pixels.
 const SHARED: usize = TONE_PARAMETERS + 1;
-pub(super) const KURTOSIS: usize = TONE_PARAMETERS;
+/// The place of the latter; a fit to the pixels has its own, behind the shift.
+pub(super) const KURTOSIS_OF_SHARED: usize = TONE_PARAMETERS;
 /// Values of what is shared, or a step of them: of the kurtosis, whose effect is linear, the value.
 pub(super) type Shared = SVector<f64, SHARED>;
 pub(super) type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
@@ -340,7 +341,7 @@ pub(super) fn pool<'a>(
         hidden_shift,
         misfit_shift,
         shift_std: (!fits).then_some(misfit_shift),
-        kurtosis: step[KURTOSIS],
+        kurtosis: step[KURTOSIS_OF_SHARED],
     };
     Pooled {
         step,
@@ -429,7 +430,7 @@ pub(super) fn estimate_tone(
                     .follow(share, &step, [Tone::Power(power), Tone::Power(next)]);
             }
         }
-        (power, kurtosis) = (next, step[KURTOSIS]);
+        (power, kurtosis) = (next, step[KURTOSIS_OF_SHARED]);
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
         let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
         if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
