@@ -3,8 +3,8 @@
 use std::fmt;
 
 /// Beyond this a standard deviation, which is predicted from an estimate that then is as far off,
-/// is told as no more than that.
-const TOLD_STD: f64 = 10.0;
+/// is stated as no more than that.
+const LARGEST_STATED_STD: f64 = 10.0;
 
 /// Why the camera matrix does not follow from the planes.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,11 +128,11 @@ impl fmt::Display for IllConditioning {
             "cx" | "cy" => "the picture's width",
             focal => focal,
         };
-        if self.std <= TOLD_STD {
+        if self.std <= LARGEST_STATED_STD {
             let std = percent(self.std);
             write!(f, "(predicted standard deviation {std} % of {whole}, ")?;
         } else {
-            let std = percent(TOLD_STD);
+            let std = percent(LARGEST_STATED_STD);
             write!(
                 f,
                 "(predicted standard deviation more than {std} % of {whole}, "

@@ -50,12 +50,12 @@ const LEAST_OF_ARC: usize = 2;
 
 /// Weight of an outlier side over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
-const ASIDE: f64 = 1e-5;
+const OUTLIER_WEIGHT: f64 = 1e-5;
 
 impl Side {
     /// By how much its samples' weights are lowered.
     pub fn trust(&self) -> f64 {
-        if self.is_outlier { ASIDE } else { 1.0 }
+        if self.is_outlier { OUTLIER_WEIGHT } else { 1.0 }
     }
 
     /// The line that it is, if it is straight.

@@ -11,22 +11,22 @@ use crate::result::{Calibration, Warning};
 /// Normal deviates from which a relation is contradicted: one in thirty thousand.
 const EVIDENT: f64 = 4.0;
 
-/// Warns of planes that stand otherwise than they are said to, by a calibration that was not told.
+/// Warns of planes that stand otherwise than they are said to, by a calibration without the relations.
 pub(crate) fn contradicted_relations<L: Lens>(
-    untold: &Calibration<L>,
+    found: &Calibration<L>,
     relations: &[Related],
 ) -> Vec<Warning> {
     let relations = relations.iter();
     relations
-        .filter_map(|related| contradicted(untold, related))
+        .filter_map(|related| contradicted(found, related))
         .collect()
 }
 
-fn contradicted<L: Lens>(untold: &Calibration<L>, related: &Related) -> Option<Warning> {
-    let [first, second] = related.planes.map(|plane| &untold.planes[plane]);
-    let (names, covariance) = (&untold.parameters, untold.covariance.clone());
+fn contradicted<L: Lens>(found: &Calibration<L>, related: &Related) -> Option<Warning> {
+    let [first, second] = related.planes.map(|plane| &found.planes[plane]);
+    let (names, covariance) = (&found.parameters, found.covariance.clone());
     let camera =
-        ProjectionUncertainty::new(&untold.camera, names, untold.aspect_fixed, covariance).ok()?;
+        ProjectionUncertainty::new(&found.camera, names, found.aspect_fixed, covariance).ok()?;
     let equations = related.equations([&first.pose, &second.pose]);
     let (gaps, rows): (Vec<f64>, Vec<_>) = equations.map(|it| (it.gap, it.by_turn)).unzip();
     let by_turn = DMatrix::from_fn(rows.len(), 3, |i, j| rows[i][j]);
