@@ -12,12 +12,13 @@ use super::grid_crossings::GridCrossings;
 use super::measured::Measured;
 use super::prediction::Prediction;
 use super::preview::{self, Preview};
+use super::preview_band::PreviewBand;
 use super::side::{BLUR_RANGE, LAST_STEP, Side};
 use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use super::surroundings::{
-    FAR_RATIO, far_margin, inner_end, limit_at, limits, margin, near, refuse_thin_bars,
+    FAR_RATIO, far_margin, limit_at, limits, margin, near, near_within, refuse_thin_bars,
 };
 use super::tone_fit::{self, ToneShare};
 use super::{blur_differences, patches, plateaus, thinning};
@@ -25,11 +26,8 @@ use super::{blur_differences, patches, plateaus, thinning};
 /// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
 const LEAST_MARGIN_BLURS: f64 = 1.5;
-/// The first fit, which only finds curve and blur, uses about this many columns of pixels, one in
-/// an odd number: of a steep side they are rows, even and odd ones.
-const PREVIEW_COLUMNS: f64 = 50.0;
-/// It is made twice: roughly, on the pixels that the coarse edge points to, until a step is below
-/// this many pixels; then on those that the result points to.
+/// The first fit is made twice: roughly, on the pixels that the coarse edge points to, until a step
+/// is below this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 /// Rounds of a crossed line's spread, and of all else with it.
@@ -113,61 +111,15 @@ impl<'a> Localiser<'a> {
         index: usize,
         known: &'b [Result<Preview, NoEdge>],
     ) -> Result<Preview, NoEdge> {
-        let spans = &sought.spans;
-        let span = &spans[index];
+        let span = &sought.spans[index];
         let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
         let is_crossed = !span.crossings.is_empty();
         let mut side = self.first_guess(coarse, is_crossed);
-        let length = side.curve.length();
-        let end = match is_crossed {
-            true => side.curve.half_length,
-            false => inner_end(&side),
-        };
-        let margin = margin(spans, index, &side);
+        let around = PreviewBand::about(&side, sought, index, known, self.tone)?;
+        let margin = margin(&sought.spans, index, &side);
         let within = |width: f64| margin.map(|margin| width.min(margin));
-        let crossings = |side: &Side| {
-            is_crossed.then(|| GridCrossings::coarse(spans, index, &side.curve, side.edge_shape()))
-        };
-        let crossed = crossings(&side);
-        let seen = |other: usize| match (known.get(other), &sought.coarse[other]) {
-            (Some(Ok(Preview { side, .. })), _) => Ok((&side.curve, side.contrast[0])),
-            (
-                None,
-                Ok(CoarseEdge {
-                    curve, plateaus, ..
-                }),
-            ) => {
-                let [before, after] = plateaus.map(|coded| self.tone.decode(coded));
-                Ok((curve, after - before))
-            }
-            _ => Err(NoEdge::Cramped),
-        };
-        let beside = span.far_edge.map(seen).transpose()?;
-        let far_edge = |side: &Side| {
-            let own = (&side.curve, side.contrast[0]);
-            beside.map(|other| FarEdge::beside(own, other, side.mean_blur()))
-        };
-        let band = |curve, near, reach, crossings, far_edge: Option<FarEdge<'b>>| Band {
-            curve,
-            near,
-            reach,
-            ends: [-end, end],
-            limits: far_edge.iter().map(limit_at).collect(),
-            hidden: &coarse.hidden,
-            crossings,
-            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
-            stride: 2 * (0.5 * length / PREVIEW_COLUMNS) as usize + 1,
-        };
         let narrow = near(&side);
-        let curve = side.curve.clone();
-        let far_edge_seen = far_edge(&side);
-        self.gather(&band(
-            curve,
-            narrow,
-            within(narrow),
-            crossed.as_ref(),
-            far_edge_seen,
-        ))?;
+        self.gather_around(&around, &side, narrow, within(narrow))?;
         self.predict(&side);
         let noise = self.noise_about(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
@@ -176,20 +128,12 @@ impl<'a> Localiser<'a> {
         }
         self.settle_spread(&mut side, noise);
 
-        let near = near(&side).min(margin[0].max(margin[1]));
+        let near = near_within(&side, margin);
         let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
         let far = within(far.max(near));
-        let crossed = crossings(&side);
-        let curve = side.curve.clone();
-        let far_edge = far_edge(&side);
+        let far_edge = around.far_edge(&side);
         side.feels_far_edge = far_edge.is_some_and(|far_edge| far_edge.is_felt);
-        self.gather(&band(
-            curve,
-            far[0].max(far[1]),
-            far,
-            crossed.as_ref(),
-            far_edge,
-        ))?;
+        self.gather_around(&around, &side, far[0].max(far[1]), far)?;
         std::mem::swap(&mut self.pixels, &mut self.wide);
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
@@ -214,15 +158,7 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
-        let all = self.wide.iter().zip(&self.predictions);
-        let within = all.filter(|(p, _)| (-reach[0]..=reach[1]).contains(&side.distance(p)));
-        let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
-        pixels.reserve_exact(self.wide.len());
-        predictions.reserve_exact(self.wide.len());
-        for (pixel, prediction) in within {
-            pixels.push(*pixel);
-            predictions.push(*prediction);
-        }
+        let (pixels, predictions) = self.wide_within(&side, reach);
         Ok(Preview {
             side,
             noise,
@@ -285,7 +221,7 @@ impl<'a> Localiser<'a> {
         };
         limits.extend(far_edge.iter().map(limit_at));
         let margin = margin(spans, index, &side);
-        let near = near(&side).min(margin[0].max(margin[1]));
+        let near = near_within(&side, margin);
         let band = Band {
             curve: side.curve.clone(),
             near,
@@ -364,6 +300,32 @@ impl<'a> Localiser<'a> {
             return Err(NoEdge::Unmeasurable);
         }
         Ok(())
+    }
+
+    /// Collects the pixels of a preview about a side.
+    fn gather_around(
+        &mut self,
+        around: &PreviewBand<'_>,
+        side: &Side,
+        near: f64,
+        reach: [f64; 2],
+    ) -> Result<(), NoEdge> {
+        let crossings = around.crossings(side);
+        self.gather(&around.band(side, near, reach, crossings.as_ref()))
+    }
+
+    /// The pixels of the wider band within reach of a side, and what was predicted of them.
+    fn wide_within(&self, side: &Side, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
+        let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
+        pixels.reserve_exact(self.wide.len());
+        predictions.reserve_exact(self.wide.len());
+        for (pixel, prediction) in self.wide.iter().zip(&self.predictions) {
+            if (-reach[0]..=reach[1]).contains(&side.distance(pixel)) {
+                pixels.push(*pixel);
+                predictions.push(*prediction);
+            }
+        }
+        (pixels, predictions)
     }
 
     /// Predicts the pixels that were gathered.

@@ -31,6 +31,7 @@ mod pixel_noise;
 mod plateaus;
 mod prediction;
 mod preview;
+mod preview_band;
 mod profile;
 mod side;
 mod side_sums;

@@ -38,6 +38,11 @@ pub(super) fn near(side: &Side) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
 }
 
+/// The same, no farther than the wider margin.
+pub(super) fn near_within(side: &Side, margin: [f64; 2]) -> f64 {
+    near(side).min(margin[0].max(margin[1]))
+}
+
 /// How far to either side of an edge its surroundings are its own, pixels.
 pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
     let span = &spans[index];

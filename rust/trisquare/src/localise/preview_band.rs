@@ -1,0 +1,104 @@
+//! Where a preview of a span looks for its edge, before its neighbours are known.
+
+use super::band::Band;
+use super::coarse::CoarseEdge;
+use super::curve::Curve;
+use super::far_edge::FarEdge;
+use super::grid_crossings::GridCrossings;
+use super::preview::Preview;
+use super::side::Side;
+use super::sought::Sought;
+use super::span::{EdgeSpan, NoEdge};
+use super::surroundings::{inner_end, limit_at};
+use crate::image::Tone;
+
+/// A preview, which only finds curve and blur, uses about this many columns of pixels, one in
+/// an odd number: of a steep side they are rows, even and odd ones.
+const PREVIEW_COLUMNS: f64 = 50.0;
+
+/// What all bands of one span's preview share.
+pub(super) struct PreviewBand<'a> {
+    spans: &'a [EdgeSpan],
+    index: usize,
+    hidden: &'a [[f64; 2]],
+    /// The curve and the contrast of the far edge of a thin bar.
+    beside: Option<(&'a Curve, f64)>,
+    /// Along the chord, pixels from its middle.
+    end: f64,
+    stride: usize,
+}
+
+impl<'a> PreviewBand<'a> {
+    /// About the first guess of a side. The far edge of a thin bar is taken from where it is known best:
+    /// from the previews, if there are any.
+    pub fn about(
+        side: &Side,
+        sought: &'a Sought<'_>,
+        index: usize,
+        known: &'a [Result<Preview, NoEdge>],
+        tone: Tone,
+    ) -> Result<Self, NoEdge> {
+        let span = &sought.spans[index];
+        let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
+        let seen = |other: usize| match (known.get(other), &sought.coarse[other]) {
+            (Some(Ok(Preview { side, .. })), _) => Ok((&side.curve, side.contrast[0])),
+            (
+                None,
+                Ok(CoarseEdge {
+                    curve, plateaus, ..
+                }),
+            ) => {
+                let [before, after] = plateaus.map(|coded| tone.decode(coded));
+                Ok((curve, after - before))
+            }
+            _ => Err(NoEdge::Cramped),
+        };
+        Ok(Self {
+            spans: &sought.spans,
+            index,
+            hidden: &coarse.hidden,
+            beside: span.far_edge.map(seen).transpose()?,
+            end: match span.crossings.is_empty() {
+                true => inner_end(side),
+                false => side.curve.half_length,
+            },
+            stride: 2 * (0.5 * side.curve.length() / PREVIEW_COLUMNS) as usize + 1,
+        })
+    }
+
+    /// The far edge of a thin bar, beside the side as it is known so far.
+    pub fn far_edge(&self, side: &Side) -> Option<FarEdge<'a>> {
+        let own = (&side.curve, side.contrast[0]);
+        let beside = self.beside?;
+        Some(FarEdge::beside(own, beside, side.mean_blur()))
+    }
+
+    /// The lines that cross the side as it is known so far.
+    pub fn crossings(&self, side: &Side) -> Option<GridCrossings> {
+        let is_crossed = !self.spans[self.index].crossings.is_empty();
+        is_crossed
+            .then(|| GridCrossings::coarse(self.spans, self.index, &side.curve, side.edge_shape()))
+    }
+
+    /// The band about the side as it is known so far.
+    pub fn band<'b>(
+        &'b self,
+        side: &Side,
+        near: f64,
+        reach: [f64; 2],
+        crossings: Option<&'b GridCrossings>,
+    ) -> Band<'b> {
+        let far_edge = self.far_edge(side);
+        Band {
+            curve: side.curve.clone(),
+            near,
+            reach,
+            ends: [-self.end, self.end],
+            limits: far_edge.iter().map(limit_at).collect(),
+            hidden: self.hidden,
+            crossings,
+            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
+            stride: self.stride,
+        }
+    }
+}
