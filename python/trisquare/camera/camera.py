@@ -35,7 +35,7 @@ from trisquare.camera.lens_models import (
 CoreCamera: TypeAlias = "tuple[str, Sequence[float], float]"
 
 # A model that the coefficients tell; every camera's is a str.
-_TOLD_BY_COEFFICIENTS: Any = None
+_BY_COEFFICIENTS: Any = None
 # The simplest that they tell.
 USUAL_MODEL = "radial2"
 # Four are a pinhole's or a fisheye's.
@@ -102,7 +102,7 @@ class Camera(RebuiltByConstructor):
     K: FloatArray
     distortion: FloatArray
     image_size: tuple[int, int]
-    model: str = _TOLD_BY_COEFFICIENTS
+    model: str = _BY_COEFFICIENTS
     valid_radius: float | None = None
 
     def __post_init__(self) -> None:

@@ -135,18 +135,18 @@ def _lines(calibration: Calibration) -> list[Text]:
 def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text]:
     """Lay out a line for each of the first candidates that were not used, if no warning does."""
     lines = []
-    untold = [
+    unreported = [
         candidate
         for candidate in (*calibration.rejected, *missed)
         if not any(is_reported(warning, [candidate]) for warning in calibration.warnings)
     ]
-    for candidate in untold[:MOST_REJECTED]:
+    for candidate in unreported[:MOST_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()
         residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
         place = f"({x:.0f}, {y:.0f}) of picture {_picture(calibration, candidate.image)}"
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
-    if len(untold) > MOST_REJECTED:
-        lines.append(f"not used: {len(untold) - MOST_REJECTED} more")
+    if len(unreported) > MOST_REJECTED:
+        lines.append(f"not used: {len(unreported) - MOST_REJECTED} more")
     return [line_of(as_options(line), "dim") for line in lines]
 
 

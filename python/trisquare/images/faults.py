@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import trisquare._core as _core
 from trisquare.images.tone import PictureTone
 
-TOLD_COLOUR_SHIFT = 0.4
-"""Pixels by which a colour is displaced in the picture's corners, from which that is told: most
-lenses have some of it, and the core measures green alone from less on."""
+WARNED_COLOUR_SHIFT = 0.4
+"""Pixels by which a colour is displaced in the picture's corners, from which a warning says so:
+most lenses have some of it, and the core measures green alone from less on."""
 
-TOLD_MOTION = 3.0
-"""Length of a motion in pixels from which it is told."""
+WARNED_MOTION = 3.0
+"""Length of a motion in pixels from which a warning says so."""
 
-TOLD_BLUR = 2.5
-"""Blur in pixels, one standard deviation, from which it is told where no motion explains it: among
-scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of 52
-with 2.5 to 4 px 8 were."""
+WARNED_BLUR = 2.5
+"""Blur in pixels, one standard deviation, from which a warning says so where no motion explains it:
+among scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of
+52 with 2.5 to 4 px 8 were."""
 
 CLIPPED = 0.1
-"""Share of the sides whose light is clipped from which that is told."""
+"""Share of the sides whose light is clipped from which a warning says so."""
 
 MUCH_LOST = 0.02
 """Pixels of each side's place that clipped light leaves unknown, from which on it is likely to be
@@ -71,18 +71,7 @@ class PictureFaults:
     @classmethod
     def of(cls, found: _core.PictureFaults) -> PictureFaults:
         """Return what the edges of a picture have shown."""
-        return cls(
-            found.row_shift,
-            found.colour_shift,
-            found.is_green,
-            found.clipped,
-            found.has_two_levels,
-            found.motion,
-            found.blur,
-            found.pattern,
-            found.side_error,
-            found.line_error,
-        )
+        return cls(**{own.name: getattr(found, own.name) for own in fields(cls)})
 
     @property
     def is_shifted(self) -> bool:
@@ -166,17 +155,17 @@ def _texts(own: PictureFaults, tone: PictureTone) -> dict[str, str]:
     if own.row_shift is not None:
         x, y = own.row_shift
         texts["interlaced"] = f"displaced by ({x:+.2f}, {y:+.2f}) px"
-    if own.colour_shift is not None and max(map(abs, own.colour_shift)) > TOLD_COLOUR_SHIFT:
+    if own.colour_shift is not None and max(map(abs, own.colour_shift)) > WARNED_COLOUR_SHIFT:
         blue, red = own.colour_shift
         hardly = "" if own.is_green else ", but the targets hardly show in green: all are measured"
         texts["chromatic_aberration"] = (
             f"in the corners blue lies {blue:+.2f} px and red {red:+.2f} px outward{hardly}"
         )
-    if own.motion is not None and own.motion[0] > TOLD_MOTION:
+    if own.motion is not None and own.motion[0] > WARNED_MOTION:
         texts["motion_blurred"] = (
             f"by {own.motion[0]:.1f} px at {own.motion[1]:.0f} degrees from the x axis"
         )
-    elif own.blur > TOLD_BLUR:
+    elif own.blur > WARNED_BLUR:
         texts["out_of_focus"] = (
             f"by {own.blur:.1f} px (standard deviation), reaching four times as far"
         )

@@ -15,7 +15,7 @@ CONTRADICTED = 4.0
 NOTABLE_GROWTH = 1.2
 """Of a standard deviation, from which it is worth a word that no tone curve fits."""
 
-TOLD_BY_EDGES = (
+CONTRADICTED_BY_EDGES = (
     "the edge profiles contradict the tone curve that was stated or assumed, which moves the edges"
 )
 """Said of a stated tone curve where the fit to the pixels does not tell more."""
@@ -91,7 +91,7 @@ def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str
     )
 
 
-def contradiction_text(contradicting: str, told: str = TOLD_BY_EDGES) -> str:
+def contradiction_text(contradicting: str, told: str = CONTRADICTED_BY_EDGES) -> str:
     """Say what contradicts a stated tone curve, in which pictures, and what to do."""
     return f'{told}: use tone="auto", which estimates it ({contradicting})'
 
