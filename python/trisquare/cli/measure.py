@@ -23,6 +23,7 @@ from trisquare.analysis.measure import (
     extrapolation_on,
     measure,
 )
+from trisquare.analysis.rectify import TopView
 from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import HOLE, located
 from trisquare.camera.camera import Camera
@@ -147,17 +148,7 @@ def measure_command(
         warnings.append(f"plane {plane} {HOLE}")
         stated = None  # the calibration's is that of the frames
     length = given or stated or Length(1.0, "")
-    x, y = chosen.corners.mean(axis=0)
-    heading = f"on plane {plane}, a {chosen.kind} around ({x:.0f}, {y:.0f})"
-    if given is None and stated is None:
-        heading += " (in sides; say --side)"
-    elif given is None:
-        heading += f", side {length.value:g} {length.unit} as calibrated"
-    if given is not None and stated is not None and not isclose(given.metres, stated.metres):
-        warnings.append(
-            f"--side {given.value:g} {given.unit} is used, where the calibration states "
-            f"{stated.value:g} {stated.unit}: right if this is another square"
-        )
+    warnings += _doubts_of_side(given, stated)
     if chosen.kind != RECTANGLE and of_rectangles:
         warnings.append(
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
@@ -171,7 +162,7 @@ def measure_command(
         )
     if doubts[plane] is not None:
         warnings.append(f"plane {plane}: {doubts[plane]}")
-    lines = [heading]
+    lines = [_heading(plane, chosen, given, stated)]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
         "plane": plane,
@@ -186,34 +177,66 @@ def measure_command(
         if point_std > 0.0:
             exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
             lines.append(_share_of_points(measured, exact, point_std))
-        if chosen.uncertainty is not None and chosen.uncertainty.side_error is not None:
-            lines.append(
-                f"the sides of the {chosen.kind} err together (is it bent?), by "
-                f"{chosen.uncertainty.side_error:.2g} px rms: points are taken to lie off as far"
-            )
+        lines += _side_errors(chosen)
         members |= {key: own for key, own in measured.members().items() if key not in members}
         warnings += _doubts(measured, pixels, planes, plane)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
-        width, height = view.image.shape[1::-1]
-        if max(width, height) < LEAST_SHOWN:
-            per = "side of the square, as no side is known (--side)"
-            warnings.append(
-                f"{rectify}: is {width} x {height} pixels only: --resolution is in pixels per "
-                + (length.unit or per)
-            )
-        resolution = view.resolution / length.value
-        unit = length.unit or ("side" if length.value == 1 else "unit")
-        lines += [f"from above: {resolution:.6g} px to a {unit}", f"wrote {rectify}"]
-        members["rectified"] = {
-            "image_size": list(view.image.shape[1::-1]),
-            "origin": [length.value * value for value in view.origin],
-            "resolution": resolution,
-        }
+        members["rectified"] = _view_members(view, length)
+        lines += [_view_line(view, length), f"wrote {rectify}"]
+        warnings += _doubts_of_view(view, length, rectify)
     members["warnings"] = warnings
     answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
+
+
+def _heading(index: int, plane: Plane, given: Length | None, stated: Length | None) -> str:
+    """Say on what is measured, and whose side makes the unit of length."""
+    x, y = plane.corners.mean(axis=0)
+    heading = f"on plane {index}, a {plane.kind} around ({x:.0f}, {y:.0f})"
+    if given is not None:
+        return heading
+    if stated is None:
+        return f"{heading} (in sides; say --side)"
+    return f"{heading}, side {stated.value:g} {stated.unit} as calibrated"
+
+
+def _doubts_of_side(given: Length | None, stated: Length | None) -> Iterator[str]:
+    if given is not None and stated is not None and not isclose(given.metres, stated.metres):
+        yield (
+            f"--side {given.value:g} {given.unit} is used, where the calibration states "
+            f"{stated.value:g} {stated.unit}: right if this is another square"
+        )
+
+
+def _side_errors(plane: Plane) -> Iterator[str]:
+    if plane.uncertainty is not None and plane.uncertainty.side_error is not None:
+        yield (
+            f"the sides of the {plane.kind} err together (is it bent?), by "
+            f"{plane.uncertainty.side_error:.2g} px rms: points are taken to lie off as far"
+        )
+
+
+def _view_members(view: TopView, length: Length) -> dict[str, Any]:
+    """Return the member ``rectified``, in units of length."""
+    return {
+        "image_size": list(view.image.shape[1::-1]),
+        "origin": [length.value * value for value in view.origin],
+        "resolution": view.resolution / length.value,
+    }
+
+
+def _view_line(view: TopView, length: Length) -> str:
+    unit = length.unit or ("side" if length.value == 1 else "unit")
+    return f"from above: {view.resolution / length.value:.6g} px to a {unit}"
+
+
+def _doubts_of_view(view: TopView, length: Length, path: Path) -> Iterator[str]:
+    width, height = view.image.shape[1::-1]
+    if max(width, height) < LEAST_SHOWN:
+        per = length.unit or "side of the square, as no side is known (--side)"
+        yield f"{path}: is {width} x {height} pixels only: --resolution is in pixels per {per}"
 
 
 def _pixels(points: Sequence[str]) -> FloatArray:
