@@ -110,30 +110,12 @@ def undistort_command(
     for photo in photos:
         check_named_video(photo)
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
-    if into_folder:
-        paths = [Path(output, photo.name) for photo in photos]
-    elif not (Path(output).suffix or any(videos)):
-        raise ValueError(
-            f"{output}: write a folder as {output}/, and a picture with its extension, such as "
-            f"{output}.png"
-        )
-    else:
-        paths = numbered_paths(Path(output), len(photos))
+    paths = _output_paths(output, photos, into_folder=into_folder, with_videos=any(videos))
     if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
         raise unknown("interpolation", interpolation, INTERPOLATIONS)
-    if view not in VIEWS:
-        raise unknown("view", view, VIEWS)
-    if balance and view != "pinhole":
-        raise ValueError(f"--balance is for a pinhole: of --view {view} give --field")
-    if new_camera is not None:
-        if view != "pinhole":
-            raise ValueError(f"--new-camera is for a pinhole: no format holds --view {view}")
-        camera_format(new_camera)
+    _check_view(view, balance, new_camera)
     known = read_camera(camera)
     lens = camera_of(known)
-    pictures: list[dict[str, Any]] = []
-    views: set[Camera | Panorama] = set()
-    warnings: list[str] = []
 
     @lru_cache(maxsize=1)
     def undistorter_of(size: tuple[int, int]) -> Undistorter:
@@ -142,59 +124,19 @@ def undistort_command(
             return Undistorter(taken_by, new_camera=taken_by.undistorted(balance, field=field))
         return Undistorter(taken_by, new_camera=Panorama.of(taken_by, view, field))
 
-    def photograph_undistorted(photo: Path, path: Path) -> bytes:
-        if progress is not None:
-            progress(len(pictures), len(photos))
-        picture, tag = read_photograph(photo)
-        check_depth(picture, path)
-        with naming(photo):
-            used = undistorter_of(picture_size(picture))
-            straight = used.undistort(picture, interpolation=interpolation)
-        pictures.append(_picture_members(photo, path, used))
-        views.add(used.new_camera)
-        encoded, missed = encode_turned(straight, path, tag)
-        if missed is not None:
-            warnings.append(missed)
-        return encoded
+    done = _Undistorted(undistorter_of, interpolation)
 
-    def write_undistorted_video(clip: Path, path: Path, temporary: Path) -> None:
-        with Video(clip) as video, naming(clip):
-            used = undistorter_of(video.size)
-
-            def tell(done: int) -> None:
-                if progress is not None:
-                    progress(done, video.frames_in_all(done))
-
-            frames = undistort_video(
-                video, used, temporary, interpolation=interpolation, progress=tell
-            )
-        more = {"frames": frames, "rate": video.rate, "turned": video.turn}
-        more["unevenness_s"] = video.unevenness
-        pictures.append({**_picture_members(clip, path, used), **more})
-        views.add(used.new_camera)
-        if video.turn:
-            warnings.append(
-                f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
-                "new camera is that of its frames before"
-            )
-        if video.unevenness * video.rate > 1.0:
-            warnings.append(
-                f"{path}: has {video.rate:.4g} frames a second; those of the video come unevenly, "
-                f"and are up to {video.unevenness:.2g} s earlier or later than here"
-            )
-        missed = add_sound(temporary, clip)
-        if missed is not None:
-            warnings.append(f"{path}: {missed}")
-
-    def undistorted() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
+    def contents() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
         """Undistort one photograph when the one before has been taken care of."""
         for photo, path, has_frames in zip(photos, paths, videos, strict=True):
             if has_frames:
-                yield path, partial(write_undistorted_video, photo, path)
-            else:
-                yield path, photograph_undistorted(photo, path)
+                yield path, partial(done.write_video, photo, path, progress)
+                continue
+            if progress is not None:
+                progress(len(done.pictures), len(photos))
+            yield path, done.photograph(photo, path)
         if new_camera is not None:
-            yield new_camera, _camera_file(views, new_camera)
+            yield new_camera, _camera_file(done.views, new_camera)
 
     with (
         making_folder(output) if into_folder else nullcontext(),
@@ -206,25 +148,131 @@ def undistort_command(
         for path in moving:
             check_video_name(path)
         undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
-        write_in_turn(undistorted())
+        write_in_turn(contents())
+    warnings = done.warnings
     if isinstance(known, Calibration):
         warnings += [f"{camera}: {own}" for own in known.warnings if _is_repeated(own)]
     # Without a black pixel the view is narrow because that was asked for.
-    has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in pictures)
-    warnings += _warnings_of_views(lens, views, has_black=has_black)
+    has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in done.pictures)
+    warnings += _warnings_of_views(lens, done.views, has_black=has_black)
     members = {
         "format": UNDISTORTION_FORMAT,
         "view": view,
         "balance": balance,
         "field": field,
-        "pictures": pictures,
+        "pictures": done.pictures,
         "new_camera": None if new_camera is None else str(new_camera),
         "warnings": warnings,
     }
-    lines = list(_lines(pictures, is_camera_kept=new_camera is not None))
+    lines = list(_lines(done.pictures, is_camera_kept=new_camera is not None))
     if new_camera is not None:
         lines.append(f"wrote {new_camera}")
     answer(json, quiet, members, lines, (f"warning: {each}" for each in warnings))
+
+
+def _output_paths(
+    output: str, photos: Sequence[Path], *, into_folder: bool, with_videos: bool
+) -> list[Path]:
+    """Return where each photograph or video is written."""
+    if into_folder:
+        return [Path(output, photo.name) for photo in photos]
+    if not (Path(output).suffix or with_videos):
+        raise ValueError(
+            f"{output}: write a folder as {output}/, and a picture with its extension, such as "
+            f"{output}.png"
+        )
+    return numbered_paths(Path(output), len(photos))
+
+
+def _check_view(view: str, balance: float, new_camera: Path | None) -> None:
+    """Check that the options that are for a pinhole are given with one."""
+    if view not in VIEWS:
+        raise unknown("view", view, VIEWS)
+    if balance and view != "pinhole":
+        raise ValueError(f"--balance is for a pinhole: of --view {view} give --field")
+    if new_camera is not None:
+        if view != "pinhole":
+            raise ValueError(f"--new-camera is for a pinhole: no format holds --view {view}")
+        camera_format(new_camera)
+
+
+class _Undistorted:
+    """What has been undistorted so far.
+
+    Parameters
+    ----------
+    undistorter_of : callable
+        From the size of a photograph to what undistorts it.
+    interpolation : str
+
+    Attributes
+    ----------
+    pictures : list of dict
+        Their members in the answer.
+    views : set of Camera or Panorama
+        The new cameras.
+    warnings : list of str
+    """
+
+    def __init__(
+        self, undistorter_of: Callable[[tuple[int, int]], Undistorter], interpolation: str
+    ) -> None:
+        self._undistorter_of = undistorter_of
+        self._interpolation = interpolation
+        self.pictures: list[dict[str, Any]] = []
+        self.views: set[Camera | Panorama] = set()
+        self.warnings: list[str] = []
+
+    def photograph(self, photo: Path, path: Path) -> bytes:
+        """Return the content of the file of an undistorted photograph."""
+        picture, tag = read_photograph(photo)
+        check_depth(picture, path)
+        with naming(photo):
+            used = self._undistorter_of(picture_size(picture))
+            straight = used.undistort(picture, interpolation=self._interpolation)
+        self._add(photo, path, used)
+        encoded, missed = encode_turned(straight, path, tag)
+        if missed is not None:
+            self.warnings.append(missed)
+        return encoded
+
+    def write_video(
+        self, clip: Path, path: Path, progress: Callable[[int, int], None] | None, temporary: Path
+    ) -> None:
+        """Write an undistorted video to a temporary file, which becomes that of the path."""
+        with Video(clip) as video, naming(clip):
+            used = self._undistorter_of(video.size)
+
+            def tell(done: int) -> None:
+                if progress is not None:
+                    progress(done, video.frames_in_all(done))
+
+            frames = undistort_video(
+                video, used, temporary, interpolation=self._interpolation, progress=tell
+            )
+        more = {"frames": frames, "rate": video.rate, "turned": video.turn}
+        self._add(clip, path, used, **more, unevenness_s=video.unevenness)
+        self.warnings += _warnings_of_video(video, path)
+        missed = add_sound(temporary, clip)
+        if missed is not None:
+            self.warnings.append(f"{path}: {missed}")
+
+    def _add(self, photo: Path, path: Path, used: Undistorter, **more: Any) -> None:
+        self.pictures.append({**_picture_members(photo, path, used), **more})
+        self.views.add(used.new_camera)
+
+
+def _warnings_of_video(video: Video, path: Path) -> Iterator[str]:
+    if video.turn:
+        yield (
+            f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
+            "new camera is that of its frames before"
+        )
+    if video.unevenness * video.rate > 1.0:
+        yield (
+            f"{path}: has {video.rate:.4g} frames a second; those of the video come unevenly, "
+            f"and are up to {video.unevenness:.2g} s earlier or later than here"
+        )
 
 
 def _is_repeated(warning: CalibrationWarning) -> bool:
