@@ -324,7 +324,7 @@ def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
     undisturbed = subprocess.run([*arguments, str(tmp_path / "whole")], check=False)
     assert undisturbed.returncode == 6
     broken = tmp_path / "broken"
-    kills = 0
+    killed_after = []
     for target in (1, 3, 6, 9):
         with subprocess.Popen([*arguments, str(broken)]) as process:
             journal = broken / "results.jsonl"
@@ -333,10 +333,11 @@ def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
                     process.send_signal(signal.SIGKILL)
                     break
                 time.sleep(0.001)
-        kills += process.returncode == -signal.SIGKILL
-    assert kills > 1
+        if process.returncode == -signal.SIGKILL:
+            killed_after.append(target)
+    assert len(killed_after) > 1
     done = {own["name"] for own in lines(broken)}
-    assert 1 <= len(done) < 12 or kills < 4
+    assert len(done) >= killed_after[-1]
     again = subprocess.run(
         [*arguments[:-2], "--json", "-o", str(broken)], stdout=subprocess.PIPE, check=False
     )
@@ -347,8 +348,8 @@ def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
 def test_results_are_stored_before_they_are_yielded(tmp_path):
     with Store(tmp_path, LIMITS) as store, Submission(None, 2, LIMITS, quick) as submit:
         for own in finished([job(name) for name in "abcd"], submit, store):
-            assert (tmp_path / own.record["file"] if "file" in own.record else tmp_path).exists()
-            assert own.job.name in {line["name"] for line in lines(tmp_path)}
+            (stored,) = [line for line in lines(tmp_path) if line["name"] == own.job.name]
+            assert stored.items() >= own.record.items()
             assert (tmp_path / "cameras" / f"{own.job.name}.json").is_file()
 
 

@@ -224,8 +224,11 @@ def test_a_result_reads_back_and_its_planes_are_measured(scene, result):
         corners = plane.corners[[0, 1]]
         length = np.linalg.norm(np.diff(onto_plane(corners, one.camera, plane), axis=0))
         assert ts.measure(plane, corners, one).lengths[0] == pytest.approx(length)
-    assert ts.compare(again, held).rms > 0
-    assert again.projection_std([[100.0, 100.0]]) > 0
+    assert ts.compare(again, result).rms == pytest.approx(0.0, abs=1e-9)
+    assert ts.compare(again, held).rms == pytest.approx(ts.compare(result, held).rms)
+    places = [[100.0, 100.0]]
+    assert again.projection_std(places) == pytest.approx(result.projection_std(places))
+    assert again.projection_std(places) != pytest.approx(held.projection_std(places))
 
 
 def test_the_command_frees_it(scene, tmp_path):

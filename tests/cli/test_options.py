@@ -12,6 +12,14 @@ from trisquare.cli.options import as_options
         ('lines=True needs method="ml"', "--lines needs --method ml"),
         ("hold it at a known value (initial=)", "hold it at a known value (--initial)"),
         ("free= names it", "--free names it"),
+        (
+            'model="auto" takes none; say model= otherwise',
+            "--model auto takes none; say --model otherwise",
+        ),
+        (
+            "state the length with side=, or in metres (side=)",
+            "state the length with --side, or in metres (--side)",
+        ),
         ("f = 3, side=84 is 84 m", "f = 3, side=84 is 84 m"),
     ],
 )

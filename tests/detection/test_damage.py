@@ -16,6 +16,8 @@ from trisquare_scenes.damage import (
     HIDDEN_RANGE,
     KINDS,
     MIN_HIDDEN,
+    RECTANGLE_RATIO,
+    TRAPEZIUM_RANGE,
     CurledTarget,
     damaged_scene,
 )
@@ -97,7 +99,12 @@ def test_damage_is_what_it_says(kind):
         rectangular = np.allclose(lengths[:2], lengths[2:])
         departure = lengths.max() / lengths.min() - 1.0 if rectangular else 1.0 - lengths.min()
         assert damage.extent == pytest.approx(departure, abs=1e-9)
-        assert rectangular == (kind == "rectangle") or kind == "false_of_three"
+        if rectangular:
+            assert damage.extent == pytest.approx(RECTANGLE_RATIO - 1.0)
+        else:
+            assert TRAPEZIUM_RANGE[0] <= damage.extent <= TRAPEZIUM_RANGE[1]
+        if kind != "false_of_three":
+            assert rectangular == (kind == "rectangle")
     assert len(scene.targets) in ((4, 5) if kind in ("rectangle", "trapezium") else (3,))
 
 
