@@ -7,7 +7,6 @@ use super::band::{Band, Pixel};
 use super::blur::BlurShape;
 use super::coarse::CoarseEdge;
 use super::equations::Normal;
-use super::far_edge::FarEdge;
 use super::grid_crossings::GridCrossings;
 use super::measured::Measured;
 use super::prediction::Prediction;
@@ -18,7 +17,7 @@ use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use super::surroundings::{
-    FAR_RATIO, far_margin, limit_at, limits, margin, near, near_within, refuse_thin_bars,
+    FAR_RATIO, far_margin, margin, near, near_within, refuse_thin_bars, whole_band,
 };
 use super::tone_fit::{self, ToneShare};
 use super::{blur_differences, patches, plateaus, thinning};
@@ -191,48 +190,14 @@ impl<'a> Localiser<'a> {
         previews: &[Result<Preview, NoEdge>],
     ) -> Result<Measured, NoEdge> {
         let preview = previews[index].as_ref().map_err(|&reason| reason)?;
-        let Preview {
-            side,
-            noise,
-            reach,
-            hidden,
-            ..
-        } = preview;
-        let mut side = side.clone();
+        let noise = &preview.noise;
+        let mut side = preview.side.clone();
         let span = &spans[index];
         let is_crossed = !span.crossings.is_empty();
         let found = |line| preview::found(previews, line);
         let crossings = is_crossed
             .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.edge_shape()), found));
-        let other = span.far_edge.map(|other| previews[other].as_ref());
-        let far_edge = match other.transpose() {
-            Ok(other) => other.map(|Preview { side: other, .. }| {
-                FarEdge::beside(
-                    (&side.curve, side.contrast[0]),
-                    (&other.curve, other.contrast[0]),
-                    other.mean_blur(),
-                )
-            }),
-            Err(&reason) => return Err(reason),
-        };
-        let (ends, mut limits) = match is_crossed {
-            true => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
-            false => limits(span, &side, previews),
-        };
-        limits.extend(far_edge.iter().map(limit_at));
-        let margin = margin(spans, index, &side);
-        let near = near_within(&side, margin);
-        let band = Band {
-            curve: side.curve.clone(),
-            near,
-            reach: [0, 1].map(|i| reach[i].max(near).min(margin[i])),
-            ends,
-            limits,
-            hidden,
-            crossings: crossings.as_ref(),
-            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
-            stride: 1,
-        };
+        let band = whole_band(spans, index, previews, preview, crossings.as_ref())?;
         side.feels_far_edge = band.far_edge.is_some();
         self.gather(&band)?;
         self.predict(&side);

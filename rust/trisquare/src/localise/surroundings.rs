@@ -1,8 +1,9 @@
 //! How far to all sides the pixels about an edge are its own.
 
-use super::band::SearchLimit;
+use super::band::{Band, SearchLimit};
 use super::far_edge::{FarEdge, width};
 use super::flip::COMPLETE;
+use super::grid_crossings::GridCrossings;
 use super::lines_beside;
 use super::preview::Preview;
 use super::side::Side;
@@ -68,8 +69,46 @@ pub(super) fn inner_end(side: &Side) -> f64 {
     side.curve.half_length - END_MARGIN.min(END_MARGIN_SHARE * side.curve.length())
 }
 
+/// All pixels of a span that was found, once those that it meets are known.
+pub(super) fn whole_band<'a>(
+    spans: &[EdgeSpan],
+    index: usize,
+    previews: &'a [Result<Preview, NoEdge>],
+    own: &'a Preview,
+    crossings: Option<&'a GridCrossings>,
+) -> Result<Band<'a>, NoEdge> {
+    let (span, side) = (&spans[index], &own.side);
+    let other = span.far_edge.map(|other| previews[other].as_ref());
+    let other = other.transpose().map_err(|&reason| reason)?;
+    let far_edge = other.map(|Preview { side: other, .. }| {
+        FarEdge::beside(
+            (&side.curve, side.contrast[0]),
+            (&other.curve, other.contrast[0]),
+            other.mean_blur(),
+        )
+    });
+    let (ends, mut limits) = match crossings {
+        Some(_) => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
+        None => limits(span, side, previews),
+    };
+    limits.extend(far_edge.iter().map(limit_at));
+    let margin = margin(spans, index, side);
+    let near = near_within(side, margin);
+    Ok(Band {
+        curve: side.curve.clone(),
+        near,
+        reach: [0, 1].map(|i| own.reach[i].max(near).min(margin[i])),
+        ends,
+        limits,
+        hidden: &own.hidden,
+        crossings,
+        far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
+        stride: 1,
+    })
+}
+
 /// How far along its chord a span's pixels are used, and the neighbours they keep clear of.
-pub(super) fn limits<'a>(
+fn limits<'a>(
     span: &EdgeSpan,
     side: &Side,
     previews: &'a [Result<Preview, NoEdge>],
