@@ -11,10 +11,10 @@
 //! The aspect of a rectangle, where it is unknown, is one more parameter of its plane, as is every
 //! unknown radius of a circle.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 use crate::lens::{Columns, Lens};
-use crate::numeric::{ArrowSystem, Block, Loss, Problem};
+use crate::numeric::{ArrowSystem, Block, Loss, Problem, Ties};
 use crate::observations::{FreeParameters, ObservedPlane, POSE_PARAMETERS};
 use crate::refine::{EdgeProblem, Refined};
 use crate::result::{Calibration, PoseUncertainty};
@@ -55,6 +55,31 @@ impl ShapeUncertainty {
     }
 }
 
+impl PlaneUncertainty {
+    /// From the covariance of all that is estimated of a plane where the camera is given, and from how
+    /// it follows the camera; `None` where they are not finite.
+    fn of(
+        given_camera: &DMatrix<f64>,
+        by_camera: &DMatrix<f64>,
+        shape_parameters: usize,
+    ) -> Option<Self> {
+        let mut numbers = given_camera.iter().chain(by_camera.iter());
+        let shape = POSE_PARAMETERS..POSE_PARAMETERS + shape_parameters;
+        numbers.all(|number| number.is_finite()).then(|| Self {
+            pose: PoseUncertainty {
+                given_camera: given_camera.fixed_view::<6, 6>(0, 0).into_owned(),
+                by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
+            },
+            shape: shape
+                .map(|own| ShapeUncertainty {
+                    variance: given_camera[(own, own)],
+                    by_camera: by_camera.row(own).transpose(),
+                })
+                .collect(),
+        })
+    }
+}
+
 /// Of every plane of an optimum, `None` where its own samples do not determine its pose.
 ///
 /// `independent` is the covariance that independent noise gives the free parameters, which are in
@@ -91,25 +116,14 @@ pub(crate) fn pose_uncertainties<L: Lens>(
         }
         let own = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
         let mut given_camera = inverse.view((0, 0), (own, own)) * variance;
-        let mut add = |moved: DVector<f64>| given_camera += &moved * moved.transpose();
-        match &following_ties {
-            None => {
-                for gradient in gradients[i].as_ref()? {
-                    add(factor.solve(gradient) * displacements[i]);
-                }
-            }
-            Some(ties) => {
-                for (other, gradients) in gradients.iter().enumerate() {
-                    let between = ties.between(i, other);
-                    for gradient in gradients.as_ref()? {
-                        let mut moved = -(&between * gradient);
-                        if other == i {
-                            moved += factor.solve(gradient);
-                        }
-                        add(moved * displacements[other]);
-                    }
-                }
-            }
+        for moved in moves_by_sides(
+            i,
+            &factor,
+            following_ties.as_ref(),
+            &gradients,
+            displacements,
+        )? {
+            given_camera += &moved * moved.transpose();
         }
         let mut by_camera = -match &following_ties {
             Some(ties) => factor.solve(&ties.cross(follows)),
@@ -132,24 +146,39 @@ pub(crate) fn pose_uncertainties<L: Lens>(
                 by_own += followed.column(place);
             }
         }
-        let mut numbers = given_camera.iter().chain(by_camera.iter());
-        let finite = numbers.all(|number| number.is_finite());
         let of_shape = refined.view.planes[i].figures[0].parameter_count();
-        let shape = POSE_PARAMETERS..POSE_PARAMETERS + of_shape;
-        finite.then(|| PlaneUncertainty {
-            shape: shape
-                .map(|own| ShapeUncertainty {
-                    variance: given_camera[(own, own)],
-                    by_camera: by_camera.row(own).transpose(),
-                })
-                .collect(),
-            pose: PoseUncertainty {
-                given_camera: given_camera.fixed_view::<6, 6>(0, 0).into_owned(),
-                by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
-            },
-        })
+        PlaneUncertainty::of(&given_camera, &by_camera, of_shape)
     };
     system.blocks.iter().enumerate().map(of_plane).collect()
+}
+
+/// How the parameters of a plane are moved where each side, one after the other, errs by the displacement
+/// of its plane. Planes that are tied to each other are moved by each other's sides.
+fn moves_by_sides(
+    plane: usize,
+    factor: &Cholesky<f64, Dyn>,
+    ties: Option<&Ties>,
+    gradients: &[Option<Vec<DVector<f64>>>],
+    displacements: &[f64],
+) -> Option<Vec<DVector<f64>>> {
+    let mut moves = Vec::new();
+    let Some(ties) = ties else {
+        for gradient in gradients[plane].as_ref()? {
+            moves.push(factor.solve(gradient) * displacements[plane]);
+        }
+        return Some(moves);
+    };
+    for (other, gradients) in gradients.iter().enumerate() {
+        let between = ties.between(plane, other);
+        for gradient in gradients.as_ref()? {
+            let mut moved = -(&between * gradient);
+            if other == plane {
+                moved += factor.solve(gradient);
+            }
+            moves.push(moved * displacements[other]);
+        }
+    }
+    Some(moves)
 }
 
 /// The gradient, by a plane's own parameters, of each of its sides' samples all displaced by 1 px.
