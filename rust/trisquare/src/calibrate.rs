@@ -155,8 +155,8 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     Given::check(edges, size, options, None)?.compared(shared)
 }
 
-/// As [`calibrate`], of planes and sides of which none has to be rejected; `None` where one has, or
-/// there is no answer. Nobody asks what would help: that takes longer than to see that they disagree.
+/// As [`calibrate`], if no plane or side has to be rejected; `None` where one has, or there is no
+/// answer. What would help is not looked for, which takes longer than to see that they disagree.
 pub(crate) fn calibrate_agreeing<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -230,7 +230,7 @@ impl<L: Lens> Comparison<L> {
     }
 }
 
-/// What is given, checked, and sorted by plane.
+/// What a calibration is given, checked, and sorted by plane.
 struct Given<'a, L: Lens> {
     edges: &'a [PlaneEdges],
     planes: Vec<ObservedPlane>,
@@ -284,7 +284,7 @@ impl<'a, L: Lens> Given<'a, L> {
         Ok(problem)
     }
 
-    /// The calibration with a judgement of the geometry; optima of nested models may be known.
+    /// The calibration with a judgement of the geometry; some optima of nested models may be known.
     fn answer(&self, mut nested: NestedOptima<L>) -> Result<Calibration<L>, Error> {
         let problem = self.problem(&self.work(), &mut nested)?;
         let advised = |failure| problem.advised(&self.planes, failure);
@@ -293,7 +293,7 @@ impl<'a, L: Lens> Given<'a, L> {
         self.judged(&problem, found)
     }
 
-    /// The calibration without one, beside richer models that were fitted before.
+    /// The calibration without a judgement, beside richer models that were fitted before.
     fn compared(&self, shared: &mut Comparison<L>) -> Result<Calibration<L>, Error> {
         let work = Rc::clone(shared.work.get_or_insert_with(|| self.work()));
         let problem = self.problem(&work, &mut shared.nested)?;
@@ -451,8 +451,8 @@ impl<'a, L: Lens> Given<'a, L> {
         })
     }
 
-    /// What an error is said instead of, where that is more likely wrong: the size of the picture, or
-    /// how planes are said to stand.
+    /// The error to report: where the geometry is refused, and the stated size of the picture or a
+    /// stated relation between planes is wrong, that is said instead.
     fn cause_of(&self, error: Error) -> Error {
         if !matches!(
             error.kind(),
