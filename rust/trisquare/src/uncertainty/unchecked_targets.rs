@@ -53,23 +53,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     };
     let mut telling = used.clone();
     telling.sort_by_key(|plane| Reverse(equations(plane)));
-    let mut alike: Vec<Vec<usize>> = Vec::new();
-    for plane in telling {
-        let pose = &found.planes[plane].pose;
-        let stands = |group: &&mut Vec<usize>| stand_alike(pose, &found.planes[group[0]].pose);
-        match alike.iter_mut().find(stands) {
-            Some(group) => group.push(plane),
-            None => alike.push(vec![plane]),
-        }
-        if alike
-            .iter()
-            .map(|group| equations(&group[0]))
-            .sum::<usize>()
-            > unknowns
-        {
-            return None;
-        }
-    }
+    let alike = alike_within(unknowns, &telling, equations, &found.planes)?;
     let std = found.std_of("fx")?;
     let are_angles = used.iter().all(|plane| equations(plane) == 1);
     if !are_angles && edges.iter().any(|own| !own.relations.is_empty()) {
@@ -78,21 +62,12 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let thinned = edges.iter().map(|own| own.as_rectangle().thinned(SAMPLES));
     let thinned: Vec<PlaneEdges> = thinned.collect();
     let before = focal(&thinned)?;
-    let untrue = |line: &Line| match are_angles {
-        true => line.sheared(STRETCH),
-        false => line.stretched(1.0 + STRETCH),
-    };
     let mut square = 0.0;
     for group in &alike {
-        let mut changed = thinned.clone();
         // An extent that is free takes up all of a stretch.
         let is_changed = |plane: &&usize| are_angles || equations(plane) > 1;
-        for plane in group.iter().filter(is_changed) {
-            for figure in &planes[*plane].figures {
-                changed[figure.index] = thinned[figure.index].with_lines(untrue);
-            }
-        }
-        square += (focal(&changed)? - before).powi(2);
+        let changed = group.iter().filter(is_changed).map(|plane| &planes[*plane]);
+        square += (focal(&untrue(&thinned, changed, are_angles))? - before).powi(2);
     }
     let change = square.sqrt();
     (change > COVERED * std).then_some(Warning::TargetsUnchecked {
@@ -105,6 +80,50 @@ pub(crate) fn unchecked_targets<L: Lens>(
         change,
         std,
     })
+}
+
+/// Planes in groups that stand alike, those that tell more first; `None` where the first of the groups
+/// give more equations than so many.
+fn alike_within(
+    most: usize,
+    telling: &[usize],
+    equations: impl Fn(&usize) -> usize,
+    found: &[Plane],
+) -> Option<Vec<Vec<usize>>> {
+    let mut alike: Vec<Vec<usize>> = Vec::new();
+    let mut count = 0;
+    for &plane in telling {
+        let pose = &found[plane].pose;
+        let stands = |group: &&mut Vec<usize>| stand_alike(pose, &found[group[0]].pose);
+        match alike.iter_mut().find(stands) {
+            Some(group) => group.push(plane),
+            None => {
+                alike.push(vec![plane]);
+                count += equations(&plane);
+            }
+        }
+        if count > most {
+            return None;
+        }
+    }
+    Some(alike)
+}
+
+/// The edges with some planes that are stretched, or sheared where their angles alone are known.
+fn untrue<'a>(
+    edges: &[PlaneEdges],
+    planes: impl Iterator<Item = &'a ObservedPlane>,
+    are_angles: bool,
+) -> Vec<PlaneEdges> {
+    let change = |line: &Line| match are_angles {
+        true => line.sheared(STRETCH),
+        false => line.stretched(1.0 + STRETCH),
+    };
+    let mut changed = edges.to_vec();
+    for figure in planes.flat_map(|plane| &plane.figures) {
+        changed[figure.index] = edges[figure.index].with_lines(change);
+    }
+    changed
 }
 
 /// How well the sides of a plane's first figure tell its aspect, as a part of that.
