@@ -91,11 +91,7 @@ def serve_command(
         raise ValueError(f"--idle must be positive, not {idle}")
     if grace < 0:
         raise ValueError(f"--grace must not be negative, not {grace}")
-    name, fixed = "--token", token
-    if fixed is None:
-        name, fixed = TOKEN_VARIABLE, os.environ.get(TOKEN_VARIABLE)
-    if fixed is not None and not TOKEN.fullmatch(fixed):
-        raise ValueError(f"{name} must have 16 to 200 letters, digits, _ or -")
+    fixed = _stated_token(token)
     if fixed is None and quiet and not open_browser:
         raise ValueError(
             f"--quiet does not print the random token: state one ({TOKEN_VARIABLE}, --token), or "
@@ -142,6 +138,16 @@ def serve_command(
         grace=grace,
         listening=listening,
     )
+
+
+def _stated_token(token: str | None) -> str | None:
+    """Return the token of the option, or else of the environment, if there is one."""
+    name = "--token"
+    if token is None:
+        name, token = TOKEN_VARIABLE, os.environ.get(TOKEN_VARIABLE)
+    if token is not None and not TOKEN.fullmatch(token):
+        raise ValueError(f"{name} must have 16 to 200 letters, digits, _ or -")
+    return token
 
 
 def _log_to_standard_error() -> None:
