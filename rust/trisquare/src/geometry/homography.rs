@@ -16,6 +16,8 @@ const MAX_SVD_SWEEPS: usize = 1000;
 /// than the scale open.
 const RANK_TOLERANCE: f64 = 1e-10;
 
+const TOO_LARGE: &str = "their coordinates are too large";
+
 /// Estimates `H_image_from_plane` from lines of the plane and their images.
 ///
 /// Every correspondence gives `l_plane x (H^T l_image) = 0`, solved in the least-squares sense
@@ -74,53 +76,64 @@ pub(crate) fn normalised_homography(
     let image =
         image.ok_or_else(|| degenerate("the image lines meet in one point or are parallel"))?;
 
-    let mut design = DMatrix::zeros(3 * plane_lines.len(), 9);
-    for (i, (plane_line, image_line)) in plane_lines.iter().zip(image_lines).enumerate() {
+    let design = design_of(plane_lines.iter().zip(image_lines), &plane, &image);
+    let normalised = null_direction(design).map_err(degenerate)?;
+    let homography = image.inverse() * normalised * plane.matrix();
+    let norm = homography.norm();
+    // Overflow here would pass for a map that sends everything to zero.
+    if !(norm > 0.0 && norm.is_finite()) {
+        return Err(degenerate(TOO_LARGE));
+    }
+    Ok(homography / norm)
+}
+
+/// Three equations for each pair of lines, of a map between normalised coordinates, stored row by row.
+fn design_of<'a>(
+    pairs: impl ExactSizeIterator<Item = (&'a Line, &'a Line)>,
+    plane: &Normalisation,
+    image: &Normalisation,
+) -> DMatrix<f64> {
+    let mut design = DMatrix::zeros(3 * pairs.len(), 9);
+    for (i, (plane_line, image_line)) in pairs.enumerate() {
         let from = unit_normal(plane.inverse().transpose() * plane_line.coefficients());
         let to = unit_normal(image.inverse().transpose() * image_line.coefficients());
         let cross = from.cross_matrix();
         for row in 0..3 {
             for column in 0..3 {
                 for k in 0..3 {
-                    // (H^T to)_column = sum_k H_(k, column) to_k; H stored row by row.
+                    // (H^T to)_column = sum_k H_(k, column) to_k
                     design[(3 * i + row, 3 * k + column)] = cross[(row, column)] * to[k];
                 }
             }
         }
     }
+    design
+}
+
+/// The map that solves the equations best, up to scale, or the reason why none does.
+fn null_direction(design: DMatrix<f64>) -> Result<Matrix3<f64>, &'static str> {
+    const CONCURRENT: &str = "three of them meet in one point or are parallel";
     // The decomposition panics on NaN, which overflowing coordinates end in.
     if !design.iter().all(|v| v.is_finite()) {
-        return Err(degenerate("their coordinates are too large"));
+        return Err(TOO_LARGE);
     }
     let svd = design
         .try_svd(false, true, f64::EPSILON, MAX_SVD_SWEEPS)
-        .ok_or_else(|| degenerate("its singular values did not settle"))?;
+        .ok_or("its singular values did not settle")?;
     let values = &svd.singular_values;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
     // NaN must not pass for a full rank.
     if !(values[order[1]] > RANK_TOLERANCE * values[order[8]]) {
-        return Err(degenerate(
-            "three of them meet in one point or are parallel",
-        ));
+        return Err(CONCURRENT);
     }
-    let Some(v_t) = svd.v_t else {
-        return Err(degenerate("its singular vectors were not found"));
-    };
-    let normalised = Matrix3::from_row_iterator(v_t.row(order[0]).iter().copied());
+    let v_t = svd.v_t.ok_or("its singular vectors were not found")?;
+    let map = Matrix3::from_row_iterator(v_t.row(order[0]).iter().copied());
     // Three concurrent lines that are imaged apart are answered by a singular map.
-    if normalised.determinant().abs() < RANK_TOLERANCE {
-        return Err(degenerate(
-            "three of them meet in one point or are parallel",
-        ));
+    if map.determinant().abs() < RANK_TOLERANCE {
+        return Err(CONCURRENT);
     }
-    let homography = image.inverse() * normalised * plane.matrix();
-    let norm = homography.norm();
-    // Overflow here would pass for a map that sends everything to zero.
-    if !(norm > 0.0 && norm.is_finite()) {
-        return Err(degenerate("their coordinates are too large"));
-    }
-    Ok(homography / norm)
+    Ok(map)
 }
 
 fn unit_normal(line: Vector3<f64>) -> Vector3<f64> {
