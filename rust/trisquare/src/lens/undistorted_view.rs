@@ -141,60 +141,19 @@ fn largest_inside<L: Lens>(
     outer: &Rectangle,
     size: ImageSize,
 ) -> Result<Rectangle, Error> {
-    let unit = size.centre() * (2.0 * outer.zoom);
-    let every = outline.len().div_ceil(SEARCHED_POINTS);
-    let searched = outline.iter().step_by(every);
-    let outline: Vec<_> = searched
-        .map(|p| (p - outer.centre).component_div(&unit))
-        .collect();
-    let pixel_at = |place: &Vector2<f64>| outer.centre + place.component_mul(&unit);
-    let room = |place: &Vector2<f64>| {
-        let distances = outline.iter().map(|p| (p - place).amax());
-        let nearest = distances.fold(f64::INFINITY, f64::min);
-        if shows(lens, &pixel_at(place), size) {
-            nearest
-        } else {
-            -nearest
-        }
-    };
+    let inside = Inside::of(lens, outline, outer, size);
     // The plane of a fisheye is stretched towards its rim, where the largest rectangle would lie.
     let is_ahead = L::centre_columns().is_empty();
-    let (first, mut cells) = match is_ahead {
-        true => (lens.principal_point(), Vec::new()),
-        false => (size.centre(), vec![Vector2::zeros()]),
+    let home = inside.place_of(match is_ahead {
+        true => lens.principal_point(),
+        false => size.centre(),
+    });
+    let best = match is_ahead {
+        true => (home, inside.room(&home)),
+        false => inside.widest(home),
     };
-    let home = (first - outer.centre).component_div(&unit);
-    let mut best = home;
-    let mut most = room(&best);
-    let (mut half, mut tried) = (0.5, 0);
-    while !cells.is_empty() && tried < MAX_PLACES {
-        tried += cells.len();
-        let rooms: Vec<f64> = cells.iter().map(room).collect();
-        let better = |most: f64| most + TOLERANCE * most.max(0.0);
-        for (place, room) in cells.iter().zip(&rooms) {
-            if *room > better(most) {
-                (best, most) = (*place, *room);
-            }
-        }
-        half *= 0.5;
-        let promising = cells.iter().zip(&rooms);
-        let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
-        let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
-        cells = promising
-            .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
-            .collect();
-    }
-    // Where two opposite sides of the outline limit it, it is free to slide along them.
-    for axis in 0..2 {
-        let at = |part: f64| {
-            let mut place = best;
-            place[axis] += part * (home[axis] - best[axis]);
-            place
-        };
-        let has_room = |part: f64| room(&at(part)) >= most * (1.0 - TOLERANCE);
-        best = at(farthest(1.0, SLIDE_BISECTIONS, has_room));
-    }
-    let centre = pixel_at(&best);
+    let (best, most) = (inside.slid_towards(home, best), best.1);
+    let centre = inside.pixel_at(&best);
     let is_filled = |zoom: f64| {
         let mut border = Rectangle { centre, zoom }.border(size, 1);
         border.all(|pixel| shows(lens, &pixel, size))
@@ -209,6 +168,95 @@ fn largest_inside<L: Lens>(
                 .into(),
         )
     })
+}
+
+/// Places inside an outline, in units in which the picture's shape is a square.
+struct Inside<'a, L> {
+    lens: &'a L,
+    size: ImageSize,
+    outline: Vec<Vector2<f64>>,
+    centre: Vector2<f64>,
+    unit: Vector2<f64>,
+}
+
+impl<'a, L: Lens> Inside<'a, L> {
+    /// Some points of the outline stand for it.
+    fn of(lens: &'a L, outline: &[Vector2<f64>], outer: &Rectangle, size: ImageSize) -> Self {
+        let mut inside = Self {
+            lens,
+            size,
+            outline: Vec::new(),
+            centre: outer.centre,
+            unit: size.centre() * (2.0 * outer.zoom),
+        };
+        let every = outline.len().div_ceil(SEARCHED_POINTS);
+        let searched = outline.iter().step_by(every);
+        inside.outline = searched.map(|pixel| inside.place_of(*pixel)).collect();
+        inside
+    }
+
+    fn place_of(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+        (pixel - self.centre).component_div(&self.unit)
+    }
+
+    fn pixel_at(&self, place: &Vector2<f64>) -> Vector2<f64> {
+        self.centre + place.component_mul(&self.unit)
+    }
+
+    /// The distance of a place from the outline, negative outside.
+    fn room(&self, place: &Vector2<f64>) -> f64 {
+        let distances = self.outline.iter().map(|p| (p - place).amax());
+        let nearest = distances.fold(f64::INFINITY, f64::min);
+        match shows(self.lens, &self.pixel_at(place), self.size) {
+            true => nearest,
+            false => -nearest,
+        }
+    }
+
+    /// The place with the most room, and that; of several the first one, if it is one of them.
+    fn widest(&self, first: Vector2<f64>) -> (Vector2<f64>, f64) {
+        let mut best = first;
+        let mut most = self.room(&best);
+        let (mut half, mut tried) = (0.5, 0);
+        let mut cells = vec![Vector2::zeros()];
+        while !cells.is_empty() && tried < MAX_PLACES {
+            tried += cells.len();
+            let rooms: Vec<f64> = cells.iter().map(|place| self.room(place)).collect();
+            let better = |most: f64| most + TOLERANCE * most.max(0.0);
+            for (place, room) in cells.iter().zip(&rooms) {
+                if *room > better(most) {
+                    (best, most) = (*place, *room);
+                }
+            }
+            half *= 0.5;
+            let promising = cells.iter().zip(&rooms);
+            let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
+            let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+            cells = promising
+                .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
+                .collect();
+        }
+        (best, most)
+    }
+
+    /// A place as near to home as its room stays: where two opposite sides of the outline limit it, it
+    /// is free to slide along them.
+    fn slid_towards(
+        &self,
+        home: Vector2<f64>,
+        (mut best, most): (Vector2<f64>, f64),
+    ) -> Vector2<f64> {
+        for axis in 0..2 {
+            let at = |part: f64| {
+                let mut place = best;
+                place[axis] += part * (home[axis] - best[axis]);
+                place
+            };
+            let has_room = |part: f64| self.room(&at(part)) >= most * (1.0 - TOLERANCE);
+            best = at(farthest(1.0, SLIDE_BISECTIONS, has_room));
+        }
+        best
+    }
 }
 
 /// The largest value from zero to `end` at which something holds that holds up to a limit.
