@@ -96,23 +96,8 @@ pub(super) fn sorted(
     let mut is_straight = vec![true; lines.len()];
     let mut best: Option<(f64, Vec<bool>)> = None;
     for parts in &all {
-        let mut now = sums(parts, &is_straight);
-        let mut criterion = now.criterion();
-        for _ in 0..2 * lines.len() {
-            let switched = |i: usize| {
-                let sign = if is_straight[i] { -1.0 } else { 1.0 };
-                let mut sums = now.with(&parts[i], sign);
-                sums.rest -= sign * curved[i];
-                sums
-            };
-            let trials = (0..lines.len()).map(|i| (i, switched(i).criterion()));
-            let least = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));
-            let Some((line, found)) = least.filter(|(_, found)| *found < criterion) else {
-                break;
-            };
-            (now, criterion) = (switched(line), found);
-            is_straight[line] = !is_straight[line];
-        }
+        let start = sums(parts, &is_straight);
+        let criterion = switch(start, parts, &curved, &mut is_straight);
         if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
             best = Some((criterion, is_straight.clone()));
         }
@@ -130,6 +115,28 @@ pub(super) fn sorted(
         information: mean.information,
         gradient: mean.gradient,
     })
+}
+
+/// Takes straight lines for curved or the other way round, one by one, as long as that lowers the
+/// criterion, and returns it.
+fn switch(mut now: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [bool]) -> f64 {
+    let mut criterion = now.criterion();
+    for _ in 0..2 * parts.len() {
+        let switched = |i: usize| {
+            let sign = if is_straight[i] { -1.0 } else { 1.0 };
+            let mut sums = now.with(&parts[i], sign);
+            sums.rest -= sign * curved[i];
+            sums
+        };
+        let trials = (0..parts.len()).map(|i| (i, switched(i).criterion()));
+        let least = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let Some((line, found)) = least.filter(|(_, found)| *found < criterion) else {
+            break;
+        };
+        (now, criterion) = (switched(line), found);
+        is_straight[line] = !is_straight[line];
+    }
+    criterion
 }
 
 /// The root mean square bend over all that were tried, by their probabilities.
