@@ -88,19 +88,7 @@ pub fn fit_sides(
     let mut sides: Vec<Edge> = (0..4)
         .map(|k| Edge::at(frames[k], places[k], started[k]))
         .collect();
-    for _ in 0..ROUNDS {
-        let before: Vec<_> = sides.iter().map(|side| side.curve).collect();
-        measure(picture, is_dark, &mut sides);
-        let moved = sides.iter().zip(&before).flat_map(|(side, before)| {
-            side.curve
-                .iter()
-                .zip(before)
-                .map(|(now, then)| (now - then).abs())
-        });
-        if moved.fold(0.0, f64::max) < SETTLED {
-            break;
-        }
-    }
+    settle(picture, is_dark, &mut sides);
     let meetings: [Meeting; 4] =
         std::array::from_fn(|k| Meeting::of(&sides[(k + 3) % 4], &sides[k]));
     let inliers: Vec<f64> = sides.iter().map(Edge::inliers).collect();
@@ -120,31 +108,35 @@ pub fn fit_sides(
         }),
     };
     for (k, side) in sides.iter().enumerate() {
-        let (first, last) = (meetings[k].on_second, meetings[(k + 1) % 4].on_first);
-        let place = |point: usize| first + (last - first) * fraction(point);
-        let offsets: [f64; POINTS_PER_SIDE] =
-            std::array::from_fn(|point| side.offset(place(point)));
-        quad.sides[k] = std::array::from_fn(|point| side.frame.point(place(point), offsets[point]));
-        let middle = 0.5 * (offsets[0] + offsets[POINTS_PER_SIDE - 1]);
-        let sagitta = offsets
-            .iter()
-            .map(|it| (it - middle).abs())
-            .fold(0.0, f64::max);
+        let ends = [&meetings[k], &meetings[(k + 1) % 4]];
         let least_inliers = match k == weakest {
             true => limits.least_inliers_hidden,
             false => limits.least_inliers,
         };
-        let is_good = inliers[k] >= least_inliers
-            && side.contrast >= MIN_CONTRAST
-            && sagitta <= MAX_SAGITTA * side.frame.length
-            && meetings[k].cosine.abs() <= limits.most_cosine
-            && first.abs() < MAX_CORNER_SHIFT
-            && (last - 1.0).abs() < MAX_CORNER_SHIFT;
+        let is_good = inliers[k] >= least_inliers && meetings[k].cosine.abs() <= limits.most_cosine;
         if !is_good {
             return None;
         }
+        quad.sides[k] = side.points_between(ends)?;
     }
     Some(quad)
+}
+
+/// Measures the sides until they move no more.
+fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
+    for _ in 0..ROUNDS {
+        let before: Vec<_> = sides.iter().map(|side| side.curve).collect();
+        measure(picture, is_dark, sides);
+        let moved = sides.iter().zip(&before).flat_map(|(side, before)| {
+            side.curve
+                .iter()
+                .zip(before)
+                .map(|(now, then)| (now - then).abs())
+        });
+        if moved.fold(0.0, f64::max) < SETTLED {
+            break;
+        }
+    }
 }
 
 /// Cubics through the rough points of sides, off their corners.
@@ -299,6 +291,29 @@ impl Edge {
     /// Share of its points that lie on its curve.
     fn inliers(&self) -> f64 {
         self.is_on_curve.iter().filter(|is_on| **is_on).count() as f64 / POINTS_PER_SIDE as f64
+    }
+
+    /// Points of its curve from corner to corner; `None` unless it is smooth, of the quad's sign, and
+    /// ends near its rough corners.
+    fn points_between(
+        &self,
+        [first, last]: [&Meeting; 2],
+    ) -> Option<[Vector2<f64>; POINTS_PER_SIDE]> {
+        let (first, last) = (first.on_second, last.on_first);
+        let place = |point: usize| first + (last - first) * fraction(point);
+        let offsets: [f64; POINTS_PER_SIDE] =
+            std::array::from_fn(|point| self.offset(place(point)));
+        let middle = 0.5 * (offsets[0] + offsets[POINTS_PER_SIDE - 1]);
+        let sagitta = offsets
+            .iter()
+            .map(|it| (it - middle).abs())
+            .fold(0.0, f64::max);
+        let is_good = self.contrast >= MIN_CONTRAST
+            && sagitta <= MAX_SAGITTA * self.frame.length
+            && first.abs() < MAX_CORNER_SHIFT
+            && (last - 1.0).abs() < MAX_CORNER_SHIFT;
+        let point = |point: usize| self.frame.point(place(point), offsets[point]);
+        is_good.then(|| std::array::from_fn(point))
     }
 
     fn offset(&self, place: f64) -> f64 {
