@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from trisquare.calibration.assemble import assemble
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.measured_photograph import Sought
+from trisquare.calibration.missed_squares import are_few, missed_squares
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import PlanePair, Settings
@@ -68,7 +70,8 @@ def calibrate(
 
     Of all shapes that may be squares (or rectangles of a named shape), the largest set is used that
     one camera sees as such. The others are in the result's ``rejected``. A warning says where the
-    choice is uncertain.
+    choice is uncertain. Where fewer than three squares are used, ``rejected`` has also those that
+    the picture's border cuts, or of which a side or the inside cannot be measured, with the reason.
 
     Parameters
     ----------
@@ -271,7 +274,13 @@ def calibrate_photographs(
         raise
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
-    return Calibrated(calibration, rejected_shapes(gathered) if explain or explain_all else ())
+    few = choosing and not camera_held and are_few(calibration)
+    shapes = rejected_shapes(gathered) if few or explain or explain_all else []
+    if few:
+        missed = missed_squares(calibration, shapes)
+        calibration = replace(calibration, rejected=(*calibration.rejected, *missed))
+        shapes = [shape for shape in shapes if shape not in missed]
+    return Calibrated(calibration, shapes)
 
 
 def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:

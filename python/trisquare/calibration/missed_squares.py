@@ -9,6 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas, separated
 from trisquare.camera.camera import Camera
+from trisquare.detection.candidates import ENOUGH
 from trisquare.detection.square_views import square_columns
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import CUT_BY_BORDER, Rejected
@@ -20,32 +21,51 @@ MOST_OBLIQUE = 0.15
 """Cosine of the angle between a shape's sides, and logarithm of their ratio, as this camera sees
 them: a square with a finger over a side has rough corners."""
 
+LEAST_CUT_SHARE, MOST_OBLIQUE_BY_FEW = 0.35, 0.6
+"""The same where fewer squares are used than a calibration asks for, and somebody looks for the
+others: of one that the border cuts a half may be left; glare over a corner moves it by a fifth of a
+side, and the camera is known less well."""
+
+
+def are_few(calibration: Calibration) -> bool:
+    """Whether fewer plain squares are used than a calibration asks for, and nothing else is."""
+    used = [plane.kind for plane in calibration.planes if plane.is_used]
+    return len(used) < ENOUGH and set(used) <= {"square", "frame"}
+
 
 def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list[Rejected]:
     """Return the shapes as large as squares that were used, and which this camera sees as squares.
 
-    Of one that the border cuts the corners are not known: it need only be large.
+    Of one that the border cuts the corners are not known: it need only be large. One around another
+    shape is its sheet.
     """
     used = [float(quad_areas(plane.corners)) for plane in calibration.planes if plane.is_used]
-    least = LEAST_SHARE * min(used, default=0.0)
+    smallest = min(used, default=0.0)
+    least_cut, most_oblique = LEAST_SHARE, MOST_OBLIQUE
+    if len(used) < ENOUGH:
+        least_cut, most_oblique = LEAST_CUT_SHARE, MOST_OBLIQUE_BY_FEW
     missed: list[Rejected] = []
-    for shape in shapes:
+    for shape in sorted(shapes, key=lambda shape: shape.reason == CUT_BY_BORDER):
+        is_cut = shape.reason == CUT_BY_BORDER
         if (
-            quad_areas(shape.corners) >= least
-            and (shape.reason == CUT_BY_BORDER or _may_be_square(shape.corners, calibration.camera))
-            and not any(_at_one_place(shape, other) for other in missed)
+            quad_areas(shape.corners) >= (least_cut if is_cut else LEAST_SHARE) * smallest
+            and (is_cut or _may_be_square(shape.corners, calibration.camera, most_oblique))
+            and not any(
+                _holds(shape, other) or _holds(other, shape)
+                for other in (*missed, *calibration.rejected)
+            )
         ):
             missed.append(shape)
     return missed
 
 
-def _at_one_place(shape: Rejected, other: Rejected) -> bool:
-    """Whether the middle of a shape is within another one of the same picture."""
-    middle = shape.corners.mean(axis=0)
-    return shape.image == other.image and not separated(other.corners, middle[None])
+def _holds(shape: Rejected, other: Rejected) -> bool:
+    """Whether the middle of another shape of the same picture is within a shape."""
+    middle = other.corners.mean(axis=0)
+    return shape.image == other.image and not separated(shape.corners, middle[None])
 
 
-def _may_be_square(corners: FloatArray, camera: Camera) -> bool:
+def _may_be_square(corners: FloatArray, camera: Camera, most_oblique: float) -> bool:
     """Whether a camera sees a square, roughly, where these corners are, shape (4, 2)."""
     try:
         rays = camera.unproject(corners)
@@ -56,4 +76,4 @@ def _may_be_square(corners: FloatArray, camera: Camera) -> bool:
     lengths = np.linalg.norm(across), np.linalg.norm(down)
     cosine = float(across @ down) / (lengths[0] * lengths[1])
     departure = max(abs(cosine), abs(np.log(lengths[0] / lengths[1])))
-    return bool(ahead) and bool(departure < MOST_OBLIQUE)
+    return bool(ahead) and bool(departure < most_oblique)
