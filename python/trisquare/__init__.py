@@ -35,6 +35,7 @@ _NAMES_OF_MODULES = {
     "camera.camera": ("Camera",),
     "camera.panorama": ("Panorama",),
     "camera.projection_uncertainty": ("ProjectionMap",),
+    "drawing.overlay": ("draw_overlay",),
     "edges": ("PlaneEdges",),
     "errors": (
         "ConvergenceError",

@@ -29,6 +29,7 @@ from trisquare.calibration.locate import locate as locate
 from trisquare.camera.camera import Camera as Camera
 from trisquare.camera.panorama import Panorama as Panorama
 from trisquare.camera.projection_uncertainty import ProjectionMap as ProjectionMap
+from trisquare.drawing.overlay import draw_overlay as draw_overlay
 from trisquare.edges import PlaneEdges as PlaneEdges
 from trisquare.errors import ConvergenceError as ConvergenceError
 from trisquare.errors import DegenerateGeometryError as DegenerateGeometryError

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,6 +24,12 @@ def residual_pixels(picture):
 
 def calibrated(scene, noise=0.0, spacing=4.0):
     return ts.calibrate_edges(edges_of(scene, noise, spacing), scene.camera.image_size)
+
+
+def of_pictures(photo, calibration):
+    """The same calibration, said to be of pictures of a photo's size."""
+    camera = replace(calibration.camera, image_size=photo.shape[1::-1])
+    return replace(calibration, camera=camera)
 
 
 def edges_of(scene, noise=0.0, spacing=4.0):
@@ -86,6 +93,17 @@ def test_what_is_drawn_lies_at_the_squares():
             assert changed[y - 1 : y + 2, x - 1 : x + 2].any()
 
 
+def test_a_picture_of_another_size_is_refused():
+    with pytest.raises(ValueError, match="the picture is 640 x 480, the camera's are 1280 x 960"):
+        ts.draw_overlay(np.zeros((480, 640), np.uint8), calibrated(SQUARES, 0.05))
+
+
+def test_a_file_is_drawn_on_as_its_pixels_are(tmp_path):
+    photo, result = simulate.render(SQUARES, np.random.default_rng(3)), calibrated(SQUARES, 0.05)
+    cv2.imwrite(str(tmp_path / "photo.png"), photo)
+    assert (ts.draw_overlay(tmp_path / "photo.png", result) == draw_overlay(photo, result)).all()
+
+
 @pytest.mark.parametrize("index", [-1, 1])
 def test_a_picture_that_a_result_has_not_is_refused(index):
     result = calibrated(SQUARES, 0.05)
@@ -117,7 +135,7 @@ def test_the_exaggeration_lengthens_the_residuals(exaggeration):
 )
 def test_any_picture_can_be_drawn_on(dtype, shape):
     photo = np.zeros(shape, dtype)
-    drawn = draw_overlay(photo, calibrated(SQUARES, 0.05))
+    drawn = draw_overlay(photo, of_pictures(photo, calibrated(SQUARES, 0.05)))
     assert (drawn.dtype, drawn.shape) == (np.uint8, (*shape[:2], 3))
 
 
@@ -125,7 +143,8 @@ def test_squares_behind_the_camera_or_far_outside_do_no_harm():
     calibration = replace(calibrated(SQUARES), edges=(), residuals=())
     plane = calibration.planes[0]
     odd = (replace(plane, translation=[0, 0, -3]), replace(plane, translation=[1e6, 0, 0.6]))
-    drawn = draw_overlay(np.zeros((96, 128), np.uint8), replace(calibration, planes=odd))
+    photo = np.zeros((96, 128), np.uint8)
+    drawn = draw_overlay(photo, of_pictures(photo, replace(calibration, planes=odd)))
     assert drawn.shape == (96, 128, 3)
 
 

@@ -20,7 +20,8 @@ from trisquare.drawing.canvas import (
     text_scale,
 )
 from trisquare.drawing.straight_lines import draw_used_and_rejected
-from trisquare.images.pixels import Image, picture_size
+from trisquare.images.pixels import ImageSource, picture_size
+from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
@@ -42,7 +43,7 @@ DRAWN_RESIDUAL = 0.01
 
 
 def draw_overlay(
-    image: Image,
+    image: ImageSource,
     calibration: Calibration,
     *,
     index: int = 0,
@@ -58,8 +59,8 @@ def draw_overlay(
 
     Parameters
     ----------
-    image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
-        Grey or BGR; float pictures are taken to span 0 to 1.
+    image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
+        The photograph, grey or BGR; float pictures are taken to span 0 to 1.
     calibration : Calibration
         What to draw; without its edges no samples and residuals are drawn.
     index : int
@@ -75,14 +76,30 @@ def draw_overlay(
 
     Raises
     ------
-    ValueError
-        If the calibration has no such picture.
+    ImageError
+        If a file is no whole picture.
+    TypeError, ValueError
+        If an argument is of another type, the calibration has no such picture, or the picture is
+        not of the camera's size.
+
+    Examples
+    --------
+    >>> ts.draw_overlay("photo.jpg", result).shape  # cv2.imwrite writes it
+    (960, 1280, 3)
     """
+    if not isinstance(calibration, Calibration):
+        raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
+    picture = load_picture(image)
+    if picture_size(picture) != calibration.camera.image_size:
+        found, own = picture_size(picture), calibration.camera.image_size
+        raise ValueError(
+            f"the picture is {found[0]} x {found[1]}, the camera's are {own[0]} x {own[1]}"
+        )
     shown = (plane.image + 1 for plane in calibration.planes)
     count = max([len(calibration.pictures), *shown])
     if not 0 <= index < count:
         raise ValueError(f"index must be from 0 to {count - 1}, as there are pictures, not {index}")
-    canvas = dimmed_grey(image)
+    canvas = dimmed_grey(picture)
     thickness = max(1, round(max(canvas.shape) / 1600))
     sides = list(measured_sides(calibration, index))
     rms, readable = drawn_residuals(sides, picture_size(canvas))
