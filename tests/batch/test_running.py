@@ -72,6 +72,7 @@ def test_every_job_is_logged_once(tmp_path, caplog):
     jobs = [ts.Job(name, (tmp_path / f"{name}.png",)) for name in ("a", "gone")]
     with caplog.at_level("INFO", logger="trisquare"):
         found = {own.job.name: own.record for own in ts.calibrate_many(jobs, workers=1)}
+    assert "file" not in found["a"]  # without a folder there is none
     told = sorted((record.levelname, record.getMessage()) for record in caplog.records)
     text = found["gone"]["error"]["text"]
     assert told == [("INFO", "a: done"), ("WARNING", f"gone: MissingImageError: {text}")]

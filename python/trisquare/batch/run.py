@@ -38,9 +38,12 @@ class JobResult(Frozen):
     job : Job
     record : mapping
         The line of ``results.jsonl``: ``format``, ``name``, ``status`` (``"done"`` or
-        ``"failed"``), ``photographs``, ``software``, and either ``values``, ``std``, ``rms_px``,
-        ``noise_scale``, ``planes`` and ``warnings``, or ``error`` as `error_members` has it. With
-        `output` a failed one has ``removed`` where the file of an earlier photograph was there.
+        ``"failed"``), ``photographs``, ``software``, and either ``image_size``, ``model``,
+        ``values``, ``std``, ``rms_px``, ``noise_scale``, ``planes`` and ``warnings``, or ``error``
+        as `error_members` has it. With `output` also ``key``, which tells whether the job has
+        changed; one that is done has ``file``, the camera's within `output`, and ``bytes``, how
+        long that is; one that failed has ``limits``, and ``removed`` where the file of an earlier
+        photograph was there.
     json : str or None
         The calibration as JSON; None if it failed.
 

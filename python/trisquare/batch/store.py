@@ -112,7 +112,7 @@ class Store:
                     file.unlink()
         else:
             content = calibration.encode()
-            record["bytes"] = len(content)
+            record |= {"file": f"{CAMERAS}/{job.file_name}", "bytes": len(content)}
             write_atomically({file: content})
         self._append(job.identity, record)
         return record

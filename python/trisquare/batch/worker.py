@@ -69,7 +69,6 @@ def success(job: Job, result: Any) -> dict[str, Any]:
 
     return {
         **_heading(job, "done"),
-        "file": f"cameras/{job.file_name}",
         "image_size": list(result.camera.image_size),
         "model": result.camera.model,
         "values": named_numbers(result.camera),
