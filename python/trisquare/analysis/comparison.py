@@ -233,14 +233,14 @@ class Comparison(RebuiltByConstructor):
         """Whether the uncertainties explain the difference.
 
         None where that cannot be told: if neither camera states its uncertainty, or if they are so
-        uncertain that more than 1 % of the picture's width (rms) is to be expected.
+        uncertain that more than 1 % of the picture's width (rms) is to be expected, also where
+        their numbers are equal.
         """
         expected = self.expected_rms
         if self.p_value is None or expected is None:
             return None
-        if self.worst <= AGREEING:
-            return True
-        if self.p_value < SIGNIFICANCE or self.unexplained > expected:
+        differ = self.p_value < SIGNIFICANCE or self.unexplained > expected
+        if differ and self.worst > AGREEING:
             return False
         return True if expected <= self._most_expected else None
 
@@ -262,14 +262,17 @@ class Comparison(RebuiltByConstructor):
         if expected is None or stds is None or p_value is None:
             return f"{apart}; neither states its uncertainty, so what that means is not known"
         usual = f"{two_digits(expected)} px (rms) is to be expected"
+        if self.same is None:
+            most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
+            return (
+                f"no difference can be seen with these uncertainties: {apart}; {usual}, and more "
+                f"than {most}, hides one"
+            )
         if self.worst <= AGREEING:
             return f"the same within their uncertainty: {apart}; {usual}"
         p = f"p = {p_value:.2g}" if p_value > LEAST_STATED else f"p < {LEAST_STATED:g}"
         if self.same:
             return f"the same within their uncertainty: {apart}; {usual}, {p}"
-        if self.same is None:
-            most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
-            return f"cannot tell: {apart}; {usual}, and more than {most}, hides any difference"
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE:
             size = (
