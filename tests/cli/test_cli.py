@@ -13,7 +13,7 @@ from command_errors import error_text
 
 import trisquare.cli.calibrate
 from trisquare import cli as commands
-from trisquare import errors, simulate
+from trisquare import diagnose, errors, simulate
 from trisquare.calibration.calibrate import Calibrated
 from trisquare.drawing.overlay import draw_overlay
 from trisquare.edges import PlaneEdges
@@ -505,10 +505,17 @@ def test_diagnosis_follows_the_tables(run, asked, photo):
     assert (code, error) == (0, "warning (medium): a warning [other]\n")
     assert "fx  std 0.1: " in out
     assert "would reduce it from 0.1 to" in out
-    for other in ("--json", "--quiet"):
-        code, _, error = run("calibrate", photo, "--diagnose", other)
-        assert code == 2
-        assert other in error
+    code, _, error = run("calibrate", photo, "--diagnose", "--quiet")
+    assert (code, "--quiet" in error) == (2, True)
+
+
+def test_a_diagnosis_is_a_member_of_the_json(run, asked, photo, tmp_path):
+    code, out, error = run("calibrate", photo, "--diagnose", "--json", "-o", tmp_path / "c.json")
+    assert (code, error) == (0, "")
+    members = json.loads(out)
+    result = Calibration.from_json(out)
+    assert members.pop("diagnosis") == diagnose(result).members()
+    assert json.loads((tmp_path / "c.json").read_text()) == members
 
 
 @pytest.mark.parametrize("size", ["1280x960", "960x1280", "1080x1920", "960x960"])

@@ -96,6 +96,16 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
     def __len__(self) -> int:
         return len(self._parameters)
 
+    def members(self) -> dict[str, dict[str, str]]:
+        """Return what limits each parameter and what would help, as a JSON object.
+
+        Examples
+        --------
+        >>> sorted(ts.diagnose(result).members()["fx"])
+        ['limits', 'remedy']
+        """
+        return {name: {"limits": own.limits, "remedy": own.remedy} for name, own in self.items()}
+
     def __repr__(self) -> str:
         lines = []
         for name, diagnosis in self.items():

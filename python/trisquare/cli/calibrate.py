@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from trisquare._support.json_members import dump_members
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import write_atomically
 from trisquare.analysis.diagnosis import diagnose
@@ -168,7 +169,9 @@ def calibrate_command(
     max_pixels: str | None = MAX_PIXELS,
     max_bytes: str | None = MAX_BYTES,
     with_diagnosis: bool = flag(
-        "Show what limits each parameter, and what would improve it.", "--diagnose"
+        "Show what limits each parameter, and what would improve it; with --json as its member "
+        "diagnosis.",
+        "--diagnose",
     ),
     fail_on: str | None = option(
         None,
@@ -180,8 +183,6 @@ def calibrate_command(
     verbose: bool = flag("Show all warnings, not only the most severe.", "--verbose", "-v"),
 ) -> None:
     """Calibrate a camera from its photographs."""
-    if with_diagnosis and json:
-        raise ValueError("--diagnose prints text and --json prints JSON: give one of them")
     if with_diagnosis and quiet:
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
     if fail_on is not None and fail_on not in SEVERITIES:
@@ -251,15 +252,18 @@ def calibrate_command(
         page = partial(report_page, calibration, photographs, command=command_line(context))
         outputs.attempt([report], lambda: write_atomically({report: page()}))
     parts = calibration_report(calibration, missed_squares(calibration, rejected_shapes))
+    members = calibration.members()
     if with_diagnosis:
-        parts += str(diagnose(calibration)).split("\n")
+        diagnosis = diagnose(calibration)
+        parts += str(diagnosis).split("\n")
+        members["diagnosis"] = diagnosis.members()
     what = ""
     if written_as is not None and written_as is not OWN_FORMAT:
         what = f" ({written_as.name}: the camera alone)"
     for path in outputs.written:
         parts.append(f"wrote {os.fspath(path)}{what if path == output else ''}")
     warnings = warning_lines(calibration, verbose=verbose)
-    answer(json, quiet, calibration.to_json().rstrip(), parts, warnings)
+    answer(json, quiet, dump_members(members).rstrip(), parts, warnings)
     outputs.raise_first_failure()
     failing = () if fail_on is None else SEVERITIES[: SEVERITIES.index(fail_on) + 1]
     if any(warning.severity in failing for warning in calibration.warnings):

@@ -157,10 +157,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
             if name in result.std or value != 0
         ],
         "warnings": warning_members(result.warnings),
-        "diagnosis": {
-            name: {"limits": own.limits, "remedy": own.remedy}
-            for name, own in diagnose(result).items()
-        },
+        "diagnosis": diagnose(result).members(),
     }, None
 
 
