@@ -10,6 +10,7 @@ import os
 import pkgutil
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -701,6 +702,21 @@ def test_a_full_disk_behind_standard_output_is_one_line(folder, arguments, buffe
     assert done.returncode == 2
     said = error_text(done.stderr, as_json="--json" in arguments)
     assert said.rstrip() == "standard output: No space left on device"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_ctrl_c_while_the_command_is_loaded_prints_nothing():
+    script = (
+        "import os, signal, sys\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "from trisquare.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
 def test_help_does_not_wait_for_opencv():

@@ -1,7 +1,10 @@
 """Photographs are read whole or refused; files are written whole or not at all."""
 
 import os
+import signal
 import struct
+import subprocess
+import sys
 import zlib
 
 import cv2
@@ -146,3 +149,30 @@ def test_what_is_no_place_for_a_file_is_known_beforehand(tmp_path):
         check_writable(os.devnull)
     with pytest.raises(FileNotFoundError):
         check_writable(tmp_path / "missing" / "file")
+
+
+TERMINATED = """
+import sys, time
+from trisquare._support.writing import making_folder, write_in_turn
+
+def content(path):
+    path.write_bytes(b"half")
+    print("begun", flush=True)
+    time.sleep(60)
+
+with making_folder("made"):
+    write_in_turn([("old", b"after"), ("made/new.mp4", content)])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_a_program_that_is_terminated_leaves_nothing_half_written(tmp_path):
+    (tmp_path / "old").write_bytes(b"before")
+    with subprocess.Popen(
+        [sys.executable, "-c", TERMINATED], cwd=tmp_path, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline() == b"begun\n"
+        process.terminate()
+        assert process.wait() == -signal.SIGTERM
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+    assert (tmp_path / "old").read_bytes() == b"before"

@@ -5,12 +5,42 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import Any, BinaryIO, NoReturn, TypeAlias
 
 PathLike: TypeAlias = str | os.PathLike[str]
+
+
+class _Terminated(BaseException):
+    """SIGTERM came while a file was being written."""
+
+
+@contextmanager
+def ended_in_order() -> Iterator[None]:
+    """Let SIGTERM end the process only once the block has removed what it has half written.
+
+    A program that handles it by itself goes on doing so.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def stop(*_: Any) -> NoReturn:
+        raise _Terminated
+
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    except _Terminated:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
@@ -55,13 +85,14 @@ def making_folder(path: PathLike) -> Iterator[None]:
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):
-            for each in made:
-                each.rmdir()
-        raise
+    with ended_in_order():
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                for each in made:
+                    each.rmdir()
+            raise
 
 
 def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
@@ -83,6 +114,7 @@ def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
     write_in_turn(contents.items())
 
 
+@ended_in_order()
 def write_in_turn(contents: Iterable[tuple[PathLike, bytes | Callable[[Path], object]]]) -> None:
     """Write files as `write_atomically` does, each content made when its turn has come.
 
@@ -129,12 +161,13 @@ def replacing(path: PathLike) -> Iterator[BinaryIO]:
     check_writable(path)
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with writing(path):
-            with temporary.open("xb") as file:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with ended_in_order():
+        try:
+            with writing(path):
+                with temporary.open("xb") as file:
+                    yield file
+                    file.flush()
+                    os.fsync(file.fileno())
+                temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
