@@ -1,5 +1,6 @@
 """What careless use of the command line gets: each line with its exit code and sentence."""
 
+import io
 import json
 import os
 import threading
@@ -50,6 +51,7 @@ def folder(tmp_path, monkeypatch):
         (("calibrate", "photo.png", "--targets", "charuco"), 2, "name its layout, charuco:10x10"),
         (("predict", "--size", "64x48", "--focal", "50mm"), 2, "the focal length in mm, times"),
         (("calibrate", "photo.png", "--fail-on", "all"), 2, "unknown --fail-on 'all'"),
+        (("calibrate", "-", "-"), 2, "- is standard input, which holds one picture: give it once"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(run, folder, words, code, said):
@@ -175,3 +177,42 @@ def test_a_polygon_that_crosses_itself_has_no_area(run, folder):
     code, out, _ = run("measure", "photo.png", "--camera", "camera.json", *crossed)
     assert code == 0
     assert "area: none, for the polygon's sides cross" in out
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "said"),
+    [
+        (None, 0, ""),
+        (b"no picture", 5, "the encoded picture: not a readable picture"),
+        (bytes(2000), 5, "the encoded picture: has 1001 bytes, more than the 1000"),
+    ],
+)
+def test_a_minus_is_standard_input(run, folder, monkeypatch, content, code, said):
+    content = Path("photo.png").read_bytes() if content is None else content
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content)))
+    bound = () if code == 0 else ("--max-bytes", 1000)
+    found, out, err = run("calibrate", "-", "--json", *bound)
+    assert found == code
+    assert said in err
+    if code == 0:
+        assert ts.Calibration.from_json(out).camera == ts.calibrate("photo.png").camera
+
+
+def test_standard_input_is_one_of_several(run, folder, monkeypatch):
+    cv2.imwrite("other.png", simulate.render(SCENE, np.random.default_rng(13)))
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(Path("other.png").read_bytes())))
+    code, out, _ = run("calibrate", "photo.png", "-", "--json")
+    assert code == 0
+    assert {plane["image"] for plane in json.loads(out)["planes"]} == {0, 1}
+
+
+def test_folders_in_a_folder_are_not_searched_and_that_is_said(run, folder):
+    Path("session/day").mkdir(parents=True)
+    Path("photo.png").rename("session/day/photo.png")
+    code, _, err = run("calibrate", "session")
+    assert (code, err) == (
+        5,
+        "trisquare: error: session: the folder holds no picture; folders in it are not searched: "
+        "name them, or a pattern: 'session/**/*.jpg'\n",
+    )
+    assert run("calibrate", "session/**/*.png")[0] == 0

@@ -20,7 +20,7 @@ from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, command_line, reading
-from trisquare.cli.input_files import camera_alone, photographs_named
+from trisquare.cli.input_files import camera_alone, photographs_named, with_content_of_input
 from trisquare.cli.options import (
     FIX,
     FRAMES,
@@ -31,7 +31,7 @@ from trisquare.cli.options import (
     MAX_PIXELS,
     ORTHOGONAL,
     PARALLEL,
-    PHOTOS,
+    PHOTOS_OR_INPUT,
     QUIET,
     amount,
     flag,
@@ -73,7 +73,7 @@ OTHER_ENDING = f"let it end with .json for all of the result, or with one of {',
 
 def calibrate_command(
     context: typer.Context,
-    photos: list[Path] = PHOTOS,
+    photos: list[Path] = PHOTOS_OR_INPUT,
     output: Path | None = option(
         None,
         "FILE",
@@ -187,7 +187,7 @@ def calibrate_command(
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
     if fail_on is not None and fail_on not in SEVERITIES:
         raise unknown("--fail-on", fail_on, SEVERITIES)
-    photos = photographs_named(photos, with_videos=frames is not None)
+    photos = photographs_named(photos, with_videos=frames is not None, with_input=True)
     clips = 0 if frames is None else sum(map(is_video, photos))
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
     overlay_paths = numbered_paths(overlay, most_pictures)
@@ -211,7 +211,7 @@ def calibrate_command(
         amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")
     )
     with progress_bar("choosing frames", quiet) as progress, reading():
-        sources = with_frames(photos, frames, limits, progress)
+        sources = with_frames(with_content_of_input(photos, limits), frames, limits, progress)
     overlay_paths, debug_images = overlay_paths[: len(sources)], debug_images[: len(sources)]
     photographs = Photographs(sources, keep=bool(overlay or debug_image or report), limits=limits)
     with (

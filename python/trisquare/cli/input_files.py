@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from glob import has_magic
@@ -13,10 +14,12 @@ from trisquare._support.paths import naming
 from trisquare.calibration.known_camera import known_camera
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
-from trisquare.cli.framework import reading
+from trisquare.cli.framework import UnreadableInputError, reading
 from trisquare.errors import MissingImageError
 from trisquare.formats import load_camera
 from trisquare.images.drawn_mark import is_drawn
+from trisquare.images.limits import PictureLimits
+from trisquare.images.pixels import ImageSource
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
 
@@ -33,11 +36,17 @@ def camera_alone(path: Path) -> Camera:
         return load_camera(path).camera
 
 
-def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> list[Path]:
+STANDARD_INPUT = Path("-")
+"""What stands for it among photographs, as with other programs."""
+
+
+def photographs_named(
+    paths: Iterable[Path], *, with_videos: bool = False, with_input: bool = False
+) -> list[Path]:
     """Return the photographs that arguments name: files, those in folders, those of patterns.
 
-    The videos in folders are among them `with_videos`. What trisquare has drawn on is left out
-    beside photographs: shells write out patterns themselves.
+    The videos in folders are among them `with_videos`, and `STANDARD_INPUT` `with_input`. What
+    trisquare has drawn on is left out beside photographs: shells write out patterns themselves.
 
     Raises
     ------
@@ -46,6 +55,15 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
         no file, and may be part of an option.
     """
     paths = list(paths)
+    if with_input and STANDARD_INPUT in paths:
+        if paths.count(STANDARD_INPUT) > 1:
+            raise ValueError("- is standard input, which holds one picture: give it once")
+        place = paths.index(STANDARD_INPUT)
+        before, after = (
+            photographs_named(part, with_videos=with_videos) if part else []
+            for part in (paths[:place], paths[place + 1 :])
+        )
+        return [*before, STANDARD_INPUT, *after]
     for path in paths:
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
             raise MissingImageError(
@@ -55,6 +73,17 @@ def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> li
             )
     meant = [path for path in paths if not is_drawn(path)] or paths
     return [Path(str(path)) for path in sources_of(meant, with_videos=with_videos)]
+
+
+def with_content_of_input(photos: Iterable[Path], limits: PictureLimits) -> list[ImageSource]:
+    """Return photographs with `STANDARD_INPUT` replaced by what it holds."""
+    return [photo if photo != STANDARD_INPUT else _content_of_input(limits) for photo in photos]
+
+
+def _content_of_input(limits: PictureLimits) -> bytes:
+    if sys.stdin is None:
+        raise UnreadableInputError("standard input is closed")
+    return sys.stdin.buffer.read(limits.max_bytes + 1)  # as much as is refused
 
 
 def of_size(

@@ -44,12 +44,12 @@ def flag(text: str, *names: str, **more: Any) -> Any:
     return typer.Option(False, *names, help=text, **more)
 
 
-PHOTOS = argument(
-    ...,
-    "PHOTO",
-    "One photograph, or several of the same camera; or a folder, or a pattern such as '*.jpg', by "
-    "the order of names (2.jpg before 10.jpg).",
+OF_PHOTOS = (
+    "One photograph, or several of the same camera; or a folder (not those in it), or a pattern "
+    "such as '*.jpg' or '**/*.jpg', by the order of names (2.jpg before 10.jpg)"
 )
+PHOTOS = argument(..., "PHOTO", f"{OF_PHOTOS}.")
+PHOTOS_OR_INPUT = argument(..., "PHOTO", f"{OF_PHOTOS}; or - for standard input.")
 JSON = flag("Print JSON instead of text, and nothing else.", "--json")
 QUIET = flag("Print nothing but errors.", "--quiet", "-q")
 FIX = option(
