@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -104,6 +105,21 @@ def test_shade_is_judged_by_the_whole_board():
         result = ts.calibrate_edges(figures, scene.camera.image_size)
         error = result.camera.fx - scene.camera.fx
         assert abs(error) < 4.0 * result.std["fx"] < 0.01 * scene.camera.fx
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.6, 0.7, 0.85])
+@pytest.mark.parametrize("codes", [cv2.aruco.DICT_4X4_250, cv2.aruco.DICT_7X7_250])
+def test_the_black_border_of_markers_is_no_dark_cell(codes, ratio):
+    """With 4 x 4 cells and a ratio of 0.6 it lies around a quarter of a cell from the edge."""
+    dictionary = cv2.aruco.getPredefinedDictionary(codes)
+    board = cv2.aruco.CharucoBoard((8, 6), 1.0, ratio, dictionary).generateImage((640, 480))
+    crossings = 80.0 * np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 6.0)), axis=-1)
+    lattice = Lattice(crossings - 0.5, np.ones((5, 7), dtype=bool))
+    for seed in range(6):
+        noise = np.random.default_rng(seed).normal(0.0, 3.0, board.shape)
+        grey = (30.0 + 0.7 * board + noise).astype(np.uint8)
+        # The cell after the first crossing, below its row, is as dark as the board's first.
+        assert Board.of(lattice, grey).contrast_sign == (-1.0 if board[4, 4] == 0 else 1.0)
 
 
 def test_stray_parts_of_a_lattice_are_no_lines():

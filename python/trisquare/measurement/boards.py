@@ -20,9 +20,9 @@ from trisquare.measurement.grid_gaps import LineSamples, measured_gap
 from trisquare.measurement.marker_margins import light_cells, marker_rims
 from trisquare.measurement.side_spans import SideSpan
 
-PROBE = 0.25
-"""Distance from a grid line, in cells, at which a cell's shade is looked up: inside the white rim
-of a ChArUco board's marker or on the marker, but for the most part on the light cell."""
+PROBES = np.array([0.12, 0.25, 0.4])
+"""Distances from a grid line, in cells, at which a cell's shade is looked up: a dark cell is dark
+at all of them, and the black border of a ChArUco board's marker takes one or two."""
 
 LEAST_LINES = 2
 """Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
@@ -261,8 +261,8 @@ def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
     rows, cols = np.nonzero(present[:, :-1] & present[:, 1:])
     start, end = crossings[rows, cols], crossings[rows, cols + 1]
     along = end - start
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) * PROBE
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) * PROBES[:, None, None]
     middle = 0.5 * (start + end)
-    shades = sample(grey, np.stack([middle + normal, middle - normal], axis=1))
-    contrast = (shades[:, 0] - shades[:, 1]) * (-1.0) ** (rows + cols)
+    contrast = sample(grey, middle + normal) - sample(grey, middle - normal)
+    contrast *= (-1.0) ** (rows + cols)
     return 1.0 if np.sum(contrast) >= 0.0 else -1.0
