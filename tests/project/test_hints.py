@@ -1,5 +1,8 @@
 """What natural mistakes are answered with."""
 
+import inspect
+import typing
+
 import numpy as np
 import pytest
 
@@ -63,3 +66,14 @@ def test_a_wrong_call_is_answered_with_advice(call, advice, result):
 def test_an_error_within_a_call_is_left_alone(result):
     with pytest.raises(TypeError, match=r"not int$"):
         ts.measure(0, [[1, 2], [3, 4]], result)
+
+
+@pytest.mark.parametrize("name", ts.__all__)
+def test_annotations_are_read_at_run_time(name):
+    """As programs do that make forms or command lines of functions."""
+    public = getattr(ts, name)
+    called = vars(public) if inspect.isclass(public) else {name: public}
+    for own, one in called.items():
+        function = getattr(one, "__func__", getattr(one, "fget", one))
+        if inspect.isfunction(function) and (own == "__init__" or own[0] != "_"):
+            typing.get_type_hints(function)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
@@ -14,14 +15,14 @@ from trisquare._support.arrays import Frozen
 from trisquare._support.log import LOG
 from trisquare._support.terminal_text import printable
 from trisquare._support.threads import usable_cores
+from trisquare._support.writing import PathLike
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.limits import JobLimits
 from trisquare.results.calibration import Calibration
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor, Future
+    from concurrent.futures import Future
 
-    from trisquare._support.writing import PathLike
     from trisquare.batch.store import Store
     from trisquare.batch.worker import Answer
 

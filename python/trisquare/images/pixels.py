@@ -13,11 +13,8 @@ import numpy.typing as npt
 from trisquare._support.suggestions import unknown
 
 Image: TypeAlias = npt.NDArray[Any]
-ImageSource: TypeAlias = (
-    "str | os.PathLike[str] | bytes | BinaryIO | PillowImage | VideoFrame | Image"
-)
-Tone: TypeAlias = "str | float | None"
-Outlines: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]"
+Tone: TypeAlias = str | float | None
+Outlines: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]
 
 
 class PillowImage(Protocol):
@@ -59,6 +56,11 @@ class VideoFrame:
     pixels: Image
     turn: int = 0
 
+
+# No string, which `typing.get_type_hints` would look up in the module of the function.
+ImageSource: TypeAlias = (
+    str | os.PathLike[str] | bytes | BinaryIO | PillowImage | VideoFrame | Image
+)
 
 LARGEST_RESAMPLED = 32766
 """Pixels of a picture's longer side that OpenCV resamples: it counts them in 16 bits."""

@@ -6,15 +6,12 @@ Its text is laid out by Jinja and its plots are drawn by matplotlib: the extra `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from trisquare._support.writing import PathLike, check_writable, write_atomically
 from trisquare.images.photographs import Photographs
 from trisquare.images.pixels import ImageSource
 from trisquare.images.sources import sources_of
 from trisquare.results.calibration import Calibration
-
-if TYPE_CHECKING:
-    from trisquare._support.writing import PathLike
 
 __all__ = ["check_extra", "report_page", "write_report"]
 
@@ -55,8 +52,6 @@ def write_report(
     --------
     >>> ts.write_report(result, "report.html", "photo.jpg")
     """
-    from trisquare._support.writing import check_writable, write_atomically
-
     check_writable(path)
     write_atomically({path: report_page(calibration, image, command=command)})
 
