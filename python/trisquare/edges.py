@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import partial
 from numbers import Real
-from typing import Any, Literal, TypeAlias, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._core import family_lines, rectangle_lines
 from trisquare._support.arrays import (
@@ -126,6 +127,24 @@ class PlaneEdges(Frozen):
     drift: tuple[FloatArray, ...] | None = None
     border: float | None = None
     radii: tuple[float | None, ...] | None = None
+
+    if TYPE_CHECKING:  # more is taken than is held
+
+        def __init__(
+            self,
+            lines: npt.ArrayLike,
+            points: Sequence[npt.ArrayLike],
+            std: Sequence[npt.ArrayLike] | float | None = None,
+            *,
+            polarity: int | None = None,
+            plane: int | None = None,
+            image: int = 0,
+            kind: str = "square",
+            freedom: Freedom = "auto",
+            drift: Sequence[npt.ArrayLike] | None = None,
+            border: float | None = None,
+            radii: Sequence[float | None] | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if self.radii is None:

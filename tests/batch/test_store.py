@@ -348,7 +348,7 @@ def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
 def test_results_are_stored_before_they_are_yielded(tmp_path):
     with Store(tmp_path, LIMITS) as store, Submission(None, 2, LIMITS, quick) as submit:
         for own in finished([job(name) for name in "abcd"], submit, store):
-(stored,) = [line for line in lines(tmp_path) if line["name"] == own.job.name]
+            (stored,) = [line for line in lines(tmp_path) if line["name"] == own.job.name]
             assert stored.items() >= own.record.items()
             assert (tmp_path / own.record["file"]).stat().st_size == own.record["bytes"]
             assert (tmp_path / "cameras" / f"{own.job.name}.json").is_file()

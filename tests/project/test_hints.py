@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import trisquare as ts
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS
 
 MEASURED = ts.Measurement(np.zeros((2, 2)), np.eye(4))
 
@@ -77,3 +78,7 @@ def test_annotations_are_read_at_run_time(name):
         function = getattr(one, "__func__", getattr(one, "fget", one))
         if inspect.isfunction(function) and (own == "__init__" or own[0] != "_"):
             typing.get_type_hints(function)
+
+
+def test_the_names_of_models_are_the_same_for_type_checkers():
+    assert list(MODELS) == list(COEFFICIENTS)

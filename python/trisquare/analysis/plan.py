@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_array, real_number
@@ -54,6 +55,12 @@ class PlannedSquare(RebuiltByConstructor):
     rotation: FloatArray
     translation: FloatArray
     inner: float | None = None
+
+    if TYPE_CHECKING:  # more is taken than is held
+
+        def __init__(
+            self, rotation: npt.ArrayLike, translation: npt.ArrayLike, inner: float | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", rotation_matrix(self.rotation))

@@ -15,11 +15,17 @@ from trisquare._support.arrays import (
     real_number,
     strings,
 )
-from trisquare._support.suggestions import unknown
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
 from trisquare.camera.camera import Camera, camera_parameters
 from trisquare.camera.camera_of import camera_of
-from trisquare.camera.lens_models import BROWN, COEFFICIENTS, MODELS, is_fisheye
+from trisquare.camera.lens_models import (
+    BROWN,
+    COEFFICIENTS,
+    MODELS,
+    LensModel,
+    checked_model,
+    is_fisheye,
+)
 from trisquare.camera.settings import checked_fix, checked_free
 from trisquare.results.calibration import Calibration
 
@@ -115,7 +121,7 @@ def predict(
     sigma: float | None = None,
     *,
     spacing: float = 1.0,
-    model: str | None = None,
+    model: LensModel | None = None,
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
 ) -> Prediction:
@@ -174,8 +180,8 @@ def predict(
     5.9
     """
     camera = camera_of(camera)
-    if model is not None and model not in MODELS:
-        raise unknown("model", model, MODELS)
+    if model is not None:
+        model = checked_model(model)
     kin = [name for name in MODELS if _has(camera.model, name)]
     if model is not None and model not in kin:
         raise ValueError(

@@ -21,7 +21,7 @@ from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.missed_squares import are_few, missed_squares
 from trisquare.calibration.select import chosen_by
 from trisquare.camera.camera import Camera
-from trisquare.camera.settings import PlanePair, Settings
+from trisquare.camera.settings import AnyModel, Method, PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
 from trisquare.edges import PlaneEdges, changed_edges
 from trisquare.errors import DetectionError, TrisquareError
@@ -48,8 +48,8 @@ OF_MANY = dict.fromkeys(
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
     *,
-    method: str = "ml",
-    model: str = "radial2",
+    method: Method = "ml",
+    model: AnyModel = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
     initial: Calibration | Camera | None = None,
@@ -293,10 +293,10 @@ def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> De
 
 def calibrate_edges(
     edges: Sequence[PlaneEdges],
-    image_size: tuple[int, int],
+    image_size: Sequence[int],
     *,
-    method: str = "ml",
-    model: str = "radial2",
+    method: Method = "ml",
+    model: AnyModel = "radial2",
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
     initial: Calibration | Camera | None = None,

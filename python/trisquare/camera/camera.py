@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +20,13 @@ from trisquare._support.arrays import (
     real_number,
     size_of_image,
 )
-from trisquare._support.suggestions import unknown
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
 from trisquare.camera.lens_models import (
     COEFFICIENTS,
-    MODELS,
     OPENCV_LENGTHS,
+    LensModel,
+    checked_model,
     opencv_distortion,
 )
 
@@ -37,7 +37,7 @@ CoreCamera: TypeAlias = "tuple[str, Sequence[float], float]"
 # A model that the coefficients tell; every camera's is a str.
 _BY_COEFFICIENTS: Any = None
 # The simplest that they tell.
-USUAL_MODEL = "radial2"
+USUAL_MODEL: LensModel = "radial2"
 # Four are a pinhole's or a fisheye's.
 TELLING_LENGTHS = tuple(length for length in OPENCV_LENGTHS if length != 4)
 OF_FOUR = "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
@@ -102,8 +102,19 @@ class Camera(RebuiltByConstructor):
     K: FloatArray
     distortion: FloatArray
     image_size: tuple[int, int]
-    model: str = _BY_COEFFICIENTS
+    model: LensModel = _BY_COEFFICIENTS
     valid_radius: float | None = None
+
+    if TYPE_CHECKING:  # more is taken than is held
+
+        def __init__(
+            self,
+            K: npt.NDArray[Any] | Sequence[Sequence[float]],
+            distortion: npt.ArrayLike,
+            image_size: Sequence[int],
+            model: LensModel | None = None,
+            valid_radius: float | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         K = real_array(self.K, "K", (3, 3))
@@ -345,7 +356,7 @@ class Camera(RebuiltByConstructor):
             )
         return Camera(camera_matrix(fx, fy, cx, cy), np.zeros(5), self.image_size, "none")
 
-    def rescaled(self, image_size: tuple[int, int]) -> Camera:
+    def rescaled(self, image_size: Sequence[int]) -> Camera:
         """Return the camera of this camera's pictures scaled to another size.
 
         With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
@@ -545,8 +556,8 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
     TypeError, ValueError
         If they are no model's, or not those of the model that is given.
     """
-    if model is not None and model not in MODELS:
-        raise unknown("model", model, MODELS)
+    if model is not None:
+        model = checked_model(model)
     if isinstance(distortion, np.ndarray) and distortion.ndim == 2 and 1 in distortion.shape:
         distortion = distortion.ravel()  # OpenCV's shape, ...
     elif isinstance(distortion, list) and len(distortion) == 1 and isinstance(distortion[0], list):

@@ -3,6 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal, TypeAlias, get_args
+
+from trisquare._support.suggestions import unknown
+
+LensModel: TypeAlias = Literal[
+    "none",
+    "radial1",
+    "radial2",
+    "radial3",
+    "brown",
+    "equidistant",
+    "fisheye1",
+    "fisheye2",
+    "fisheye",
+    "rational",
+    "brown_prism",
+    "thin_prism",
+]
 
 BROWN = ("k1", "k2", "p1", "p2", "k3")
 FISHEYE = ("k1", "k2", "k3", "k4")
@@ -25,7 +43,7 @@ COEFFICIENTS = {
 }
 """The coefficients of each model's distortion in OpenCV's order; some models hold some at zero."""
 
-MODELS = tuple(COEFFICIENTS)
+MODELS: tuple[LensModel, ...] = get_args(LensModel)
 
 FREE = COEFFICIENTS | {
     "none": (),
@@ -47,20 +65,35 @@ OPENCV_LENGTHS = (4, 5, 8, 12, 14)
 """How many of them OpenCV gives."""
 
 
+def checked_model(name: str) -> LensModel:
+    """Return the name of a model.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    if name not in MODELS:
+        raise unknown("model", name, MODELS)
+    return MODELS[MODELS.index(name)]
+
+
 def is_fisheye(model: str) -> bool:
     """Return whether a lens of a model bends rays by their angle with the axis."""
     return COEFFICIENTS[model] == FISHEYE
 
 
-def simplest_model(coefficients: Mapping[str, float], models: Iterable[str]) -> str | None:
+def simplest_model(
+    coefficients: Mapping[str, float], models: Iterable[LensModel]
+) -> LensModel | None:
     """Return the first of some models that has all coefficients that are not zero, if one has."""
     needed = {name for name, value in coefficients.items() if value}
     return next((model for model in models if needed.issubset(FREE[model])), None)
 
 
 def opencv_distortion(
-    values: Sequence[float], least: str = MODELS[0]
-) -> tuple[str, list[float]] | None:
+    values: Sequence[float], least: LensModel = MODELS[0]
+) -> tuple[LensModel, list[float]] | None:
     """Return the simplest model that has OpenCV's coefficients of a pinhole, and its distortion.
 
     Parameters

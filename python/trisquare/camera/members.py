@@ -31,12 +31,12 @@ def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Cam
     skew = members.number_or("skew", 0.0)
     unlimited = members.value("valid_radius") is None
     model = members.text("model")
-    if model not in COEFFICIENTS:
+    if model not in MODELS:
         raise ValueError(f"model must be one of {MODELS}, not {model!r}")
     return Camera(
         K=camera_matrix(fx, fy, cx, cy, skew),
         distortion=members.array("distortion", (len(COEFFICIENTS[model]),)),
         image_size=size_of_image(image_size),
-        model=model,
+        model=MODELS[MODELS.index(model)],
         valid_radius=math.inf if unlimited else members.number("valid_radius"),
     )

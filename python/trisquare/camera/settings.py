@@ -6,17 +6,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from types import MappingProxyType
+from typing import Literal, TypeAlias, get_args
 
 from trisquare._support.suggestions import nearest_name, unknown
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 from trisquare.camera.camera_of import HasCamera, camera_of
-from trisquare.camera.lens_models import COEFFICIENTS, MODELS
+from trisquare.camera.lens_models import COEFFICIENTS, MODELS, LensModel
 
 # The model that stands for the choice among "none" to "brown" and the fisheyes by evidence.
-AUTO = "auto"
+AUTO: Literal["auto"] = "auto"
+AnyModel: TypeAlias = LensModel | Literal["auto"]
 # What other programs call a model of these.
 MODELS_ELSEWHERE = MappingProxyType({"pinhole": "none", "plumb_bob": "brown"})
-METHODS = ("ml", "linear")
+Method: TypeAlias = Literal["ml", "linear"]
+METHODS: tuple[Method, ...] = get_args(Method)
 # Indices of two planes.
 PlanePair = tuple[int, int]
 FIXABLE = ("aspect", "principal_point", "focal", "distortion")

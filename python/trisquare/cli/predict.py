@@ -16,7 +16,7 @@ from trisquare._support.rotations import tilt_degrees
 from trisquare.analysis.plan import PlannedSquare
 from trisquare.analysis.predict import Prediction, predict
 from trisquare.camera.camera import Camera, camera_parameters, centred_pinhole, named_numbers
-from trisquare.camera.lens_models import MODELS
+from trisquare.camera.lens_models import MODELS, checked_model
 from trisquare.camera.settings import FIXABLE
 from trisquare.cli.console import answer, new_table
 from trisquare.cli.framework import reading
@@ -107,7 +107,7 @@ def predict_command(
         planned,
         sigma,
         spacing=spacing,
-        model=model,
+        model=None if model is None else checked_model(model),
         fix=listed_names(fix),
         free=listed_names(free),
     )

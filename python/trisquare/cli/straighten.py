@@ -8,7 +8,6 @@ from typing import Any
 
 from trisquare._support.number_text import with_its_std
 from trisquare._support.paths import naming
-from trisquare._support.suggestions import unknown
 from trisquare._support.writing import PathLike, write_atomically
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.cli.camera_file import camera_content, camera_format
@@ -20,7 +19,7 @@ from trisquare.images.drawn_mark import encode_drawn
 from trisquare.images.encoding import encode_turned
 from trisquare.images.reading import read_photograph
 from trisquare.straightening.straighten import Straightened, straighten
-from trisquare.undistortion.undistort import INTERPOLATIONS
+from trisquare.undistortion.undistort import INTERPOLATIONS, checked_interpolation
 
 STRAIGHTENING_FORMAT = "trisquare-straightening/1"
 
@@ -66,8 +65,7 @@ def straighten_command(
         )
     if save_camera is not None:
         camera_format(save_camera)
-    if interpolation not in INTERPOLATIONS:
-        raise unknown("interpolation", interpolation, INTERPOLATIONS)
+    resampling = checked_interpolation(interpolation)
     picture, tag = read_photograph(photo)
     check_depth(picture, output)
     if focal is not None and focal < SHORTEST * max(picture.shape[:2]):
@@ -77,7 +75,7 @@ def straighten_command(
         )
     with naming(photo):
         found = straighten(picture)
-        straight = found.undistort(picture, balance, interpolation=interpolation)
+        straight = found.undistort(picture, balance, interpolation=resampling)
     encoded, missed = encode_turned(straight, output, tag)
     warnings = [] if missed is None else [missed]
     files: dict[PathLike, bytes] = {output: encoded}

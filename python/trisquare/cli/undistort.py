@@ -31,7 +31,12 @@ from trisquare.images.reading import read_photograph
 from trisquare.images.video import Video, add_sound, check_video_name, is_video
 from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import CalibrationWarning
-from trisquare.undistortion.undistort import INTERPOLATIONS, Undistorter
+from trisquare.undistortion.undistort import (
+    INTERPOLATIONS,
+    Interpolation,
+    Undistorter,
+    checked_interpolation,
+)
 from trisquare.undistortion.video import undistort_video
 
 VIEWS = ("pinhole", *HIGHEST_LATITUDES)
@@ -111,8 +116,7 @@ def undistort_command(
         check_named_video(photo)
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     paths = _output_paths(output, photos, into_folder=into_folder, with_videos=any(videos))
-    if interpolation not in INTERPOLATIONS:  # not to be said of the first photograph
-        raise unknown("interpolation", interpolation, INTERPOLATIONS)
+    resampling = checked_interpolation(interpolation)  # not to be said of the first photograph
     _check_view(view, balance, new_camera)
     known = read_camera(camera)
     lens = camera_of(known)
@@ -124,7 +128,7 @@ def undistort_command(
             return Undistorter(taken_by, new_camera=taken_by.undistorted(balance, field=field))
         return Undistorter(taken_by, new_camera=Panorama.of(taken_by, view, field))
 
-    done = _Undistorted(undistorter_of, interpolation)
+    done = _Undistorted(undistorter_of, resampling)
 
     def contents() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
         """Undistort one photograph when the one before has been taken care of."""
@@ -204,6 +208,7 @@ class _Undistorted:
     undistorter_of : callable
         From the size of a photograph to what undistorts it.
     interpolation : str
+        One of `INTERPOLATIONS`.
 
     Attributes
     ----------
@@ -215,7 +220,9 @@ class _Undistorted:
     """
 
     def __init__(
-        self, undistorter_of: Callable[[tuple[int, int]], Undistorter], interpolation: str
+        self,
+        undistorter_of: Callable[[tuple[int, int]], Undistorter],
+        interpolation: Interpolation,
     ) -> None:
         self._undistorter_of = undistorter_of
         self._interpolation = interpolation

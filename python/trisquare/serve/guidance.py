@@ -22,7 +22,8 @@ from trisquare.analysis.plan import PlannedSquare, posed, predicted
 from trisquare.analysis.predict import predict
 from trisquare.calibration.calibrate import calibrate_edges
 from trisquare.camera.camera import Camera, centred_pinhole
-from trisquare.camera.lens_models import is_fisheye
+from trisquare.camera.lens_models import LensModel, is_fisheye
+from trisquare.camera.settings import Method
 from trisquare.edges import PlaneEdges
 from trisquare.errors import DegenerateGeometryError, NotEnoughPlanesError, TrisquareError
 from trisquare.results.calibration import Calibration
@@ -38,7 +39,7 @@ COARSE = 8.0
 OUTLINE_SAMPLES = 12
 """Points of a straight side that stand for it."""
 
-METHOD = "linear"
+METHOD: Method = "linear"
 """Good enough for a guess, and a hundred times as fast as the joint fit."""
 
 GUESSED_FOCAL = 0.9
@@ -248,7 +249,7 @@ def _spread(camera: Camera, planes: Sequence[PlannedSquare]) -> float | None:
     return math.sqrt(std["fx"] * std["cx"])
 
 
-def _estimated(camera: Camera) -> str:
+def _estimated(camera: Camera) -> LensModel:
     """Return the model whose coefficients a photograph of squares is to tell."""
     return camera.model if is_fisheye(camera.model) else "radial2"
 

@@ -16,6 +16,7 @@ from trisquare._support.arrays import (
     size_of_image,
 )
 from trisquare.camera.camera import Camera, camera_matrix
+from trisquare.camera.lens_models import LensModel
 from trisquare.camera.projection_uncertainty import checked_spacing
 from trisquare.errors import LensModelError
 from trisquare.straightening.radial import FAMILIES, RadialLens
@@ -300,8 +301,8 @@ class UnscaledCamera(RebuiltByConstructor):
         unit = focal / self.radius
         if self.family == "polynomial":
             k1, k2, k3 = np.append(self.coefficients, 0.0)[:3] * unit ** np.array([2, 4, 6])
-            model = "radial2" if k3 == 0 else "radial3"
-            return Camera(K, np.array([k1, k2, 0, 0, k3]), self.image_size, model)
+            polynomial: LensModel = "radial2" if k3 == 0 else "radial3"
+            return Camera(K, np.array([k1, k2, 0, 0, k3]), self.image_size, polynomial)
         corners = np.array(self.image_size) * [[0, 0], [0, 1], [1, 0], [1, 1]] - self.centre
         farthest = np.linalg.norm(corners, axis=1).max() / self.radius
         end = min(float(farthest), self.radial.largest_radius())
@@ -335,12 +336,14 @@ class UnscaledCamera(RebuiltByConstructor):
         return f"<UnscaledCamera {width} x {height}, {self.family}: {numbers}>"
 
 
-def _radii_of_models(ideal: FloatArray) -> dict[str, FloatArray]:
+def _radii_of_models(ideal: FloatArray) -> dict[LensModel, FloatArray]:
     """Return the radius of which each model's distortion is a polynomial."""
     return {"radial3": ideal, "fisheye": np.arctan(ideal)}  # the first that will do is taken
 
 
-def _fitted(model: str, radii: FloatArray, seen: FloatArray) -> tuple[str, FloatArray, FloatArray]:
+def _fitted(
+    model: LensModel, radii: FloatArray, seen: FloatArray
+) -> tuple[LensModel, FloatArray, FloatArray]:
     """Fit a model's coefficients by linear least squares; return them and the residuals."""
     powers = (3, 5, 7, 9) if model == "fisheye" else (3, 5, 7)
     design = np.column_stack([radii**power for power in powers])

@@ -13,6 +13,7 @@ from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
 from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held, with_third_free
 from trisquare.straightening.uncertainty import uncertainty
+from trisquare.undistortion.undistort import Interpolation
 
 KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
 """Standard deviation of the centre up to which it is free, and from which it is held at the
@@ -84,7 +85,7 @@ class Straightened(RebuiltByConstructor):
         object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
 
     def undistort(
-        self, image: ImageSource, balance: float = 0.0, *, interpolation: str = "linear"
+        self, image: ImageSource, balance: float = 0.0, *, interpolation: Interpolation = "linear"
     ) -> Image:
         """Return a picture of the same camera with its straight lines straight.
 

@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 
 from trisquare._support.arrays import FloatArray, real_number
-from trisquare._support.suggestions import unknown
 from trisquare.images.pixels import LARGEST_RESAMPLED, Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
-from trisquare.undistortion.undistort import INTERPOLATIONS
+from trisquare.undistortion.undistort import INTERPOLATIONS, Interpolation, checked_interpolation
 
 TABLE = 4096
 """Entries of the table of observed radii; between them they are interpolated to 1e-4 px."""
@@ -19,7 +18,10 @@ STRIP_ROWS = 512
 
 
 def undistort_picture(
-    image: ImageSource, camera: UnscaledCamera, balance: float = 0.0, interpolation: str = "linear"
+    image: ImageSource,
+    camera: UnscaledCamera,
+    balance: float = 0.0,
+    interpolation: Interpolation = "linear",
 ) -> Image:
     """Return a picture of the camera without its distortion, of the same size.
 
@@ -28,8 +30,7 @@ def undistort_picture(
     TypeError, ValueError
         If an argument is wrong, or the picture of another size than the camera's.
     """
-    if interpolation not in INTERPOLATIONS:
-        raise unknown("interpolation", str(interpolation), INTERPOLATIONS)
+    interpolation = checked_interpolation(interpolation)
     picture = np.ascontiguousarray(load_picture(image))
     width, height = picture_size(picture)
     if (width, height) != camera.image_size:

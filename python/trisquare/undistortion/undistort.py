@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,9 @@ from trisquare.results.calibration import Calibration
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-INTERPOLATIONS = {
+Interpolation: TypeAlias = Literal["linear", "nearest", "cubic", "lanczos"]
+
+INTERPOLATIONS: Mapping[Interpolation, tuple[str, str]] = {
     "nearest": ("INTER_NEAREST", "BORDER_CONSTANT"),
     "linear": ("INTER_LINEAR", "BORDER_CONSTANT"),
     # These weigh pixels beyond the next: black ones from outside would darken the border.
@@ -30,6 +33,21 @@ INTERPOLATIONS = {
     "lanczos": ("INTER_LANCZOS4", "BORDER_REPLICATE"),
 }
 """What OpenCV calls them, and how each takes what lies outside the picture."""
+
+
+def checked_interpolation(name: str) -> Interpolation:
+    """Return a name of `INTERPOLATIONS`.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    known = next((own for own in INTERPOLATIONS if own == name), None)
+    if known is None:
+        raise unknown("interpolation", str(name), INTERPOLATIONS)
+    return known
+
 
 PART_BITS = 5
 """OpenCV resamples at positions rounded to so many binary digits of a pixel."""
@@ -121,7 +139,7 @@ class Undistorter:
         """
         return _core.largest_rectangle(self._valid)
 
-    def undistort(self, image: ImageSource, *, interpolation: str = "linear") -> Image:
+    def undistort(self, image: ImageSource, *, interpolation: Interpolation = "linear") -> Image:
         """Return a picture as `new_camera` shows it.
 
         OpenCV resamples at places rounded to 1/32 pixel in x and in y, so that a grey level is that
@@ -157,8 +175,7 @@ class Undistorter:
         >>> [undistorter.undistort(frame).shape for frame in frames]
         [(960, 1280, 3), (960, 1280, 3)]
         """
-        if interpolation not in INTERPOLATIONS:
-            raise unknown("interpolation", str(interpolation), INTERPOLATIONS)
+        interpolation = checked_interpolation(interpolation)
         picture = load_picture(image)
         if picture_size(picture) != self._camera.image_size:
             _refuse_size(picture_size(picture), self._camera)
@@ -217,7 +234,7 @@ def undistort(
     *,
     new_camera: Camera | Panorama | None = None,
     rescale: bool = False,
-    interpolation: str = "linear",
+    interpolation: Interpolation = "linear",
 ) -> Image:
     """Return a picture without its distortion.
 

@@ -9,7 +9,7 @@ from trisquare._support.threads import ahead
 from trisquare._support.writing import PathLike
 from trisquare.images.pixels import Image
 from trisquare.images.video import Video, write_video
-from trisquare.undistortion.undistort import Undistorter
+from trisquare.undistortion.undistort import Interpolation, Undistorter
 
 FRAMES_AHEAD = 3
 """Of each thread: what evens out frames that take longer to decode or to encode."""
@@ -20,7 +20,7 @@ def undistort_video(
     undistorter: Undistorter,
     path: PathLike,
     *,
-    interpolation: str = "linear",
+    interpolation: Interpolation = "linear",
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Write a video as the undistorter's new camera shows it, and return its number of frames.
