@@ -1,8 +1,10 @@
 """Bad input ends in the documented error, in Python and at the command, and leaves no file."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -159,6 +161,61 @@ def test_what_is_no_picture_of_squares(image, error):
 def test_a_folder_without_pictures_is_told(tmp_path):
     with pytest.raises(ts.ImageError, match="the folder holds no picture"):
         ts.calibrate(tmp_path)
+
+
+NAME = "a\nb\x1b[31m"
+CAMERA = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), (1280, 960))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: ts.calibrate("missing" + NAME),
+        lambda: ts.calibrate([f"{NAME}.jpg", f"{NAME}.jpg"]),
+        lambda: ts.calibrate(NAME),
+        lambda: ts.calibrate(np.zeros((480, 640), np.uint8), outlines=f"{NAME}.json"),
+        lambda: ts.read_image(f"{NAME}.jpg"),
+        lambda: list(ts.find_jobs(["missing" + NAME])),
+        lambda: ts.Camera.load(f"{NAME}.json"),
+        lambda: ts.Calibration.load("missing" + NAME),
+        lambda: CAMERA.save(f"{NAME}/folder/camera.json"),
+        lambda: ts.write_report(None, f"{NAME}/folder/page.html"),
+    ],
+)
+@pytest.mark.skipif(os.name != "posix", reason="names of files hold no such characters")
+def test_names_in_messages_are_in_one_line(tmp_path, monkeypatch, call):
+    monkeypatch.chdir(tmp_path)
+    Path(f"{NAME}.jpg").write_bytes(b"no picture")
+    Path(f"{NAME}.json").write_text("{}")
+    Path(NAME).mkdir()
+    with pytest.raises((ts.ImageError, ValueError, OSError)) as raised:
+        call()
+    assert "a\\nb\\x1b[31m" in str(raised.value)
+    assert str(raised.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [
+        (0, "nearly black, with grey levels from 1 to 5 of 255"),
+        (245, "nearly white"),
+        (120, "uniform"),
+    ],
+)
+def test_a_picture_without_contrast_is_called_that(level, said):
+    noise = np.random.default_rng(3).integers(0, 7, (480, 640))
+    picture = (level + noise).astype(np.uint8)
+    for search in (ts.calibrate, ts.detect):
+        with pytest.raises(ts.DetectionError, match=said):
+            search(picture)
+
+
+def test_nothing_is_found_in_pictures_of_two_sizes():
+    """Those that are left out are the first."""
+    sizes = [(480, 640)] * 4 + [(500, 700)] * 5
+    pictures = [np.full(size, number, np.uint8) for number, size in enumerate(sizes)]
+    with pytest.raises(ts.DetectionError, match="no square"):
+        ts.calibrate(pictures)
 
 
 @pytest.mark.slow

@@ -285,7 +285,8 @@ def calibrate_photographs(
 
 def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:
     if not by_hand:
-        return DetectionError(nothing_found(kinds, gathered.image_size))
+        light = next((own.lack_of_light() for own in gathered.searches.values()), "")
+        return DetectionError(nothing_found(kinds, gathered.image_size, light=light))
     # The reasons against the outlines are added to every error, with their places.
     others = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
     return DetectionError("; ".join(others))

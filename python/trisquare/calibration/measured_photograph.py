@@ -14,7 +14,8 @@ from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, 
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
     from trisquare.detection.annotations.load import Annotations
     from trisquare.detection.annotations.outlines import AnnotatedSquare
-    from trisquare.images.pixels import Image, ImageSource
+    from trisquare.images.pixels import ImageSource
+    from trisquare.measurement.find import Search
     from trisquare.measurement.measure import MeasuredTargets
 
 
@@ -156,7 +157,7 @@ def measured_photograph(
     nothing, lines = "", []
     if is_of_use:
         if not measured.figures:
-            nothing = _nothing_in(photograph.pixels, sought.kinds, annotated)
+            nothing = _nothing_in(measured.search, size, annotated)
         if sought.lines:
             from trisquare.straightening.scene_lines import lines_beside
 
@@ -173,8 +174,8 @@ def measured_photograph(
 
 
 def _nothing_in(
-    picture: Image, kinds: TargetKinds, annotated: Sequence[AnnotatedSquare] | None
+    search: Search, size: tuple[int, int], annotated: Sequence[AnnotatedSquare] | None
 ) -> str:
     if annotated is None:
-        return nothing_found(kinds, picture_size(picture))
+        return nothing_found(search.kinds, size, light=search.lack_of_light())
     return "none of the outlines is a square" if annotated else "nothing is drawn on it"

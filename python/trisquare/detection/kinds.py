@@ -130,14 +130,20 @@ class TargetKinds:
 
 
 def nothing_found(
-    targets: TargetKinds, size: tuple[int, int], rejected: Sequence[Rejected] = ()
+    targets: TargetKinds,
+    size: tuple[int, int],
+    rejected: Sequence[Rejected] = (),
+    *,
+    light: str = "",
 ) -> str:
     """Say what was looked for in vain, and of what came near why it was not that.
 
-    `size` is that of the picture, on which it depends how small a target may be.
+    `size` is that of the picture, on which it depends how small a target may be; `light` is what
+    the picture lacks of it, if anything.
     """
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
-    return "; ".join([_missing(targets, size), *reasons])
+    missing = _missing(targets, size)
+    return "; ".join([f"{light}: {missing}" if light else missing, *reasons])
 
 
 def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:

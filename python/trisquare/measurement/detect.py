@@ -98,6 +98,11 @@ def detect(
     measured = measure(picture, kinds, tone_of(picture, checked), annotated)
     if not measured.figures:
         reasons = [candidate.reason for candidate in measured.rejected]
-        nothing = nothing_found(kinds, picture_size(picture), measured.rejected)
+        nothing = nothing_found(
+            kinds,
+            picture_size(picture),
+            measured.rejected,
+            light=measured.search.lack_of_light(),
+        )
         raise DetectionError("; ".join(reasons) if annotated else nothing)
     return measured.figures

@@ -15,8 +15,8 @@ from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import chessboards_among, find_lattices, search_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
-from trisquare.detection.candidates import ENOUGH, Lattice
-from trisquare.detection.grey import grey_bytes, working_picture
+from trisquare.detection.candidates import ENOUGH, MIN_CONTRAST, Lattice
+from trisquare.detection.grey import RANGE_PERCENTILES, grey_bytes, working_picture
 from trisquare.detection.kinds import TargetKinds
 from trisquare.detection.sheets.aprilgrids import LEAST_CROSSINGS
 from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
@@ -27,6 +27,9 @@ from trisquare.measurement.sheets import Sheet
 from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.measurement.squares import Square
 from trisquare.results.rejected import Rejected
+
+NEARLY = 64
+"""Grey levels from black or white up to which a picture without contrast is nearly that."""
 
 
 class Search(NamedTuple):
@@ -49,6 +52,15 @@ class Search(NamedTuple):
     def working_picture(self) -> tuple[NDArray[np.uint8], int]:
         """Return the smaller picture that squares are searched in, and its scale."""
         return working_picture(self.picture) if self.scale is None else (self.picture, self.scale)
+
+    def lack_of_light(self) -> str:
+        """Say that the picture hardly has any contrast; nothing of any other."""
+        darkest, brightest = np.percentile(self.working_picture()[0], RANGE_PERCENTILES)
+        if brightest - darkest >= MIN_CONTRAST:
+            return ""
+        what = "black" if brightest < NEARLY else "white" if darkest > 255 - NEARLY else "uniform"
+        levels = f"with grey levels from {darkest:.0f} to {brightest:.0f} of 255"
+        return f"the picture is nearly {what}, {levels}"
 
     def reduced(self) -> Search:
         """Return the same with that picture alone, to be kept."""
