@@ -6,6 +6,12 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import IO, Any, TypeAlias
+
+from trisquare._support.terminal_text import printable
+
+File: TypeAlias = str | os.PathLike[str] | IO[Any]
+"""A name, or what is open as text or binary."""
 
 MOST_CHARACTERS = 600
 """Of a message: it may cite what a file holds, and that may be anything."""
@@ -19,7 +25,7 @@ def open_at_once(path: str, flags: int) -> int:
     return descriptor
 
 
-def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
+def read_bytes(path: File, most: int = -1) -> bytes:
     """Return what a file holds, `most` bytes of it if that is not negative.
 
     Raises
@@ -28,6 +34,9 @@ def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
         "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
         ``/dev/zero``, of which there may be no end, and for a pipe that nobody writes to.
     """
+    if not isinstance(path, str | os.PathLike):
+        content = path.read(most)
+        return content.encode() if isinstance(content, str) else bytes(content)
     with naming_failure(path):
         with open(path, "rb", opener=open_at_once) as file:
             mode = os.fstat(file.fileno()).st_mode
@@ -39,7 +48,7 @@ def read_bytes(path: str | os.PathLike[str], most: int = -1) -> bytes:
         return content
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
+def read_text(path: File) -> str:
     """Return the UTF-8 text of a file.
 
     Raises
@@ -52,7 +61,14 @@ def read_text(path: str | os.PathLike[str]) -> str:
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{os.fspath(path)}: not a text file") from error
+        raise ValueError(f"{shown(path)}: not a text file") from error
+
+
+def shown(path: File) -> str:
+    """Return a file's name as messages have it, control characters escaped: in one line."""
+    if not isinstance(path, str | os.PathLike):
+        return "the open file"
+    return printable(os.fspath(path))
 
 
 @contextmanager
@@ -61,16 +77,16 @@ def naming_failure(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise type(error)(f"{os.fspath(path)}: {error.strerror or error}") from error
+        raise type(error)(f"{shown(path)}: {error.strerror or error}") from error
 
 
 @contextmanager
-def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+def naming(path: File) -> Iterator[None]:
     """Let a ValueError about what a file holds begin with the file's name."""
     try:
         yield
     except ValueError as error:
-        message = str(error)
+        message = printable(str(error))  # it may have names that the file holds
         if len(message) > MOST_CHARACTERS:
             message = f"{message[:MOST_CHARACTERS]} ..."
-        raise ValueError(f"{os.fspath(path)}: {message}") from error
+        raise ValueError(f"{shown(path)}: {message}") from error

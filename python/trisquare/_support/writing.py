@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import secrets
 import shutil
@@ -11,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeAlias
+
+from trisquare._support.paths import File, shown
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -51,7 +54,7 @@ def writing(path: PathLike) -> Iterator[None]:
     except OSError as error:
         if error.errno is None:
             raise  # its message is complete
-        message = f"{os.fspath(path)}: cannot be written: {error.strerror}"
+        message = f"{shown(path)}: cannot be written: {error.strerror}"
         raise type(error)(message) from error
 
 
@@ -63,11 +66,11 @@ def check_writable(path: PathLike) -> None:
     target = Path(os.path.realpath(path))
     with writing(path):
         if not target.parent.is_dir():
-            raise FileNotFoundError(f"{os.fspath(path)}: there is no folder {target.parent}")
+            raise FileNotFoundError(f"{shown(path)}: there is no folder {shown(target.parent)}")
         if target.exists() and not target.is_file():
-            raise OSError(f"{os.fspath(path)}: is not a file")
+            raise OSError(f"{shown(path)}: is not a file")
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"{os.fspath(path)}: the folder {target.parent} is not writable")
+        raise PermissionError(f"{shown(path)}: the folder {shown(target.parent)} is not writable")
 
 
 @contextmanager
@@ -112,6 +115,16 @@ def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
         If a file cannot be written; no target was touched then.
     """
     write_in_turn(contents.items())
+
+
+def write_text(file: File, text: str) -> None:
+    """Write a text into what is open, as text or binary; a file of a name as `write_atomically`."""
+    if isinstance(file, str | os.PathLike):
+        write_atomically({file: text.encode()})
+    elif isinstance(file, io.TextIOBase):
+        file.write(text)
+    else:
+        file.write(text.encode())
 
 
 @ended_in_order()

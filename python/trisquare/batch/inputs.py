@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from trisquare._support.natural_order import natural_order
-from trisquare._support.paths import naming_failure
+from trisquare._support.paths import naming_failure, shown
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
 from trisquare.images.drawn_mark import is_drawn
@@ -118,7 +118,7 @@ def _of_pattern(given: str) -> list[str]:
 
     matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
     if not matching:
-        raise FileNotFoundError(f"{given}: there is no such file or folder")
+        raise FileNotFoundError(f"{shown(given)}: there is no such file or folder")
     photographs = [path for path in matching if not is_drawn(path)]
     return sorted(photographs or matching, key=natural_order)
 

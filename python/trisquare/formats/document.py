@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import PurePath
 
 from trisquare._support.json_members import JsonFields, parse_json
-from trisquare._support.paths import read_bytes
+from trisquare._support.paths import File, read_bytes, shown
 from trisquare.formats.yaml_text import parse_yaml
 
 MOST_BYTES = 64 << 20
@@ -37,7 +37,7 @@ class Document:
     name: str = ""
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Document:
+    def read(cls, path: File) -> Document:
         """Read a file, but not more of it than a camera file can have.
 
         Raises
@@ -47,12 +47,12 @@ class Document:
         ValueError
             If it is too large, or no text.
         """
-        shown = os.fspath(path)
+        named = shown(path)
         content = read_bytes(path, MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
-            raise ValueError(f"{shown}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
-        name = PurePath(shown).name.lower()
-        not_text = f"{shown}: not a text file{BINARY_FILES.get(name, ', as camera files are')}"
+            raise ValueError(f"{named}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
+        name = PurePath(path).name.lower() if isinstance(path, str | os.PathLike) else ""
+        not_text = f"{named}: not a text file{BINARY_FILES.get(name, ', as camera files are')}"
         if b"\0" in content:
             raise ValueError(not_text)
         try:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trisquare._support.arrays import size_of_image, string
-from trisquare._support.paths import naming
-from trisquare._support.writing import PathLike, write_atomically
+from trisquare._support.paths import File, naming, shown
+from trisquare._support.writing import write_text
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import Camera
 from trisquare.errors import LensModelError
@@ -45,7 +45,7 @@ class Loaded:
 
 
 def load_camera(
-    path: PathLike,
+    path: File,
     format: str | None = None,
     *,
     name: str | None = None,
@@ -62,7 +62,7 @@ def load_camera(
 
 def camera_of_document(
     document: Document,
-    path: PathLike,
+    path: File,
     known: Format | None = None,
     *,
     name: str | None = None,
@@ -83,11 +83,11 @@ def camera_of_document(
     try:
         stand_in = nearest(lens, ANY_BROWN)
     except ValueError as error:
-        raise LensModelError(f"{os.fspath(path)}: {lens.title}: {error}") from error
+        raise LensModelError(f"{shown(path)}: {lens.title}: {error}") from error
     camera = stand_in.lens
     if not approximate:
         raise LensModelError(
-            f"{os.fspath(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
+            f"{shown(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
             "read it so with approximate=True (trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
@@ -97,7 +97,7 @@ def camera_of_document(
     return Loaded(camera, found.name, chosen, stand_in)
 
 
-def _chosen(cameras: Cameras, name: str | None, path: PathLike) -> tuple[str, Lens]:
+def _chosen(cameras: Cameras, name: str | None, path: File) -> tuple[str, Lens]:
     if name is not None:
         if string(name, "name") not in cameras:
             raise ValueError(f"there is no camera {name!r}, but {_listed(cameras)}")
@@ -111,9 +111,9 @@ def _chosen(cameras: Cameras, name: str | None, path: PathLike) -> tuple[str, Le
     return only, read()
 
 
-def _extraction(path: PathLike, name: str) -> str:
+def _extraction(path: File, name: str) -> str:
     """Return the command that takes one of several cameras out: no other has ``--camera``."""
-    words = ["trisquare", "convert", os.fspath(path), "one.json", "--camera", name]
+    words = ["trisquare", "convert", shown(path), "one.json", "--camera", name]
     return shlex.join(words)
 
 
@@ -126,19 +126,20 @@ def _listed(cameras: Cameras) -> str:
 
 def save_camera(
     camera: Camera,
-    path: PathLike,
+    path: File,
     format: str | None = None,
     *,
     approximate: bool = False,
 ) -> Approximation | None:
     """Write a camera; see `Camera.save`."""
     known = _format_to_write(path, format)
-    text, approximation = written(camera, known, Path(path).suffix.lower(), approximate)
-    write_atomically({path: text.encode()})
+    suffix = Path(path).suffix.lower() if isinstance(path, str | os.PathLike) else ""
+    text, approximation = written(camera, known, suffix, approximate)
+    write_text(path, text)
     return approximation
 
 
-def is_own(path: PathLike, format: str | None) -> bool:
+def is_own(path: File, format: str | None) -> bool:
     """Whether `save_camera` would write trisquare's own JSON, which holds results as well.
 
     Raises
@@ -149,8 +150,12 @@ def is_own(path: PathLike, format: str | None) -> bool:
     return _format_to_write(path, format) is native_json.FORMAT
 
 
-def _format_to_write(path: PathLike, format: str | None) -> Format:
-    return format_of_name(Path(path).name) if format is None else format_called(format)
+def _format_to_write(path: File, format: str | None) -> Format:
+    if format is not None:
+        return format_called(format)
+    if not isinstance(path, str | os.PathLike):
+        return native_json.FORMAT
+    return format_of_name(Path(path).name)
 
 
 def written(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
+from trisquare._support.paths import shown
 from trisquare._support.writing import PathLike
 from trisquare.images.orientation import OrientationTag, with_orientation
 from trisquare.images.pixels import Image
@@ -18,7 +18,7 @@ def check_picture_name(path: PathLike) -> None:
     # The extension alone: a name that is no UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
         raise ValueError(
-            f"{os.fspath(path)}: no picture is written with the extension {suffix!r}: take .png, "
+            f"{shown(path)}: no picture is written with the extension {suffix!r}: take .png, "
             ".jpg, .tif or .webp"
         )
 
@@ -42,7 +42,7 @@ def encode_turned(
     if kept is not None:
         return kept, None
     return encoded, (
-        f"{os.fspath(path)}: its format does not keep the photograph's orientation tag "
+        f"{shown(path)}: its format does not keep the photograph's orientation tag "
         f"({tag.turn}); JPEG and PNG do"
     )
 

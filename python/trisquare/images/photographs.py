@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trisquare._support.terminal_text import printable
 from trisquare._support.threads import Turns
 from trisquare.errors import ImageError
 from trisquare.images.limits import PictureLimits
@@ -176,7 +177,7 @@ def _naming(name: str, *, needed: bool) -> Iterator[None]:
 
 def _name(index: int, source: ImageSource) -> str:
     file_name = _file_name(source)
-    return f"picture {index} ({file_name})" if file_name else f"picture {index}"
+    return f"picture {index} ({printable(file_name)})" if file_name else f"picture {index}"
 
 
 def _file_name(source: ImageSource) -> str:

@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 
-from trisquare._support.paths import read_bytes
+from trisquare._support.paths import read_bytes, shown
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError, lacks_memory
 from trisquare.images.exif import TIFF_STARTS
@@ -76,7 +76,7 @@ def read_photograph(
         raise MissingImageError(str(error)) from error
     except OSError as error:
         raise ImageError(str(error)) from error
-    return decode_photograph(encoded, os.fspath(path), limits)
+    return decode_photograph(encoded, shown(path), limits)
 
 
 def decode_photograph(
@@ -119,7 +119,7 @@ def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
         size = os.stat(path).st_size
     except OSError:
         size = 0  # reading it says why
-    limits.check_bytes(os.fspath(path), size)
+    limits.check_bytes(shown(path), size)
     return read_bytes(path)
 
 

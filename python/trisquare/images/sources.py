@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from trisquare._support.natural_order import natural_order
+from trisquare._support.paths import shown
 from trisquare.errors import ImageError, MissingImageError
 from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.pixels import ImageSource, PillowImage
@@ -98,36 +99,36 @@ def _meant(source: Any, with_videos: bool) -> list[ImageSource]:
 
 
 def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os.PathLike[str]]:
-    name = os.fspath(path)
+    name, named = os.fspath(path), shown(path)
     if os.path.isdir(name):
-        shown = (each for each in Path(name).iterdir() if not each.name.startswith("."))
-        files = sorted(shown, key=natural_order)
+        listed = (each for each in Path(name).iterdir() if not each.name.startswith("."))
+        files = sorted(listed, key=natural_order)
         videos = [each for each in files if each.suffix.lower() in VIDEO_SUFFIXES]
         wanted = PICTURE_SUFFIXES | VIDEO_SUFFIXES if with_videos else PICTURE_SUFFIXES
         found = [each for each in files if each.suffix.lower() in wanted]
         if not found:
-            other = f"; name its video itself, as {videos[0]}" if videos else ""
+            other = f"; name its video itself, as {shown(videos[0])}" if videos else ""
             if not videos and any(each.is_dir() for each in files):
                 pattern = os.path.join(name, "**", "*.jpg")
                 other = f"; folders in it are not searched: name them, or a pattern: {pattern!r}"
-            raise ImageError(f"{name}: the folder holds no picture{other}")
+            raise ImageError(f"{named}: the folder holds no picture{other}")
         return _not_drawn(found, name)
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
         if not names:
-            raise MissingImageError(f"{name}: no file matches")
+            raise MissingImageError(f"{named}: no file matches")
         return _not_drawn([Path(each) for each in names], name)
     try:  # before what else may be wrong: a video is known by its content
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
         if os.path.islink(name):
-            text = f"{name}: a link to {os.readlink(name)}, which is not there"
+            text = f"{named}: a link to {shown(os.readlink(name))}, which is not there"
             raise MissingImageError(text) from error
         if not name:
             raise MissingImageError("the name of a picture is empty") from error
-        raise MissingImageError(f"{name}: No such file or directory") from error
+        raise MissingImageError(f"{named}: No such file or directory") from error
     except OSError as error:
-        raise ImageError(f"{name}: {error.strerror or error}") from error
+        raise ImageError(f"{named}: {error.strerror or error}") from error
     return [path]
 
 
@@ -135,5 +136,7 @@ def _not_drawn(found: list[Path], name: str) -> list[Path]:
     """Leave out what trisquare has drawn on: an overlay beside its photograph."""
     left = [each for each in found if not is_drawn(each)]
     if not left:
-        raise ImageError(f"{name}: trisquare has drawn on all pictures there: name a photograph")
+        raise ImageError(
+            f"{shown(name)}: trisquare has drawn on all pictures there: name a photograph"
+        )
     return left

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from trisquare._support.paths import shown
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError, lacks_memory
 from trisquare.images.foreign import TRANSPORT_PACKET, VIDEO, foreign_kind
@@ -53,7 +54,7 @@ def check_video_name(path: PathLike) -> None:
     """Raise ValueError if no format that videos are written in has the path's extension."""
     suffix = Path(path).suffix
     if suffix.lower() not in ENCODERS:
-        name = os.fspath(path)
+        name = shown(path)
         raise ValueError(
             f"{name}: videos are written as {', '.join(ENCODERS)}, not with the extension "
             f"{suffix!r}"

@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias
 from trisquare._core import __version__
 from trisquare._support.arrays import Frozen
 from trisquare._support.lengths import length_in
+from trisquare._support.paths import shown
 from trisquare._support.suggestions import unknown
 from trisquare._support.writing import check_writable, write_atomically
 from trisquare.printing.layout import (
@@ -90,7 +91,7 @@ class PrintedTarget(Frozen):
         >>> ts.printed_target().save("target.pdf")
         """
         if not os.fspath(path).lower().endswith(".pdf"):
-            raise ValueError(f"{os.fspath(path)}: a target is written as PDF: name a .pdf file")
+            raise ValueError(f"{shown(path)}: a target is written as PDF: name a .pdf file")
         check_writable(path)
         write_atomically({path: self.to_pdf()})
 
