@@ -1,5 +1,6 @@
 """Cameras in the formats of other programs, read by those themselves where they are here."""
 
+import io
 import json
 import pickle
 import re
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from camera_files import FILES, PANORAMA
+from scenes import edges_of, squares
 
 import trisquare as ts
 from trisquare import Camera
@@ -988,3 +990,30 @@ def test_a_lens_that_no_model_of_a_format_comes_near_is_named_as_such(tmp_path, 
         assert (info.value.nearest, info.value.rms) == (None, np.inf)
         assert pickle.loads(pickle.dumps(info.value)).worst == np.inf
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("as_text", [True, False])
+@pytest.mark.parametrize("name", [None, "opencv", "kalibr"])
+def test_open_files_are_written_and_read_as_named_ones(tmp_path, name, as_text):
+    camera = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), (1280, 960))
+    buffer = io.StringIO() if as_text else io.BytesIO()
+    camera.save(buffer, format=name)
+    camera.save(tmp_path / "camera", format=name or "trisquare")
+    content = buffer.getvalue()
+    named = (tmp_path / "camera").read_text()
+    assert content == (named if as_text else named.encode())
+    buffer.seek(0)
+    assert ts.Camera.load(buffer) == ts.Camera.load(tmp_path / "camera")
+
+
+def test_a_result_goes_through_an_open_file():
+    result = ts.calibrate_edges(edges_of(squares(5), noise=0.05, seed=1), (1280, 960))
+    buffer = io.BytesIO()
+    result.save(buffer)
+    assert buffer.getvalue().decode() == result.to_json()
+    buffer.seek(0)
+    assert ts.Calibration.load(buffer) == result
+    with pytest.raises(ValueError, match="the open file: a calibration is JSON"):
+        ts.Calibration.load(io.StringIO("camera"))
+    with pytest.raises(ValueError, match="the open file: "):
+        ts.Camera.load(io.BytesIO(b"camera"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -20,6 +19,7 @@ from trisquare._support.arrays import (
     real_number,
     size_of_image,
 )
+from trisquare._support.paths import File
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.file_formats import registered_files
 from trisquare.camera.lens_models import (
@@ -412,18 +412,18 @@ class Camera(RebuiltByConstructor):
         )
 
     def save(
-        self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
+        self, path: File, format: str | None = None, *, approximate: bool = False
     ) -> Approximation | None:
         """Write the camera in a format of trisquare or of another program.
 
         Parameters
         ----------
-        path : str or path
-            The file; it is written whole or left untouched.
+        path : str, path or open file
+            The file; one that is named is written whole or left untouched.
         format : str, optional
             Of `trisquare.formats.FORMAT_NAMES`; by default what the name tells: trisquare's own
-            for ``.json``, OpenCV's for ``.yaml`` and ``.xml``, the programs' own for
-            ``transforms.json``, ``cameras.txt``, ``.cameramodel`` and the like.
+            for ``.json`` (and what is open), OpenCV's for ``.yaml`` and ``.xml``, the programs' own
+            for ``transforms.json``, ``cameras.txt``, ``.cameramodel`` and the like.
         approximate : bool
             Whether to write the nearest lens that the format has where it cannot hold this one.
 
@@ -454,7 +454,7 @@ class Camera(RebuiltByConstructor):
     @classmethod
     def load(
         cls,
-        path: str | os.PathLike[str],
+        path: File,
         format: str | None = None,
         *,
         name: str | None = None,
@@ -465,8 +465,8 @@ class Camera(RebuiltByConstructor):
 
         Parameters
         ----------
-        path : str or path
-            The file. The JSON of a `Calibration` is read as its camera.
+        path : str, path or open file
+            The file, text or binary. The JSON of a `Calibration` is read as its camera.
         format : str, optional
             Of `trisquare.formats.FORMAT_NAMES`; by default what the content looks like.
         name : str, optional

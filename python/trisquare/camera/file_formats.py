@@ -6,10 +6,11 @@ or loaded does: a camera knows that there are files, and not which formats they 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from trisquare._support.paths import File
 
 if TYPE_CHECKING:
     from trisquare.camera.approximation import Approximation
@@ -34,7 +35,7 @@ class CameraFiles(NamedTuple):
 
     save: Callable[..., Approximation | None]
     load: Callable[..., Loaded]
-    is_own: Callable[[str | os.PathLike[str], str | None], bool]
+    is_own: Callable[[File, str | None], bool]
     to_json: Callable[[Camera], str]
     from_json: Callable[[str], Camera]
 

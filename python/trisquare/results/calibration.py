@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -24,7 +23,7 @@ from trisquare._support.arrays import (
 )
 from trisquare._support.json_members import JsonFields, dump_members
 from trisquare._support.number_text import with_its_std
-from trisquare._support.paths import naming, read_text
+from trisquare._support.paths import File, naming, read_text
 from trisquare._support.records import (
     NUMBER,
     TEXT,
@@ -39,7 +38,7 @@ from trisquare._support.records import (
     records,
 )
 from trisquare._support.suggestions import unknown
-from trisquare._support.writing import write_atomically
+from trisquare._support.writing import write_text
 from trisquare.camera.approximation import Approximation
 from trisquare.camera.camera import OPENCV_NAMES, Camera, camera_parameters
 from trisquare.camera.file_formats import registered_files
@@ -421,14 +420,14 @@ class Calibration(Record):
         return shown
 
     def save(
-        self, path: str | os.PathLike[str], format: str | None = None, *, approximate: bool = False
+        self, path: File, format: str | None = None, *, approximate: bool = False
     ) -> Approximation | None:
         """Write the result as JSON, or its camera in the format of another program.
 
         Parameters
         ----------
-        path : str or path
-            The file; it is written whole or left untouched.
+        path : str, path or open file
+            The file; one that is named is written whole or left untouched.
         format : str, optional
             As in `Camera.save`; by default what the name tells. Only trisquare's own, ``.json``,
             holds the uncertainties and planes.
@@ -451,13 +450,13 @@ class Calibration(Record):
         >>> result.save("camera.yaml")  # the camera alone, as OpenCV has it
         """
         if registered_files().is_own(path, format):
-            write_atomically({path: self.to_json().encode()})
+            write_text(path, self.to_json())
             return None
         return self.camera.save(path, format, approximate=approximate)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Calibration:
-        """Read the JSON that `save` or `to_json` wrote.
+    def load(cls, path: File) -> Calibration:
+        """Read the JSON that `save` or `to_json` wrote, from a file or what is open.
 
         Raises
         ------
