@@ -391,6 +391,12 @@ def test_command_takes_the_side_that_the_calibration_states(run, files, scene, t
     assert " in^2" in given
 
 
+def told(members):
+    """The lines of the warnings that a command's JSON has."""
+    pairs = zip(members["warnings"], members["warning_codes"], strict=True)
+    return [f"warning: {text} [{code}]" for text, code in pairs]
+
+
 def test_command_warns_of_a_side_that_contradicts_the_calibration(run, files, scene, tmp_path):
     photo, _ = files
     ts.calibrate(photo, side="84mm").save(tmp_path / "stated.json")
@@ -401,7 +407,7 @@ def test_command_warns_of_a_side_that_contradicts_the_calibration(run, files, sc
     assert " mm" in out
     assert err == (
         "warning: --side 50 mm is used, where the calibration states 84 mm: right if this is "
-        "another square\n"
+        "another square [side_differs]\n"
     )
     assert run("measure", photo, *options, "--side", "8.4cm")[2] == ""
 
@@ -449,7 +455,9 @@ def test_command_warns_where_two_planes_are_nearly_as_near(run, files, scene):
     ]
     reaches = [each["extrapolation"] for each in of_plane]
     assert plane == np.argmin(reaches)
-    named = re.search(r"plane \d is the nearest, .*: say (.*)\n", err)[1].split(" or ")
+    named = re.search(r"plane \d is the nearest, .*: say (.*) \[plane_unclear\]\n", err)[1].split(
+        " or "
+    )
     near = [i for i in np.argsort(reaches) if reaches[i] <= 2 * reaches[plane]]
     assert named == [f"--plane {i}" for i in near]
     assert len(named) > 1
@@ -467,7 +475,7 @@ def test_command_says_that_rectangles_have_to_be_named_again(run, files, scene, 
     assert code == 0
     assert err == (
         "warning: plane 0 is taken for a square, where the calibration's planes are rectangles: "
-        "if it is one of them, name it as there, such as --targets a4\n"
+        "if it is one of them, name it as there, such as --targets a4 [shape_differs]\n"
     )
 
 
@@ -505,12 +513,12 @@ def test_command_says_that_points_are_those_of_the_stored_picture(run, files, sc
     warning = next(line for line in err.splitlines() if "orientation" in line)
     assert warning == (
         f"warning: {tagged}: its orientation tag (turned clockwise by 90 degrees) is ignored; the "
-        "points refer to the picture as it is stored, 1280 x 960 pixels"
+        "points refer to the picture as it is stored, 1280 x 960 pixels [orientation_ignored]"
     )
     (ignored,) = ts.calibrate(tagged).warnings
     assert (ignored.code, ignored.severity) == ("orientation_ignored", "medium")
     members = json.loads(run("measure", tagged, "--camera", camera, *points, "--json")[1])
-    assert warning.removeprefix("warning: ") in members["warnings"]
+    assert warning in told(members)
     outside = ("--camera", camera, "700,100", "700,1100")
     code, _, err = run("measure", tagged, *outside)
     assert code == 2
@@ -528,7 +536,7 @@ def test_a_view_from_above_of_few_pixels_is_told(run, files, tmp_path):
     width, height = cv2.imread(str(above)).shape[1::-1]
     assert err.splitlines() == [
         f"warning: {above}: is {width} x {height} pixels only: --resolution is in pixels per side "
-        "of the square, as no side is known (--side)"
+        "of the square, as no side is known (--side) [small_view]"
     ]
     assert run("measure", photo, *options, "--side", "84mm")[2] == ""
 
@@ -571,11 +579,12 @@ def test_command_warns_of_points_that_may_not_be_on_the_plane(run, files, scene)
     assert first.startswith(
         f"warning: point 2, ({beside[0]:.1f}, {beside[1]:.1f}), is within plane"
     )
-    assert first.endswith("if it is not")
+    assert first.endswith("if it is not [point_on_other_plane]")
     members = json.loads(run("measure", photo, "--camera", camera, *points, "--json")[1])
-    assert [f"warning: {text}" for text in members["warnings"]] == [first, *more]
+    assert told(members) == [first, *more]
     assert more == [
         "warning: extrapolation: the farthest point is "
         f"{members['extrapolation']:.1f} times as far from the middle of the square as its "
-        "corners; the lengths hold if the plane is flat up to there and the point is on it"
+        "corners; the lengths hold if the plane is flat up to there and the point is on it "
+        "[lengths_extrapolated]"
     ]

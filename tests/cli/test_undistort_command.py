@@ -286,5 +286,5 @@ def test_what_the_calibration_warns_of_the_rim_is_said_again(undistort, folder):
     told = replace(CALIBRATION, warnings=(rim, other, doubtful))
     (folder / "camera.json").write_text(told.to_json())
     code, _, err = undistort("photo.png", "--camera", "camera.json", "-o", "out.png")
-    said = [f"warning: camera.json: {text}\n" for text in (about, doubt)]
+    said = [f"warning: camera.json: {own} [{own.code}]\n" for own in (rim, doubtful)]
     assert (code, err) == (0, "".join(said))

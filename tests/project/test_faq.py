@@ -38,7 +38,7 @@ def warning_codes():
     crate = CHECKOUT / "rust" / "trisquare" / "src" / "result" / "warning.rs"
     codes = set(re.findall(r"=> \"(\w+)\"", crate.read_text("utf-8").split("fn code")[1]))
     codes |= set(_ADVICE)
-    for tree in trees("calibration", "images", "results"):
+    for tree in trees("calibration", "cli", "images", "results"):
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "CalibrationWarning":
                 codes |= {text_of(argument) for argument in node.args[1:2]}

@@ -91,9 +91,9 @@ def locate(
     found = located(image, camera, targets=targets, tone=tone, outlines=outlines, side=side)
     for index, doubt in enumerate(found.doubts):
         if doubt is not None:
-            LOG.warning("plane %d: %s", index, doubt)
+            LOG.warning("plane %d: %s [plane_misfits]", index, doubt)
         if index in found.holes:
-            LOG.warning("plane %d %s", index, HOLE)
+            LOG.warning("plane %d %s [side_unknown]", index, HOLE)
     return found.planes
 
 

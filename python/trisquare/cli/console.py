@@ -16,6 +16,7 @@ from rich.text import Text
 
 from trisquare._support.terminal_text import printable
 from trisquare.cli.options import as_options
+from trisquare.results.calibration_warning import CalibrationWarning
 
 LEAST_WIDTH = 80
 """Columns: tables cut numbers to get into fewer, where a terminal goes on in the next line."""
@@ -58,6 +59,19 @@ def _without_blank_ends(console: Console) -> Iterator[None]:
     with console.capture() as printed:
         yield
     console.file.write(BLANK_END.sub("", printed.get()))
+
+
+def told_warnings(warnings: Sequence[CalibrationWarning]) -> dict[str, list[str]]:
+    """Return the members of a command's JSON that have its warnings and, in their order, codes."""
+    return {
+        "warnings": [str(own) for own in warnings],
+        "warning_codes": [own.code for own in warnings],
+    }
+
+
+def coded_lines(warnings: Iterable[CalibrationWarning]) -> Iterator[str]:
+    """Yield a line for each of a command's warnings, with its code."""
+    return (f"warning: {own} [{own.code}]" for own in warnings)
 
 
 def line_of(text: str, style: str = "") -> Text:

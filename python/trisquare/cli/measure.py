@@ -28,7 +28,7 @@ from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import HOLE, located
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
-from trisquare.cli.console import answer, progress_bar
+from trisquare.cli.console import answer, coded_lines, progress_bar, told_warnings
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
@@ -38,6 +38,7 @@ from trisquare.images.encoding import encode_image
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.results.calibration import Calibration
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.plane import Plane
 
 RECTANGLE = "rectangle"
@@ -130,9 +131,10 @@ def measure_command(
         check_depth(picture, rectify)
     size = picture_size(picture)
     known = of_size(known, size, rescale, str(photo))
-    warnings: list[str] = []
+    warnings: list[CalibrationWarning] = []
     if tag is not None:
-        warnings.append(f"{photo}: {tag.ignored('the points refer', size)}")
+        text = f"{photo}: {tag.ignored('the points refer', size)}"
+        warnings.append(CalibrationWarning(text, "orientation_ignored"))
     try:
         check_inside(pixels, size)
     except ValueError as error:
@@ -145,23 +147,25 @@ def measure_command(
         plane, *others = _likely_planes(pixels, planes, lens)
     chosen = _chosen(planes, plane)
     if plane in holes:
-        warnings.append(f"plane {plane} {HOLE}")
+        warnings.append(CalibrationWarning(f"plane {plane} {HOLE}", "side_unknown"))
         stated = None  # the calibration's is that of the frames
     length = given or stated or Length(1.0, "")
     warnings += _doubts_of_side(given, stated)
     if chosen.kind != RECTANGLE and of_rectangles:
-        warnings.append(
+        text = (
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
             "rectangles: if it is one of them, name it as there, such as --targets a4"
         )
+        warnings.append(CalibrationWarning(text, "shape_differs"))
     if others:
         options = " or ".join(f"--plane {index}" for index in (plane, *others))
-        warnings.append(
+        text = (
             f"no plane holds a point: plane {plane} is the nearest, and plane "
             f"{listed([str(other) for other in others])} nearly as near: say {options}"
         )
+        warnings.append(CalibrationWarning(text, "plane_unclear"))
     if doubts[plane] is not None:
-        warnings.append(f"plane {plane}: {doubts[plane]}")
+        warnings.append(CalibrationWarning(f"plane {plane}: {doubts[plane]}", "plane_misfits"))
     lines = [_heading(plane, chosen, given, stated)]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
@@ -187,8 +191,8 @@ def measure_command(
         members["rectified"] = _view_members(view, length)
         lines += [_view_line(view, length), f"wrote {rectify}"]
         warnings += _doubts_of_view(view, length, rectify)
-    members["warnings"] = warnings
-    answer(json, quiet, members, lines, (f"warning: {warning}" for warning in warnings))
+    members |= told_warnings(warnings)
+    answer(json, quiet, members, lines, coded_lines(warnings))
 
 
 def _heading(index: int, plane: Plane, given: Length | None, stated: Length | None) -> str:
@@ -202,12 +206,13 @@ def _heading(index: int, plane: Plane, given: Length | None, stated: Length | No
     return f"{heading}, side {stated.value:g} {stated.unit} as calibrated"
 
 
-def _doubts_of_side(given: Length | None, stated: Length | None) -> Iterator[str]:
+def _doubts_of_side(given: Length | None, stated: Length | None) -> Iterator[CalibrationWarning]:
     if given is not None and stated is not None and not isclose(given.metres, stated.metres):
-        yield (
+        text = (
             f"--side {given.value:g} {given.unit} is used, where the calibration states "
             f"{stated.value:g} {stated.unit}: right if this is another square"
         )
+        yield CalibrationWarning(text, "side_differs")
 
 
 def _side_errors(plane: Plane) -> Iterator[str]:
@@ -232,11 +237,12 @@ def _view_line(view: TopView, length: Length) -> str:
     return f"from above: {view.resolution / length.value:.6g} px to a {unit}"
 
 
-def _doubts_of_view(view: TopView, length: Length, path: Path) -> Iterator[str]:
+def _doubts_of_view(view: TopView, length: Length, path: Path) -> Iterator[CalibrationWarning]:
     width, height = view.image.shape[1::-1]
     if max(width, height) < LEAST_SHOWN:
         per = length.unit or "side of the square, as no side is known (--side)"
-        yield f"{path}: is {width} x {height} pixels only: --resolution is in pixels per {per}"
+        text = f"{path}: is {width} x {height} pixels only: --resolution is in pixels per {per}"
+        yield CalibrationWarning(text, "small_view")
 
 
 def _pixels(points: Sequence[str]) -> FloatArray:
@@ -298,7 +304,7 @@ def _chosen(planes: Sequence[Plane], index: int) -> Plane:
 
 def _doubts(
     measured: Measurement, pixels: FloatArray, planes: Sequence[Plane], index: int
-) -> Iterator[str]:
+) -> Iterator[CalibrationWarning]:
     """Say which points may not be on the plane that they are measured on."""
     for number, (x, y) in enumerate(pixels, 1):
         around = [
@@ -306,16 +312,18 @@ def _doubts(
         ]
         if around and index not in around:
             other = around[0]
-            yield (
+            text = (
                 f"point {number}, ({x:g}, {y:g}), is within plane {other}: it is measured as if it "
                 f"were on plane {index}; say --plane {other} if it is not"
             )
+            yield CalibrationWarning(text, "point_on_other_plane")
     if measured.extrapolation is not None and measured.extrapolation > FAR:
-        yield (
+        text = (
             f"extrapolation: the farthest point is {measured.extrapolation:.1f} times as far from "
             f"the middle of the {planes[index].kind} as its corners; the lengths hold if the plane "
             "is flat up to there and the point is on it"
         )
+        yield CalibrationWarning(text, "lengths_extrapolated")
 
 
 def _lines(measured: Measurement, length: Length) -> Iterator[str]:

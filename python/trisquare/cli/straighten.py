@@ -11,13 +11,14 @@ from trisquare._support.paths import naming
 from trisquare._support.writing import PathLike, write_atomically
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.cli.camera_file import camera_content, camera_format
-from trisquare.cli.console import answer
+from trisquare.cli.console import answer, coded_lines, told_warnings
 from trisquare.cli.options import BALANCE, JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
 from trisquare.images.drawn_mark import encode_drawn
 from trisquare.images.encoding import encode_turned
 from trisquare.images.reading import read_photograph
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.straightening.straighten import Straightened, straighten
 from trisquare.undistortion.undistort import INTERPOLATIONS, checked_interpolation
 
@@ -77,7 +78,7 @@ def straighten_command(
         found = straighten(picture)
         straight = found.undistort(picture, balance, interpolation=resampling)
     encoded, missed = encode_turned(straight, output, tag)
-    warnings = [] if missed is None else [missed]
+    warnings = [] if missed is None else [CalibrationWarning(missed, "orientation_lost")]
     files: dict[PathLike, bytes] = {output: encoded}
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
@@ -93,14 +94,14 @@ def straighten_command(
     members |= _members(found)
     members |= {
         "camera_file": None if save_camera is None else str(save_camera),
-        "warnings": warnings,
+        **told_warnings(warnings),
     }
     answer(
         json,
         quiet,
         members,
         _lines(found, files, models),
-        (f"warning: {each}" for each in warnings),
+        coded_lines(warnings),
     )
 
 

@@ -20,7 +20,7 @@ from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.camera.projection_uncertainty import known_part
 from trisquare.cli.camera_file import camera_content, camera_format
-from trisquare.cli.console import answer, progress_bar
+from trisquare.cli.console import answer, coded_lines, progress_bar, told_warnings
 from trisquare.cli.input_files import photographs_named, read_camera
 from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
@@ -155,7 +155,11 @@ def undistort_command(
         write_in_turn(contents())
     warnings = done.warnings
     if isinstance(known, Calibration):
-        warnings += [f"{camera}: {own}" for own in known.warnings if _is_repeated(own)]
+        warnings += [
+            CalibrationWarning(f"{camera}: {own}", own.code, own.severity)
+            for own in known.warnings
+            if _is_repeated(own)
+        ]
     # Without a black pixel the view is narrow because that was asked for.
     has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in done.pictures)
     warnings += _warnings_of_views(lens, done.views, has_black=has_black)
@@ -166,12 +170,12 @@ def undistort_command(
         "field": field,
         "pictures": done.pictures,
         "new_camera": None if new_camera is None else str(new_camera),
-        "warnings": warnings,
+        **told_warnings(warnings),
     }
     lines = list(_lines(done.pictures, is_camera_kept=new_camera is not None))
     if new_camera is not None:
         lines.append(f"wrote {new_camera}")
-    answer(json, quiet, members, lines, (f"warning: {each}" for each in warnings))
+    answer(json, quiet, members, lines, coded_lines(warnings))
 
 
 def _output_paths(
@@ -216,7 +220,7 @@ class _Undistorted:
         Their members in the answer.
     views : set of Camera or Panorama
         The new cameras.
-    warnings : list of str
+    warnings : list of CalibrationWarning
     """
 
     def __init__(
@@ -228,7 +232,7 @@ class _Undistorted:
         self._interpolation = interpolation
         self.pictures: list[dict[str, Any]] = []
         self.views: set[Camera | Panorama] = set()
-        self.warnings: list[str] = []
+        self.warnings: list[CalibrationWarning] = []
 
     def photograph(self, photo: Path, path: Path) -> bytes:
         """Return the content of the file of an undistorted photograph."""
@@ -240,7 +244,7 @@ class _Undistorted:
         self._add(photo, path, used)
         encoded, missed = encode_turned(straight, path, tag)
         if missed is not None:
-            self.warnings.append(missed)
+            self.warnings.append(CalibrationWarning(missed, "orientation_lost"))
         return encoded
 
     def write_video(
@@ -262,24 +266,26 @@ class _Undistorted:
         self.warnings += _warnings_of_video(video, path)
         missed = add_sound(temporary, clip)
         if missed is not None:
-            self.warnings.append(f"{path}: {missed}")
+            self.warnings.append(CalibrationWarning(f"{path}: {missed}", "sound_lost"))
 
     def _add(self, photo: Path, path: Path, used: Undistorter, **more: Any) -> None:
         self.pictures.append({**_picture_members(photo, path, used), **more})
         self.views.add(used.new_camera)
 
 
-def _warnings_of_video(video: Video, path: Path) -> Iterator[str]:
+def _warnings_of_video(video: Video, path: Path) -> Iterator[CalibrationWarning]:
     if video.turn:
-        yield (
+        text = (
             f"{path}: turned clockwise by {video.turn} degrees, as players turn the video; the "
             "new camera is that of its frames before"
         )
+        yield CalibrationWarning(text, "video_turned")
     if video.unevenness * video.rate > 1.0:
-        yield (
+        text = (
             f"{path}: has {video.rate:.4g} frames a second; those of the video come unevenly, "
             f"and are up to {video.unevenness:.2g} s earlier or later than here"
         )
+        yield CalibrationWarning(text, "uneven_frames")
 
 
 def _is_repeated(warning: CalibrationWarning) -> bool:
@@ -289,22 +295,24 @@ def _is_repeated(warning: CalibrationWarning) -> bool:
 
 def _warnings_of_views(
     lens: Camera, views: Collection[Camera | Panorama], *, has_black: bool
-) -> Iterator[str]:
+) -> Iterator[CalibrationWarning]:
     """Say which part of the photographs is left out, and of a pinhole that it is too wide."""
     unknown_part = 1.0 - known_part(lens)
     if unknown_part > 0.0 and has_black:
-        yield (
+        text = (
             f"{100.0 * unknown_part:.2g} % of the photograph is left out: it lies beyond the "
             "camera's valid radius, where the lens is not known; calibrate with targets nearer to "
             "the corners, or with fewer coefficients"
         )
+        yield CalibrationWarning(text, "part_left_out")
     seen = [angles_of_view(view) for view in views if isinstance(view, Camera)]
     widest = max((angles[0] for angles in seen if angles is not None), default=0.0)
     if widest > WIDE_FIELD:
-        yield (
+        text = (
             f"the new camera sees {widest:.0f} degrees, which a pinhole stretches toward the "
             "border: give --view cylinder, or a smaller --field"
         )
+        yield CalibrationWarning(text, "wide_pinhole")
 
 
 def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
