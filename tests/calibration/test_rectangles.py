@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from quick import first_quick
@@ -246,3 +247,14 @@ def test_shapes_that_are_none_are_refused(text, words):
 def test_a_picture_without_rectangles_says_what_was_looked_for():
     with pytest.raises(ts.DetectionError, match="no rectangle of that shape"):
         ts.calibrate(np.full((480, 640), 128, np.uint8), targets="a4")
+
+
+def test_of_a_sheared_picture_the_advice_is_not_about_paper():
+    """As of a rolling shutter: another warning names it."""
+    rng = np.random.default_rng(0)
+    picture = render(random_scene(rng), rng, tone="srgb", noise=2.0)
+    shear = np.array([[1.0, 2.0 / 960.0, 0.0], [0.0, 1.0, 0.0]])
+    sheared = cv2.warpAffine(picture, shear, (1280, 960), flags=cv2.INTER_LANCZOS4)
+    warnings = {own.code: own for own in ts.calibrate(sheared).warnings}
+    assert "rolling shutter" in warnings["pixels_not_square"]
+    assert "a4" not in warnings["planes_contradict"]

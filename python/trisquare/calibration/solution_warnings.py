@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 
 import trisquare._core as _core
 from trisquare._support.number_text import listed
@@ -34,9 +34,8 @@ def solution_warnings(
     for text, code, severity in of_faults:
         yield CalibrationWarning(text, code, severity)
     yield from _shift_warnings(found, gathered, tones, faults)
-    hints = _contradiction_hints(
-        gathered, [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
-    )
+    spoilt = [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
+    hints = _contradiction_hints(gathered, spoilt, {code for _, code, *_ in found.warnings})
     for text, code, severity, plane, picture in found.warnings:
         if code == "planes_contradict":
             text += hints
@@ -71,11 +70,17 @@ def _shift_warnings(
         yield CalibrationWarning(text, "no_tone_curve", "low")
 
 
-def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str]) -> str:
-    """Return why planes may contradict each other, `spoilt` being what the picture is."""
+def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str], codes: Set[str]) -> str:
+    """Return why planes may contradict each other.
+
+    `spoilt` is what the picture is, `codes` are those of the core's warnings.
+    """
     hints = ""
     if spoilt:
         hints += f". The picture is {listed(spoilt)}, which may be why: take a better one first"
-    if gathered.images and {figure.kind for figure in gathered.figures} <= {"square", "frame"}:
+    # Sheets of paper leave the camera wide open; a shear is named by another warning.
+    are_far_off = "barely_determined" in codes and "pixels_not_square" not in codes
+    kinds = {figure.kind for figure in gathered.figures}
+    if gathered.images and kinds <= {"square", "frame"} and are_far_off:
         hints += NO_SQUARES_HINT
     return hints

@@ -18,8 +18,8 @@ use crate::solver::{
     Failure, JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers,
 };
 use crate::uncertainty::{
-    LensVerdict, assumed_centre, check_plane_equations, contradicted_relations, held_skew,
-    poorly_known, unchecked_targets, unlikely_camera,
+    LensVerdict, assumed_centre, camera_known_to, check_plane_equations, contradicted_relations,
+    held_skew, poorly_known, unchecked_targets, unlikely_camera,
 };
 
 /// Calibrates a camera from edge samples of planes with known lines.
@@ -429,7 +429,9 @@ impl<'a, L: Lens> Given<'a, L> {
         warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
             focal(self.edges, fixed)
         }));
-        warnings.extend(found.warnings.iter().cloned());
+        let known_to = camera_known_to(found);
+        let own = found.warnings.iter().cloned();
+        warnings.extend(own.map(|it| it.with_camera_known_to(known_to)));
         warnings.extend(unchecked_targets(
             self.edges,
             &solution.planes,

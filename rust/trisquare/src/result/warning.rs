@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
 use super::warning_words::{
-    after_rejections, beside_rough, cause_of_errors, contradiction, lines_not_used,
-    numbered_sample, of_figure, or_held, part_of_whole, planes_in_directions, raised,
-    signed_two_digits, times, two_digits, untrue, with_its_std, without_it,
+    after_rejections, beside_rough, cause_of_errors, causes_of_variation, contradiction, groups,
+    lines_not_used, numbered_sample, of_figure, or_held, part_of_whole, planes_in_directions,
+    raised, signed_two_digits, times, two_digits, untrue, with_its_std, without_it,
 };
 use crate::error::counted;
 
@@ -114,7 +114,7 @@ pub enum Warning {
         is_other: bool,
     },
     /// The planes cannot all be true squares seen by one camera.
-    #[error("{}", contradiction(*.factor, *.displacement, *.planes, .held))]
+    #[error("{}", contradiction(*.factor, *.displacement, *.planes, *.known_to, .held))]
     PlanesContradict {
         /// How far the sides are from where one camera would show them, over what is expected.
         factor: f64,
@@ -124,6 +124,10 @@ pub enum Warning {
         /// How many planes there are.
         #[cfg_attr(feature = "serde", serde(default = "several"))]
         planes: usize,
+        /// The largest standard deviation of a focal length, as a part of it, or of the principal point,
+        /// as a part of the width, all of this included; `None` if none of them is free.
+        #[cfg_attr(feature = "serde", serde(default))]
+        known_to: Option<f64>,
         /// What of the camera is held: `"principal point"`, `"focal length"`, `"aspect"`,
         /// `"distortion"`.
         #[cfg_attr(feature = "serde", serde(default))]
@@ -149,13 +153,16 @@ pub enum Warning {
     },
     /// Groups of planes give answers that differ more than their samples let expect.
     #[error(
-        "the pictures, or the planes of one, disagree {factor:.1} times more than the noise of their \
-         edges explains; all standard deviations were raised by that factor. Did focus or zoom change, \
-         or did something move while a picture was taken?"
+        "{} disagree {factor:.1} times more than the noise of their edges explains; all standard \
+         deviations were raised by that factor. {}",
+        groups(*.one_picture), causes_of_variation(*.one_picture)
     )]
     PlanesVary {
         /// Their scatter over what is expected.
         factor: f64,
+        /// Whether all planes are in one picture.
+        #[cfg_attr(feature = "serde", serde(default))]
+        one_picture: bool,
     },
     /// The samples of a side err together, beyond their noise.
     #[error(
@@ -435,6 +442,11 @@ pub enum Warning {
 /// do about sides that err together: the diagnosis names them.
 pub(crate) const NOTABLE_FACTOR: f64 = 2.0;
 
+/// Planes that contradict each other ask for a look, and no more, where focal lengths and principal
+/// point are still known to this part of the focal length or the width: an error of four such standard
+/// deviations is no larger than what three squares printed 0.3 % too long in one direction make.
+const HARMLESS: f64 = 0.001;
+
 /// What a stored warning says that does not tell how many planes there were.
 #[cfg(feature = "serde")]
 fn several() -> usize {
@@ -492,6 +504,10 @@ impl Warning {
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
+            Self::PlanesContradict {
+                known_to: Some(part),
+                ..
+            } if *part < HARMLESS => Severity::Medium,
             Self::LensBeyondModel { .. }
             | Self::LensOfAnotherFamily { .. }
             | Self::PlanesContradict { .. }
@@ -514,7 +530,7 @@ impl Warning {
             | Self::LensEndsInPicture { .. }
             | Self::LensExtrapolated { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
-            Self::PlanesVary { factor } | Self::SidesErrTogether { factor, .. }
+            Self::PlanesVary { factor, .. } | Self::SidesErrTogether { factor, .. }
                 if *factor > NOTABLE_FACTOR =>
             {
                 Severity::Medium
@@ -527,6 +543,15 @@ impl Warning {
             | Self::LinesNotUsed { sigmas: None }
             | Self::PartlyHidden { .. } => Severity::Low,
         }
+    }
+
+    /// The same of planes that contradict each other with what that leaves of the camera, the largest
+    /// standard deviation as a part of the focal length or of the width.
+    pub(crate) fn with_camera_known_to(mut self, part: Option<f64>) -> Self {
+        if let Self::PlanesContradict { known_to, .. } = &mut self {
+            *known_to = part;
+        }
+        self
     }
 
     /// The picture that it is about, if it is about one.
@@ -566,6 +591,7 @@ mod tests {
             factor,
             displacement: 0.0123,
             planes,
+            known_to: None,
             held,
         };
         assert_eq!(
@@ -579,6 +605,7 @@ mod tests {
             factor,
             displacement: 0.0,
             planes,
+            known_to: None,
             held,
         };
         let text = warning.to_string();
@@ -603,6 +630,32 @@ mod tests {
     }
 
     #[test]
+    fn a_contradiction_is_as_severe_as_what_it_leaves_of_the_camera() {
+        let found = Warning::PlanesContradict {
+            factor: 3.1,
+            displacement: 0.0022,
+            planes: 3,
+            known_to: None,
+            held: Vec::new(),
+        };
+        for (part, severity) in [
+            (None, Severity::High),
+            (Some(0.0011), Severity::High),
+            (Some(0.0004), Severity::Medium),
+        ] {
+            let warning = found.clone().with_camera_known_to(part);
+            assert_eq!(warning.severity(), severity);
+        }
+        assert_eq!(
+            found.with_camera_known_to(Some(0.00042)).to_string(),
+            "the planes contradict each other: sides lie 0.0022 px off, 3.1 times what their own \
+             straightness explains, which leaves focal lengths and principal point known to 0.042 % \
+             (of the focal length, or of the width); one of them may not be flat, or not exactly square \
+             (or of the stated shape)"
+        );
+    }
+
+    #[test]
     fn what_raises_deviations_a_lot_is_to_be_looked_at() {
         let together = |factor| Warning::SidesErrTogether {
             plane: 0,
@@ -613,7 +666,14 @@ mod tests {
         };
         for (factor, expected) in [(1.5, Severity::Low), (2.5, Severity::Medium)] {
             assert_eq!(together(factor).severity(), expected);
-            assert_eq!(Warning::PlanesVary { factor }.severity(), expected);
+            for (one_picture, words) in [(true, "the planes disagree"), (false, "focus or zoom")] {
+                let vary = Warning::PlanesVary {
+                    factor,
+                    one_picture,
+                };
+                assert_eq!(vary.severity(), expected);
+                assert!(vary.to_string().contains(words), "{vary}");
+            }
         }
     }
 

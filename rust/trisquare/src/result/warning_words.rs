@@ -74,6 +74,7 @@ pub(super) fn contradiction(
     factor: f64,
     displacement: f64,
     planes: usize,
+    known_to: Option<f64>,
     held: &[Cow<'static, str>],
 ) -> String {
     let (what, which) = match planes {
@@ -86,8 +87,15 @@ pub(super) fn contradiction(
         0.0 => "off by".into(),
         _ => format!("{} px off,", two_digits(displacement)),
     };
+    let known = known_to.map_or_else(String::new, |part| {
+        format!(
+            ", which leaves focal lengths and principal point known to {} % (of the focal length, or of \
+             the width)",
+            two_digits(100.0 * part)
+        )
+    });
     format!(
-        "{what}: sides lie {off} {factor:.1} times what their own straightness explains; {which} \
+        "{what}: sides lie {off} {factor:.1} times what their own straightness explains{known}; {which} \
          may not be flat, or not exactly square (or of the stated shape){suspected}"
     )
 }
@@ -170,6 +178,25 @@ pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
             "they are {:.1} % longer one way than the other, as printers make them",
             100.0 * stretch
         ),
+    }
+}
+
+/// What differs more than it should.
+pub(super) fn groups(one_picture: bool) -> &'static str {
+    match one_picture {
+        true => "the planes",
+        false => "the pictures, or the planes of one,",
+    }
+}
+
+/// Why it may; within one picture neither focus nor zoom changes.
+pub(super) fn causes_of_variation(one_picture: bool) -> &'static str {
+    match one_picture {
+        true => {
+            "Are all flat, and exactly square (or of the stated shape), and did nothing move while \
+             the picture was taken?"
+        }
+        false => "Did focus or zoom change, or did something move while a picture was taken?",
     }
 }
 

@@ -61,7 +61,8 @@ impl<L: Lens> Calibration<L> {
             disagreement,
             mut residual_correlation,
         } = correlated.clone();
-        let together = residual_correlation.warnings(&covariance, &known, free);
+        let one_picture = planes.iter().all(|plane| plane.image == planes[0].image);
+        let together = residual_correlation.warnings(&covariance, &known, free, one_picture);
         let disagreement = disagreement.map(|(found, change)| {
             // Which of the planes is true, nobody knows.
             let doubt = &change * change.transpose();

@@ -63,6 +63,7 @@ impl ResidualCorrelation {
         covariance: &DMatrix<f64>,
         known: &DMatrix<f64>,
         free: &FreeParameters,
+        one_picture: bool,
     ) -> Vec<Warning> {
         let factors = self.factors(covariance, known);
         let mut warnings = Vec::new();
@@ -71,6 +72,7 @@ impl ResidualCorrelation {
                 factor: self.between_plane_variance_ratio.sqrt(),
                 displacement: self.line_displacement,
                 planes: self.displacements.len(),
+                known_to: None, // until all is counted
                 held: free.held().into_iter().map(Into::into).collect(),
             });
         }
@@ -83,6 +85,7 @@ impl ResidualCorrelation {
         if self.group_variance_ratio > least {
             warnings.push(Warning::PlanesVary {
                 factor: self.group_variance_ratio.sqrt(),
+                one_picture,
             });
         }
         let (parameter, factor) = (free.names()[worst], factors[worst]);

@@ -68,9 +68,9 @@ const COARSE_PLACES: u32 = 11;
 const KNOWN: f64 = 0.01;
 const LEAST_UNKNOWN: f64 = 0.1;
 
-/// Warns of a camera that is known worse than what is refused before the residuals are asked, and
-/// of a lens that ends within the picture, or is a guess in a part of it.
-pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
+/// The parameter of the camera matrix that is known worst, its standard deviation, and that as a part of
+/// the focal length or of the width; `None` if none is free.
+fn known_worst<L: Lens>(found: &Calibration<L>) -> Option<(&'static str, f64, f64, &'static str)> {
     let focal = found.camera.focal();
     let width = f64::from(found.image_size.width);
     let parts = [
@@ -83,8 +83,19 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
         let std = found.std_of(parameter)?;
         Some((parameter, std, std / whole, of))
     });
-    let worst = parts.max_by(|a, b| a.2.total_cmp(&b.2));
-    let open = worst.filter(|(_, _, part, _)| *part > largest_std(fixed));
+    parts.max_by(|a, b| a.2.total_cmp(&b.2))
+}
+
+/// The largest standard deviation of a focal length, as a part of it, or of the principal point, as a
+/// part of the width; `None` if none of them is free.
+pub(crate) fn camera_known_to<L: Lens>(found: &Calibration<L>) -> Option<f64> {
+    known_worst(found).map(|(_, _, part, _)| part)
+}
+
+/// Warns of a camera that is known worse than what is refused before the residuals are asked, and
+/// of a lens that ends within the picture, or is a guess in a part of it.
+pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
+    let open = known_worst(found).filter(|(_, _, part, _)| *part > largest_std(fixed));
     let open = open.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
         parameter: parameter.into(),
         std,

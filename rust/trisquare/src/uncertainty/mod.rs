@@ -25,7 +25,7 @@ pub(crate) use contradicted_relations::contradicted_relations;
 pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
 pub(crate) use covariance::{check_plane_count, check_plane_equations, covariance};
 pub(crate) use disagreement::disagreement;
-pub(crate) use expectations::{poorly_known, unlikely_camera, widen};
+pub(crate) use expectations::{camera_known_to, poorly_known, unlikely_camera, widen};
 pub(crate) use held_skew::held_skew;
 pub(crate) use lens_beyond::{LensVerdict, beyond_lens};
 pub use plane_points::points_on_plane;
