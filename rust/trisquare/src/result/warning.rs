@@ -167,7 +167,7 @@ pub enum Warning {
     /// The samples of a side err together, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
-         standard deviation of {parameter} was raised {} for it",
+         standard deviation of {parameter} is {} as large for it",
         cause_of_errors(*.height), times(*.factor)
     )]
     SidesErrTogether {
@@ -186,7 +186,7 @@ pub enum Warning {
     #[error(
         "the lens {} beyond its model{}: all planes have the same residuals at the same place in the \
          picture{}.{}",
-        if *.certain { "is" } else { "may be" },
+        if *.certain && .cure.is_some() { "is" } else { "may be" },
         or_held(.held),
         raised(.parameter, *.factor),
         richer_focal(.cure.as_ref(), .held)
@@ -372,11 +372,11 @@ pub enum Warning {
     },
     /// The lens is a guess in a part of the picture.
     #[error(
-        "projections are known to {limit:.0} px in only {} of the picture. Elsewhere no target was: there \
-         their standard deviation reaches {worst:.0} px, and they may be farther off where the lens \
-         departs from its model. Show targets nearer to the corners, or choose a lens model with fewer \
+        "projections are not known to {limit:.0} px in {} of the picture. No target was there: their \
+         standard deviation reaches {worst:.0} px, and they may be farther off where the lens departs \
+         from its model. Show targets nearer to the corners, or choose a lens model with fewer \
          coefficients",
-        part_of_whole(1.0 - .unknown)
+        part_of_whole(*.unknown)
     )]
     LensExtrapolated {
         /// Part of the picture where projections are not known to `limit`.

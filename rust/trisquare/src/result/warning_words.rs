@@ -41,7 +41,7 @@ pub(super) fn times(factor: f64) -> String {
     if factor < 100.0 {
         format!("{factor:.1} times")
     } else {
-        "over 100 times".into()
+        "more than 100 times".into()
     }
 }
 
@@ -51,7 +51,7 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
         return String::new();
     }
     format!(
-        "; the standard deviation of {parameter} was raised {} for it",
+        "; the standard deviation of {parameter} is {} as large for it",
         times(factor)
     )
 }
@@ -203,7 +203,10 @@ pub(super) fn causes_of_variation(one_picture: bool) -> &'static str {
 /// What makes sides err together.
 pub(super) fn cause_of_errors(height: Option<f64>) -> String {
     match height {
-        Some(height) => format!("its sheet rises by {:.1} % of its size", 100.0 * height),
+        Some(height) => format!(
+            "its sheet rises by {} % of its size",
+            two_digits(100.0 * height)
+        ),
         None => "paper or print not flat, or a lens beyond the model".to_owned(),
     }
 }
