@@ -31,7 +31,7 @@ def widths_said(size):
     with pytest.raises(ts.DetectionError) as error:
         ts.detect(np.full((size, size), 128, np.uint8), targets="squares")
     said = re.fullmatch(
-        rf"no square found: .* at least (\d+) pixels wide in a picture of {size} x {size}"
+        rf".*: no square found: .* at least (\d+) pixels wide in a picture of {size} x {size}"
         r"(?:; .* 0\.5 % of it, as three of (\d+) pixels do)?"
         "; boards and tags were not looked for, as they are by targets auto",
         str(error.value),
