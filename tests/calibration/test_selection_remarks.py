@@ -27,3 +27,13 @@ def test_a_larger_square_is_doubted_beside_tags_that_agree(kind, severity):
     assert chosen.warnings[0].code == "larger_rejected"
     assert len(chosen.figures) == 3
     np.testing.assert_array_equal(chosen.rejected[0].corners.mean(axis=0), [600.0, 600.0])
+
+
+def test_planes_of_several_pictures_may_be_of_several_zooms():
+    outcome, figures, quads = outcome_and_figures("square")
+    figures[3].image = 1
+    (warning,) = chosen_by(outcome, figures, quads).warnings
+    assert str(warning).endswith("zoom, focus or camera used for some of the pictures?")
+    figures[3].image = 0
+    (warning,) = chosen_by(outcome, figures, quads).warnings
+    assert "zoom" not in str(warning)

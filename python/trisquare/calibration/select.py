@@ -60,14 +60,14 @@ def chosen_by(
     warnings = []
     chosen = f"one camera explains {len(planes)} of {len(verdicts)} planes found"
     if doubt is not None:
-        text = f"the choice among candidates is uncertain: {chosen}, and {doubt}"
+        text = f"the choice among candidates is uncertain: {chosen}, and {doubt}{_or_zoom(figures)}"
         warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
         are = "shapes are" if len(larger) > 1 else "shape is"
         larger_ones = f"{len(larger)} rejected {are}"
         text = (
             f"{chosen}; {larger_ones} larger than the smallest of these: if one is a true target, "
-            "the answer is wrong"
+            f"the answer is wrong{_or_zoom(figures)}"
         )
         sure = {figure.plane for figure in kept if figure.kind not in PLAIN}
         are_outvoted = len(sure) >= LEAST_SURE and {one.kind for one in larger} <= PLAIN
@@ -75,6 +75,13 @@ def chosen_by(
         severity = "low" if is_harmless else "medium"
         warnings.append(CalibrationWarning(text, "larger_rejected", severity))
     return Chosen(kept, rejected, warnings)
+
+
+def _or_zoom(figures: Sequence[PlaneEdges]) -> str:
+    """Say what else may be why planes of several pictures do not fit together."""
+    if len({figure.image for figure in figures}) == 1:
+        return ""
+    return ". Or was another zoom, focus or camera used for some of the pictures?"
 
 
 def _has_other_shape(one: Rejected) -> bool:
