@@ -170,6 +170,16 @@ def test_hard_compression_is_no_interlacing(seed):
     assert "interlaced" not in [warning.code for warning in result.warnings]
 
 
+@pytest.mark.parametrize("seed", range(180, 184))
+def test_rows_far_apart_are_named_whatever_becomes_of_the_picture(seed):
+    picture = photo(PictureFault(second_field=(7.0, 2.0)), seed, squares(seed))
+    try:
+        said = [warning.code for warning in ts.calibrate(picture).warnings]
+    except ts.TrisquareError as error:
+        said = str(error)
+    assert "interlaced" in said or "odd rows of the picture show another moment" in said
+
+
 def test_shadows_and_compression_are_no_pattern():
     shadow = shadowed(np.random.default_rng(143), photo(UNDAMAGED, 143))
     for picture in (shadow, photo(PictureFault(jpeg_quality=30), 144)):

@@ -15,7 +15,7 @@ from trisquare._support.log import LOG
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.assemble import assemble
-from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
+from trisquare.calibration.explain_failure import add_reasons, interlaced, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.missed_squares import are_few, missed_squares
@@ -272,6 +272,10 @@ def calibrate_photographs(
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
+    warnings = calibration.warnings
+    codes = {warning.code for warning in warnings if warning.severity != "low"}
+    if codes and "interlaced" not in {warning.code for warning in warnings}:
+        calibration = replace(calibration, warnings=(*interlaced(gathered), *warnings))
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
     few = choosing and not camera_held and are_few(calibration)

@@ -9,10 +9,16 @@ from trisquare._support.number_text import listed
 from trisquare.calibration.gather import Gathered
 from trisquare.calibration.unexplained_pictures import BOARDS
 from trisquare.errors import NotEnoughPlanesError, TrisquareError
+from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
 
 MORE_PICTURES = "of a board take more pictures, each tilted otherwise, and give them all at once"
+
+INTERLACED = (
+    "odd rows of the picture show another moment than even ones, and lie far off: photograph "
+    "without interlacing"
+)
 
 MOST_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
@@ -27,10 +33,18 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
         own.kind in BOARDS for own in gathered.figures
     ):
         texts.append(MORE_PICTURES)
+    texts += interlaced(gathered)
     for heading, things in (("found", error.found), ("not used", error.rejected)):
         if things:
             texts.append(f"{heading}: {_named(things, gathered.names)}")
     error.args = ("; ".join(texts),)
+
+
+def interlaced(gathered: Gathered) -> list[CalibrationWarning]:
+    """Warn of rows that are so far apart that hardly anything is measured well; else of nothing."""
+    if not any(search.is_interlaced() for search in gathered.searches.values()):
+        return []
+    return [CalibrationWarning(INTERLACED, "interlaced", "high")]
 
 
 def rejected_shapes(gathered: Gathered) -> list[Rejected]:

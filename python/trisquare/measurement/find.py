@@ -28,6 +28,10 @@ from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.measurement.squares import Square
 from trisquare.results.rejected import Rejected
 
+COMBED = 1.2
+"""A picture whose neighbouring rows differ by so many times what rows two apart differ by shows two
+moments, in turn: of one moment the latter differ more, of mere noise as much."""
+
 NEARLY = 64
 """Grey levels from black or white up to which a picture without contrast is nearly that."""
 
@@ -61,6 +65,15 @@ class Search(NamedTuple):
         what = "black" if brightest < NEARLY else "white" if darkest > 255 - NEARLY else "uniform"
         levels = f"with grey levels from {darkest:.0f} to {brightest:.0f} of 255"
         return f"the picture is nearly {what}, {levels}"
+
+    def is_interlaced(self) -> bool:
+        """Tell whether the rows show two moments in turn, between which much has moved."""
+        rows = self.picture
+        # In a smaller picture they are mixed.
+        if self.scale is not None or len(rows) < 3:
+            return False
+        neighbours = cv2.norm(rows[1:], rows[:-1], cv2.NORM_L1) / (len(rows) - 1)
+        return neighbours > COMBED * cv2.norm(rows[2:], rows[:-2], cv2.NORM_L1) / (len(rows) - 2)
 
     def reduced(self) -> Search:
         """Return the same with that picture alone, to be kept."""
