@@ -35,6 +35,8 @@ def solution_warnings(
         yield CalibrationWarning(text, code, severity)
     yield from _shift_warnings(found, gathered, tones, faults)
     spoilt = [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
+    if any(tone.shift is not None for tone in tones.values()):
+        spoilt.append("coded by no known tone curve, as many phones do")
     hints = _contradiction_hints(gathered, spoilt, {code for _, code, *_ in found.warnings})
     for text, code, severity, plane, picture in found.warnings:
         if code == "planes_contradict":
