@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 from harness.rows import Row
+from harness.spoilt_pictures import calibrated
 from harness.truth import NAMES, by_name, errors
 
 import trisquare as ts
 from trisquare import simulate
 from trisquare.simulate.render import ToneCurve
-from trisquare_scenes.picture_faults import made_smaller
+from trisquare_scenes.picture_faults import PictureFault, made_smaller, rolled_off
 
 TONES: tuple[ToneCurve, ...] = (1.0, 1.4, 1.8, 2.2, 2.6, "srgb")
 SCENES = 40
@@ -37,6 +38,12 @@ RESIZED_SCENES = 20  # of each size
 RESIZED_FACTORS = 0.75, 0.5
 RESIZED_TARGET = 1.3  # error / std
 
+ROLLED_OFF_SEED = 1207
+ROLLED_OFF_SCENES = 20  # of each quality
+KNEE, STEEPNESS = 0.6, 1.6
+ROLLED_OFF_QUALITIES = None, 95, 88  # of JPEG
+ROLLED_OFF_TARGET = 1.3  # error / std
+
 PHONE_SEED = 1205
 PHONE_SCENES = 20
 PHONE_TARGET = 1.3
@@ -61,7 +68,7 @@ def measure() -> list[Row]:
         ratios.append(float(np.sqrt(np.mean(ratio**2))))
         error_ratios.append(error_ratio)
         covered.append(inside)
-    untold = [*_untold_rows(), *_resized_rows(), _phone_row()]
+    untold = [*_untold_rows(), *_resized_rows(), *_rolled_off_rows(), _phone_row()]
     worst = max(biases, key=abs)
     name = f'tone="auto" on pictures of {len(TONES)} tone curves, {SCENES} each'
     return [
@@ -135,6 +142,19 @@ def _resized_rows() -> list[Row]:
             ratios.append(errors(found, scene.camera) / by_name(found.std))
         name = f"8-bit sRGB made {factor:g} times as large, {RESIZED_SCENES} scenes"
         rows.append(_worst_parameter_row(name, ratios, RESIZED_TARGET))
+    return rows
+
+
+def _rolled_off_rows() -> list[Row]:
+    """Calibrate pictures whose curve has a shoulder, which no curve of the family has."""
+    rows = []
+    for quality in ROLLED_OFF_QUALITIES:
+        fault = PictureFault(on_light=[rolled_off(KNEE, STEEPNESS)], jpeg_quality=quality)
+        found = calibrated(fault, ROLLED_OFF_SCENES, ROLLED_OFF_SEED, noise=1.0, blur=0.8)
+        ratios = [errors(result, scene.camera) / by_name(result.std) for scene, result in found]
+        kept = "not compressed" if quality is None else f"JPEG {quality}"
+        name = f"sRGB with highlights rolled off, {kept}, {ROLLED_OFF_SCENES} pictures"
+        rows.append(_worst_parameter_row(name, ratios, ROLLED_OFF_TARGET))
     return rows
 
 

@@ -15,8 +15,8 @@ NOISE = 1.0  # grey levels
 BLURS = ((0.6, 0.6), (0.6, 0.85), (0.6, 1.2), (1.0, 2.0))
 """In the middle and in the corners, pixels."""
 DISC_BLUR = 0.6
-DISCS = (0.8, 1.6, 2.4)
-"""Radii of the disc over which a lens out of focus spreads light, pixels."""
+DISCS = ((0.8, None), (1.6, None), (2.4, None), (1.6, 95), (1.6, 88))
+"""Radii of the disc over which a lens out of focus spreads light, pixels; quality of JPEG."""
 MOST_STDS = 1.3
 MOST_ERROR = 0.01  # percent
 
@@ -33,11 +33,12 @@ def measure() -> list[Row]:
     ]
     out_of_focus = [
         _row(
-            f"blur of {DISC_BLUR:g} px and a disc of {radius:g} px",
-            PictureFault(on_light=[defocused(radius)]),
+            f"blur of {DISC_BLUR:g} px and a disc of {radius:g} px"
+            + ("" if quality is None else f", JPEG {quality}"),
+            PictureFault(on_light=[defocused(radius)], jpeg_quality=quality),
             DISC_BLUR,
         )
-        for radius in DISCS
+        for radius, quality in DISCS
     ]
     return towards_corners + out_of_focus
 

@@ -168,6 +168,21 @@ def styled(slope: float) -> OnCoded:
     return lambda picture: np.rint(curve[picture]).astype(np.uint8)
 
 
+def rolled_off(knee: float, steepness: float) -> OnLight:
+    """Compress what would be coded above a knee, 1 being white, as cameras do with highlights.
+
+    Above it the coded value nears white exponentially, the faster the steeper, and reaches it.
+    """
+
+    def act(light: Array) -> Array:
+        coded = encode_tone(np.clip(light, 0.0, 1.0), "srgb")
+        above = np.maximum(coded - knee, 0.0) / (1.0 - knee)
+        risen = np.expm1(-steepness * above) / np.expm1(-steepness)
+        return decode_tone(np.where(coded > knee, knee + (1.0 - knee) * risen, coded), "srgb")
+
+    return act
+
+
 def thresholded(level: int | None) -> OnCoded:
     """Leave black and white only; the level is Otsu's (1979) if None."""
 
