@@ -1,6 +1,7 @@
 """The `trisquare` command, also as `python -m trisquare`."""
 
 import signal
+import threading
 from typing import NoReturn
 
 
@@ -10,10 +11,15 @@ def main() -> NoReturn:
     Until it is loaded, Ctrl-C ends the process as it ends other programs: nothing is there yet that
     could say so in a line.
     """
-    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    is_main = threading.current_thread() is threading.main_thread()
+    # An ignored one, as of a job in the background, stays ignored.
+    ends = is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ends:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from trisquare.cli.app import main as run
 
-    signal.signal(signal.SIGINT, handler)
+    if ends:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     run()
 
 

@@ -12,7 +12,7 @@ import trisquare as ts
 from trisquare.cli.input_files import rescaled
 from trisquare.drawing.difference_map import LONGEST_SIDE, draw_comparison
 
-UNSEEN = "no difference can be seen with these uncertainties: "
+UNSEEN = "whether they differ cannot be told: "
 
 
 @pytest.fixture(scope="module")

@@ -205,9 +205,20 @@ def test_names_in_messages_are_in_one_line(tmp_path, monkeypatch, call):
 def test_a_picture_without_contrast_is_called_that(level, said):
     noise = np.random.default_rng(3).integers(0, 7, (480, 640))
     picture = (level + noise).astype(np.uint8)
-    for search in (ts.calibrate, ts.detect):
-        with pytest.raises(ts.DetectionError, match=said):
-            search(picture)
+    sixteen_bits = 257 * picture.astype(np.uint16)
+    sixteen_bits[0, 0] = 65535  # else it may be of 12 bits
+    for each in (picture, sixteen_bits, picture.astype(np.float32) / 255):
+        for search in (ts.calibrate, ts.detect):
+            with pytest.raises(ts.DetectionError, match=said):
+                search(each)
+
+
+def test_one_of_two_pictures_without_contrast_is_no_reason():
+    black = np.zeros((480, 640), np.uint8)
+    noise = np.random.default_rng(3).integers(0, 255, (480, 640), dtype=np.uint8)
+    for pictures in ([black, noise], [noise, black]):
+        with pytest.raises(ts.DetectionError, match=r"^no square"):
+            ts.calibrate(pictures)
 
 
 def test_nothing_is_found_in_pictures_of_two_sizes():

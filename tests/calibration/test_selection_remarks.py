@@ -33,7 +33,7 @@ def test_planes_of_several_pictures_may_be_of_several_zooms():
     outcome, figures, quads = outcome_and_figures("square")
     figures[3].image = 1
     (warning,) = chosen_by(outcome, figures, quads).warnings
-    assert str(warning).endswith("zoom, focus or camera used for some of the pictures?")
+    assert str(warning).endswith("Were all pictures taken with one camera, zoom and focus?")
     figures[3].image = 0
     (warning,) = chosen_by(outcome, figures, quads).warnings
     assert "zoom" not in str(warning)

@@ -213,6 +213,6 @@ def test_folders_in_a_folder_are_not_searched_and_that_is_said(run, folder):
     assert (code, err) == (
         5,
         "trisquare: error: session: the folder holds no picture; folders in it are not searched: "
-        "name them, or a pattern: 'session/**/*.jpg'\n",
+        "name them, or all as 'session/**/*.jpg'\n",
     )
     assert run("calibrate", "session/**/*.png")[0] == 0

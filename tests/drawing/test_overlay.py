@@ -111,6 +111,19 @@ def test_a_picture_that_a_result_has_not_is_refused(index):
         draw_overlay(np.zeros((960, 1280), np.uint8), result, index=index)
 
 
+@pytest.mark.parametrize(
+    ("option", "error"),
+    [
+        ({"index": 0.5}, TypeError),
+        ({"index": "0"}, TypeError),
+        ({"exaggeration": np.nan}, ValueError),
+    ],
+)
+def test_numbers_that_are_none_are_refused(option, error):
+    with pytest.raises(error, match=f"^{next(iter(option))} (must be|holds NaN)"):
+        draw_overlay(np.zeros((960, 1280), np.uint8), calibrated(SQUARES, 0.05), **option)
+
+
 @pytest.mark.parametrize("exaggeration", [50.0, 200.0])
 def test_the_exaggeration_lengthens_the_residuals(exaggeration):
     photo = simulate.render(SQUARES, np.random.default_rng(25))

@@ -6,6 +6,7 @@ import pickle
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import cv2
@@ -1004,6 +1005,36 @@ def test_open_files_are_written_and_read_as_named_ones(tmp_path, name, as_text):
     assert content == (named if as_text else named.encode())
     buffer.seek(0)
     assert ts.Camera.load(buffer) == ts.Camera.load(tmp_path / "camera")
+
+
+@pytest.mark.parametrize("mode", ["w+", "w+b"])
+def test_files_that_wrap_others_are_written_as_what_they_are(mode):
+    camera = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), (1280, 960))
+    with tempfile.NamedTemporaryFile(mode) as file:
+        camera.save(file)
+        file.seek(0)
+        assert ts.Camera.load(file) == camera
+
+
+@pytest.mark.parametrize("path", [None, 5, b"camera.json", {}])
+def test_what_is_neither_a_name_nor_open_is_refused(path):
+    camera = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), (1280, 960))
+    message = f"^path must be a name or an open file, not {type(path).__name__}$"
+    for act in (camera.save, ts.Camera.load, ts.Calibration.load):
+        with pytest.raises(TypeError, match=message):
+            act(path)
+
+
+def test_open_files_that_are_no_text_or_closed_are_named(tmp_path):
+    (tmp_path / "photo.png").write_bytes(b"\x89PNG\r\n")
+    for load in (ts.Camera.load, ts.Calibration.load):
+        with (
+            (tmp_path / "photo.png").open(encoding="utf-8") as file,
+            pytest.raises(ValueError, match=r"^the open file: not a text file"),
+        ):
+            load(file)
+        with pytest.raises(ValueError, match=r"^the open file: .*closed file"):
+            load(file)
 
 
 def test_a_result_goes_through_an_open_file():

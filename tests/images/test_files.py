@@ -166,13 +166,15 @@ with making_folder("made"):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_a_program_that_is_terminated_leaves_nothing_half_written(tmp_path):
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_program_that_is_terminated_leaves_nothing_half_written(tmp_path, times):
     (tmp_path / "old").write_bytes(b"before")
     with subprocess.Popen(
         [sys.executable, "-c", TERMINATED], cwd=tmp_path, stdout=subprocess.PIPE
     ) as process:
         assert process.stdout.readline() == b"begun\n"
-        process.terminate()
+        for _ in range(times):
+            process.terminate()
         assert process.wait() == -signal.SIGTERM
     assert [path.name for path in tmp_path.iterdir()] == ["old"]
     assert (tmp_path / "old").read_bytes() == b"before"

@@ -10,7 +10,10 @@ from scenes import assert_within, errors_in_std, squares
 
 import trisquare as ts
 from trisquare import simulate
+from trisquare.calibration.explain_failure import interlaced
+from trisquare.calibration.gather import Gathered
 from trisquare.detection.kinds import TargetKinds
+from trisquare.measurement.find import search
 from trisquare.measurement.measure import measure
 from trisquare_scenes.broken_assumptions import patterned, shadowed
 from trisquare_scenes.picture_faults import (
@@ -177,7 +180,32 @@ def test_rows_far_apart_are_named_whatever_becomes_of_the_picture(seed):
         said = [warning.code for warning in ts.calibrate(picture).warnings]
     except ts.TrisquareError as error:
         said = str(error)
-    assert "interlaced" in said or "odd rows of the picture show another moment" in said
+    assert "interlaced" in said or "photograph without interlacing" in said
+
+
+@pytest.mark.parametrize(
+    "gains",
+    [
+        [[1.0], [0.7]],
+        [[0.5, 1.0], [1.0, 0.6]],
+    ],
+)
+def test_rows_of_unequal_gain_are_not_two_moments(gains):
+    whole = photo(UNDAMAGED).astype(float)
+    gain = np.tile(gains, (whole.shape[0] // 2, whole.shape[1] // len(gains[0])))
+    picture = np.rint(whole.reshape(gain.shape) * gain).astype(np.uint8)
+    assert not search(picture, TargetKinds.parse("squares")).is_interlaced()
+
+
+def test_the_pictures_of_two_moments_are_named():
+    scene = squares(183)
+    whole = photo(UNDAMAGED, 183, scene)
+    combed = photo(PictureFault(second_field=(9.0, 3.0)), 183, scene)
+    found = [search(picture, TargetKinds.parse("squares")) for picture in (whole, combed)]
+    assert [own.is_interlaced() for own in found] == [False, True]
+    names = ["a.png", "b.png"]
+    (warning,) = interlaced(Gathered(names=names, searches=dict(enumerate(found))))
+    assert str(warning).endswith("photograph without interlacing (b.png)")
 
 
 def test_shadows_and_compression_are_no_pattern():

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from scenes import IMAGE_SIZE, edges_of, squares
 
 import trisquare as ts
 from trisquare import Camera, Undistorter, simulate
+from trisquare.undistortion.undistort import INTERPOLATIONS, Interpolation
 
 SIZE = (320, 240)
 PIXELS = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), axis=-1).reshape(-1, 2)
@@ -99,6 +101,10 @@ def test_places_are_rounded_to_a_32nd_of_a_pixel_and_no_more():
     off = np.linalg.norm(shown.reshape(-1, 2) - places, axis=1)
     assert 0.021 < off.max() < 0.0222
     assert np.sqrt((off**2).mean()) == pytest.approx(0.01276, rel=0.02)
+
+
+def test_type_checkers_know_all_interpolations():
+    assert set(get_args(Interpolation)) == set(INTERPOLATIONS)
 
 
 @pytest.mark.parametrize("interpolation", ["nearest", "cubic", "lanczos"])

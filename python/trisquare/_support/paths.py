@@ -33,10 +33,20 @@ def read_bytes(path: File, most: int = -1) -> bytes:
     OSError
         "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
         ``/dev/zero``, of which there may be no end, and for a pipe that nobody writes to.
+    TypeError
+        If it is neither a name nor open.
+    ValueError
+        If what is open is closed, or decodes what is no text.
     """
     if not isinstance(path, str | os.PathLike):
-        content = path.read(most)
-        return content.encode() if isinstance(content, str) else bytes(content)
+        check_open(path, "read")
+        try:
+            content = path.read(most)
+            return content.encode() if isinstance(content, str) else bytes(content)
+        except UnicodeError as error:
+            raise ValueError(f"{shown(path)}: not a text file") from error
+        except ValueError as error:
+            raise ValueError(f"{shown(path)}: {error}") from error
     with naming_failure(path):
         with open(path, "rb", opener=open_at_once) as file:
             mode = os.fstat(file.fileno()).st_mode
@@ -62,6 +72,12 @@ def read_text(path: File) -> str:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{shown(path)}: not a text file") from error
+
+
+def check_open(file: IO[Any], method: str) -> None:
+    """Raise TypeError unless something that is no name is open for a method, "read" or "write"."""
+    if not callable(getattr(file, method, None)):
+        raise TypeError(f"path must be a name or an open file, not {type(file).__name__}")
 
 
 def shown(path: File) -> str:

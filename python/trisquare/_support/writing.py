@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeAlias
 
-from trisquare._support.paths import File, shown
+from trisquare._support.paths import File, check_open, shown
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -34,6 +34,7 @@ def ended_in_order() -> Iterator[None]:
         return
 
     def stop(*_: Any) -> NoReturn:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end the removal
         raise _Terminated
 
     signal.signal(signal.SIGTERM, stop)
@@ -43,7 +44,8 @@ def ended_in_order() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.raise_signal(signal.SIGTERM)
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if signal.getsignal(signal.SIGTERM) is stop:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
@@ -121,10 +123,11 @@ def write_text(file: File, text: str) -> None:
     """Write a text into what is open, as text or binary; a file of a name as `write_atomically`."""
     if isinstance(file, str | os.PathLike):
         write_atomically({file: text.encode()})
-    elif isinstance(file, io.TextIOBase):
-        file.write(text)
-    else:
-        file.write(text.encode())
+        return
+    check_open(file, "write")
+    # Text files that wrap others are no TextIOBase.
+    is_text = isinstance(file, io.TextIOBase) or hasattr(file, "encoding")
+    file.write(text if is_text else text.encode())
 
 
 @ended_in_order()

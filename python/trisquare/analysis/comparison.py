@@ -265,8 +265,8 @@ class Comparison(RebuiltByConstructor):
         if self.same is None:
             most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
             return (
-                f"no difference can be seen with these uncertainties: {apart}; {usual}, and more "
-                f"than {most}, hides one"
+                f"whether they differ cannot be told: {apart}; {usual}, and more than {most} "
+                "hides a difference"
             )
         if self.worst <= AGREEING:
             return f"the same within their uncertainty: {apart}; {usual}"

@@ -11,6 +11,7 @@ import numpy as np
 import trisquare._core as _core
 from trisquare._support.arrays import ReadOnlyDict
 from trisquare._support.records import of_core
+from trisquare.calibration.explain_failure import interlaced
 from trisquare.calibration.gather import Gathered
 from trisquare.calibration.lone_holes import LONE_HOLE, lone_holes
 from trisquare.calibration.solution_warnings import solution_warnings
@@ -27,6 +28,18 @@ from trisquare.results.pose_uncertainty import PoseUncertainty
 from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
 from trisquare.results.scene_line import SceneLine
+
+UNFIT = {
+    "barely_determined",
+    "choice_uncertain",
+    "correlated_residuals",
+    "larger_rejected",
+    "periodic_pattern",
+    "pixels_not_square",
+    "plane_rejected",
+    "planes_contradict",
+}
+"""Codes of warnings that targets do not look as one camera would have seen them."""
 
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
@@ -46,10 +59,14 @@ def assemble(
     sides = _sides(found, figures, side)
     coherence = _coherence(found.correlation)
     planes = _planes(found, gathered, sides, coherence)
+    solution = list(
+        solution_warnings(found, gathered, dict(zip(gathered.images, tones, strict=True)))
+    )
     warnings = [
+        *_causes(gathered, solution),
         *_disagreeing_pictures(planes, gathered, coherence),
         *gathered.warnings,
-        *solution_warnings(found, gathered, dict(zip(gathered.images, tones, strict=True))),
+        *solution,
         *_holes_of_unknown_side(sides, side),
     ]
     return of_core(
@@ -77,6 +94,12 @@ def assemble(
         lines=_scene_lines(found, figures),
         pictures=pictures,
     )
+
+
+def _causes(gathered: Gathered, solution: Sequence[CalibrationWarning]) -> list[CalibrationWarning]:
+    """Warn of what is looked for only where planes do not fit together, and may be why."""
+    codes = {warning.code for warning in (*gathered.warnings, *solution)}
+    return [] if "interlaced" in codes or codes.isdisjoint(UNFIT) else interlaced(gathered)
 
 
 def _tones(found: _core.Solution, by_edges: Sequence[PictureTone]) -> Sequence[PictureTone]:

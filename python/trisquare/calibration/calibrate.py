@@ -15,7 +15,7 @@ from trisquare._support.log import LOG
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.assemble import assemble
-from trisquare.calibration.explain_failure import add_reasons, interlaced, rejected_shapes
+from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.measured_photograph import Sought
 from trisquare.calibration.missed_squares import are_few, missed_squares
@@ -272,10 +272,6 @@ def calibrate_photographs(
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
-    warnings = calibration.warnings
-    codes = {warning.code for warning in warnings if warning.severity != "low"}
-    if codes and "interlaced" not in {warning.code for warning in warnings}:
-        calibration = replace(calibration, warnings=(*interlaced(gathered), *warnings))
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
     few = choosing and not camera_held and are_few(calibration)
@@ -289,8 +285,10 @@ def calibrate_photographs(
 
 def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:
     if not by_hand:
-        light = next((own.lack_of_light() for own in gathered.searches.values()), "")
-        return DetectionError(nothing_found(kinds, gathered.image_size, light=light))
+        # Of one picture among others it is no reason.
+        lacks = [own.lack_of_contrast() for own in gathered.searches.values()]
+        lack = lacks[0] if lacks and all(lacks) else ""
+        return DetectionError(nothing_found(kinds, gathered.image_size, lack=lack))
     # The reasons against the outlines are added to every error, with their places.
     others = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
     return DetectionError("; ".join(others))

@@ -16,8 +16,8 @@ from trisquare.results.rejected import Rejected
 MORE_PICTURES = "of a board take more pictures, each tilted otherwise, and give them all at once"
 
 INTERLACED = (
-    "odd rows of the picture show another moment than even ones, and lie far off: photograph "
-    "without interlacing"
+    "the odd rows show another moment than the even ones, and much has moved far between them: "
+    "photograph without interlacing"
 )
 
 MOST_NAMED = 3
@@ -41,10 +41,12 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
 
 
 def interlaced(gathered: Gathered) -> list[CalibrationWarning]:
-    """Warn of rows that are so far apart that hardly anything is measured well; else of nothing."""
-    if not any(search.is_interlaced() for search in gathered.searches.values()):
+    """Warn of pictures of two moments so far apart that hardly anything is measured well."""
+    searches = sorted(gathered.searches.items())
+    names = [gathered.names[index] for index, search in searches if search.is_interlaced()]
+    if not names:
         return []
-    return [CalibrationWarning(INTERLACED, "interlaced", "high")]
+    return [CalibrationWarning(f"{INTERLACED} ({listed(names)})", "interlaced", "high")]
 
 
 def rejected_shapes(gathered: Gathered) -> list[Rejected]:

@@ -177,5 +177,5 @@ def _nothing_in(
     search: Search, size: tuple[int, int], annotated: Sequence[AnnotatedSquare] | None
 ) -> str:
     if annotated is None:
-        return nothing_found(search.kinds, size, light=search.lack_of_light())
+        return nothing_found(search.kinds, size, lack=search.lack_of_contrast())
     return "none of the outlines is a square" if annotated else "nothing is drawn on it"

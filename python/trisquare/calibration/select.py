@@ -81,7 +81,7 @@ def _or_zoom(figures: Sequence[PlaneEdges]) -> str:
     """Say what else may be why planes of several pictures do not fit together."""
     if len({figure.image for figure in figures}) == 1:
         return ""
-    return ". Or was another zoom, focus or camera used for some of the pictures?"
+    return ". Were all pictures taken with one camera, zoom and focus?"
 
 
 def _has_other_shape(one: Rejected) -> bool:

@@ -19,6 +19,11 @@ from trisquare.results.calibration_warning import CalibrationWarning
 NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
 """Added to what speaks against the squares that were found."""
 
+NO_CURVE_HINT = (
+    ". No tone curve fits the picture, as of many phones, which may be why, too: state it (tone=), "
+    "or take the picture with less processing"
+)
+
 
 def solution_warnings(
     found: _core.Solution, gathered: Gathered, tones: Mapping[int, PictureTone]
@@ -35,9 +40,9 @@ def solution_warnings(
         yield CalibrationWarning(text, code, severity)
     yield from _shift_warnings(found, gathered, tones, faults)
     spoilt = [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
-    if any(tone.shift is not None for tone in tones.values()):
-        spoilt.append("coded by no known tone curve, as many phones do")
     hints = _contradiction_hints(gathered, spoilt, {code for _, code, *_ in found.warnings})
+    if any(tone.shift is not None for tone in tones.values()):
+        hints += NO_CURVE_HINT
     for text, code, severity, plane, picture in found.warnings:
         if code == "planes_contradict":
             text += hints

@@ -8,7 +8,7 @@ from typing import Any
 from trisquare._support.arrays import size_of_image
 from trisquare._support.json_members import JsonFields
 from trisquare.camera.camera import Camera, camera_matrix
-from trisquare.camera.lens_models import COEFFICIENTS, MODELS
+from trisquare.camera.lens_models import COEFFICIENTS, checked_model
 
 
 def camera_members(camera: Camera) -> dict[str, Any]:
@@ -30,13 +30,11 @@ def camera_from_members(members: JsonFields, image_size: tuple[int, ...]) -> Cam
     fx, fy, cx, cy = (members.number(name) for name in ("fx", "fy", "cx", "cy"))
     skew = members.number_or("skew", 0.0)
     unlimited = members.value("valid_radius") is None
-    model = members.text("model")
-    if model not in MODELS:
-        raise ValueError(f"model must be one of {MODELS}, not {model!r}")
+    model = checked_model(members.text("model"))
     return Camera(
         K=camera_matrix(fx, fy, cx, cy, skew),
         distortion=members.array("distortion", (len(COEFFICIENTS[model]),)),
         image_size=size_of_image(image_size),
-        model=MODELS[MODELS.index(model)],
+        model=model,
         valid_radius=math.inf if unlimited else members.number("valid_radius"),
     )

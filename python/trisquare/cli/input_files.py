@@ -58,6 +58,7 @@ def photographs_named(
     if with_input and STANDARD_INPUT in paths:
         if paths.count(STANDARD_INPUT) > 1:
             raise ValueError("- is standard input, which holds one picture: give it once")
+        paths = [path for path in paths if path == STANDARD_INPUT or not is_drawn(path)]
         place = paths.index(STANDARD_INPUT)
         before, after = (
             photographs_named(part, with_videos=with_videos) if part else []
@@ -65,6 +66,8 @@ def photographs_named(
         )
         return [*before, STANDARD_INPUT, *after]
     for path in paths:
+        if path == STANDARD_INPUT:
+            raise MissingImageError("- is standard input, which calibrate alone reads: name a file")
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
             raise MissingImageError(
                 f"{path}: No such file or directory. If it is meant for an option: several values "

@@ -30,22 +30,31 @@ STRIP_ROWS = 256
 
 def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
     """Grey picture of 8 bits, stretched to its own range if it had more; for finding only."""
+    return grey_bytes_and_range(image)[0]
+
+
+def grey_bytes_and_range(
+    image: NDArray[np.generic],
+) -> tuple[NDArray[np.uint8], tuple[float, float]]:
+    """Return `grey_bytes` and the levels that its 0 and 255 stand for, white being 255."""
     if image.size == 0:
-        return np.zeros(image.shape[:2], dtype=np.uint8)
+        return np.zeros(image.shape[:2], dtype=np.uint8), (0.0, 0.0)
     if image.dtype == np.uint8:
-        return np.ascontiguousarray(_grey(image), dtype=np.uint8)
+        return np.ascontiguousarray(_grey(image), dtype=np.uint8), (0.0, 255.0)
     every = 1 + int(np.sqrt(image.shape[0] * image.shape[1] / RANGE_PIXELS))
     some = np.asarray(_grey(image[::every, ::every]), dtype=np.float32)
-    darkest, brightest = np.percentile(some, RANGE_PERCENTILES)
+    darkest, brightest = map(float, np.percentile(some, RANGE_PERCENTILES))
+    to_levels = 255.0 / (65535.0 if image.dtype == np.uint16 else 1.0)
+    levels = (to_levels * darkest, to_levels * brightest)
     stretched = np.zeros(image.shape[:2], dtype=np.uint8)
     if not brightest > darkest:
-        return stretched
+        return stretched, levels
     for top in range(0, len(image), STRIP_ROWS):
         rows = slice(top, top + STRIP_ROWS)
         values = np.asarray(_grey(image[rows]), dtype=np.float32)
         values = np.rint((values - darkest) * (255.0 / (brightest - darkest)))
         stretched[rows] = np.clip(values, 0.0, 255.0)
-    return stretched
+    return stretched, levels
 
 
 def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -134,16 +134,16 @@ def nothing_found(
     size: tuple[int, int],
     rejected: Sequence[Rejected] = (),
     *,
-    light: str = "",
+    lack: str = "",
 ) -> str:
     """Say what was looked for in vain, and of what came near why it was not that.
 
-    `size` is that of the picture, on which it depends how small a target may be; `light` is what
-    the picture lacks of it, if anything.
+    `size` is that of the picture, on which it depends how small a target may be; `lack` says
+    that the picture hardly has any contrast, if that is so.
     """
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
     missing = _missing(targets, size)
-    return "; ".join([f"{light}: {missing}" if light else missing, *reasons])
+    return "; ".join([f"{lack}: {missing}" if lack else missing, *reasons])
 
 
 def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:

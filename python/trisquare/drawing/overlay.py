@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trisquare._support.arrays import FloatArray
+from trisquare._support.arrays import FloatArray, real_number, whole_number
 from trisquare._support.number_text import plus_minus
 from trisquare.analysis.residuals import MeasuredSide, measured_sides
 from trisquare.camera.camera import camera_parameters
@@ -97,8 +97,10 @@ def draw_overlay(
         )
     shown = (plane.image + 1 for plane in calibration.planes)
     count = max([len(calibration.pictures), *shown])
-    if not 0 <= index < count:
+    if not 0 <= whole_number(index, "index") < count:
         raise ValueError(f"index must be from 0 to {count - 1}, as there are pictures, not {index}")
+    if exaggeration is not None:
+        exaggeration = real_number(exaggeration, "exaggeration")
     canvas = dimmed_grey(picture)
     thickness = max(1, round(max(canvas.shape) / 1600))
     sides = list(measured_sides(calibration, index))

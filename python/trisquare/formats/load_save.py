@@ -103,10 +103,10 @@ def _chosen(cameras: Cameras, name: str | None, path: File) -> tuple[str, Lens]:
             raise ValueError(f"there is no camera {name!r}, but {_listed(cameras)}")
         return name, cameras[name]()
     if len(cameras) > 1:
-        raise ValueError(
-            f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name=, or take "
-            f"one out: {_extraction(path, next(iter(cameras)))}"
-        )
+        advice = f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name="
+        if isinstance(path, str | os.PathLike):
+            advice += f", or take one out: {_extraction(path, next(iter(cameras)))}"
+        raise ValueError(advice)
     ((only, read),) = cameras.items()
     return only, read()
 

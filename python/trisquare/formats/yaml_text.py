@@ -87,7 +87,8 @@ def parse_yaml(text: str) -> Any:
     except _LimitError:
         raise
     except yaml.YAMLError as error:
-        raise ValueError(f"not YAML: {error}") from error
+        lines = (line.strip() for line in str(error).splitlines())
+        raise ValueError(f"not YAML: {'; '.join(lines)}") from error
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         # What the parser's own converters stumble over: numbers and dates that are none.
         raise ValueError(f"not YAML that can be read: {error}") from error

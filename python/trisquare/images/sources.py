@@ -109,8 +109,8 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         if not found:
             other = f"; name its video itself, as {shown(videos[0])}" if videos else ""
             if not videos and any(each.is_dir() for each in files):
-                pattern = os.path.join(name, "**", "*.jpg")
-                other = f"; folders in it are not searched: name them, or a pattern: {pattern!r}"
+                pattern = os.path.join(glob.escape(name), "**", "*.jpg")
+                other = f"; folders in it are not searched: name them, or all as {pattern!r}"
             raise ImageError(f"{named}: the folder holds no picture{other}")
         return _not_drawn(found, name)
     if glob.has_magic(name) and not os.path.lexists(name):

@@ -102,7 +102,7 @@ def detect(
             kinds,
             picture_size(picture),
             measured.rejected,
-            light=measured.search.lack_of_light(),
+            lack=measured.search.lack_of_contrast(),
         )
         raise DetectionError("; ".join(reasons) if annotated else nothing)
     return measured.figures

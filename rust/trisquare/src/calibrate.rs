@@ -140,7 +140,7 @@ pub(crate) fn calibrate_beside<L: Lens>(
     photographs: Option<&Photographs<'_>>,
     nested: NestedOptima<L>,
 ) -> Result<Calibration<L>, Error> {
-    let given = Given::check(edges, size, options, photographs)?;
+    let given = CheckedInput::check(edges, size, options, photographs)?;
     given.answer(nested).map_err(|error| given.cause_of(error))
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     options: &Options<L>,
     shared: &mut Comparison<L>,
 ) -> Result<Calibration<L>, Error> {
-    Given::check(edges, size, options, None)?.compared(shared)
+    CheckedInput::check(edges, size, options, None)?.compared(shared)
 }
 
 /// As [`calibrate`], if no plane or side has to be rejected; `None` where one has, or there is no
@@ -162,7 +162,7 @@ pub(crate) fn calibrate_agreeing<L: Lens>(
     size: ImageSize,
     options: &Options<L>,
 ) -> Option<Calibration<L>> {
-    let given = Given::check(edges, size, options, None).ok()?;
+    let given = CheckedInput::check(edges, size, options, None).ok()?;
     let problem = given.problem(&given.work(), &mut NestedOptima::default());
     let problem = problem.ok()?;
     let found = agreed_by_all(&problem, &given.planes)?;
@@ -230,8 +230,8 @@ impl<L: Lens> Comparison<L> {
     }
 }
 
-/// What a calibration is given, checked, and sorted by plane.
-struct Given<'a, L: Lens> {
+/// The checked input of a calibration, sorted by plane.
+struct CheckedInput<'a, L: Lens> {
     edges: &'a [PlaneEdges],
     planes: Vec<ObservedPlane>,
     lines: Vec<ObservedPlane>,
@@ -243,7 +243,7 @@ struct Given<'a, L: Lens> {
 /// A solution, and the warnings that name what it rejects.
 type Solved<L> = (Solution<L>, Vec<Warning>);
 
-impl<'a, L: Lens> Given<'a, L> {
+impl<'a, L: Lens> CheckedInput<'a, L> {
     fn check(
         edges: &'a [PlaneEdges],
         size: ImageSize,
@@ -453,8 +453,8 @@ impl<'a, L: Lens> Given<'a, L> {
         })
     }
 
-    /// The error to report: where the geometry is refused, and the stated size of the picture or a
-    /// stated relation between planes is wrong, that is said instead.
+    /// The error to report: one of the geometry is replaced by what causes it, a mistaken size of the
+    /// picture or a relation that the planes contradict.
     fn cause_of(&self, error: Error) -> Error {
         if !matches!(
             error.kind(),

@@ -87,23 +87,23 @@ pub(crate) struct PictureState {
 pub(crate) enum KurtosisRole {
     /// A parameter.
     Estimated,
-    /// None. The profiles do not quite fit any curve, as after JPEG, which may be all that is seen of a
-    /// kurtosis: what one would change is uncertain.
+    /// Held at none, and what one would change is uncertain: the profiles do not quite fit any curve,
+    /// as after JPEG, which may be all that is seen of a kurtosis.
     Doubted,
-    /// None. Where the tone curve is not estimated, which alone takes the shape of a blur for its own,
-    /// or is nearly linear, no symmetric blur moves an edge.
-    None,
+    /// Held at none: only an estimated tone curve, which is not nearly linear, takes the shape of a
+    /// symmetric blur for its own.
+    Irrelevant,
 }
 
 impl KurtosisRole {
     fn of(given: PictureTone) -> Self {
         if given.tone().power().is_like_linear() {
-            return Self::None;
+            return Self::Irrelevant;
         }
         match given {
             PictureTone::Estimated(_) => Self::Estimated,
             PictureTone::Approximated(..) => Self::Doubted,
-            PictureTone::Known(_) | PictureTone::Shifted(..) => Self::None,
+            PictureTone::Known(_) | PictureTone::Shifted(..) => Self::Irrelevant,
         }
     }
 }

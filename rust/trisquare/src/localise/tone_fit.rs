@@ -47,7 +47,7 @@ const SPREAD_STD: f64 = 1.0;
 /// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2, and by as much without that of a
 /// lens that spreads light over a disc of 0.8 pixels.
 const SHARED: usize = TONE_PARAMETERS + 1;
-/// The place of the latter; a fit to the pixels has its own, behind the shift.
+/// The kurtosis among what is shared; among the parameters of a fit to the pixels it is [`crate::image::KURTOSIS`].
 pub(super) const KURTOSIS_OF_SHARED: usize = TONE_PARAMETERS;
 /// Values of what is shared, or a step of them: of the kurtosis, whose effect is linear, the value.
 pub(super) type Shared = SVector<f64, SHARED>;
@@ -350,9 +350,9 @@ pub(super) fn pool<'a>(
     }
 }
 
-/// By how much more, in blurs, all edges may lie towards the dark than this curve tells, where no
-/// curve describes their profiles: a usual one may have coded them, with a shoulder or after a blur
-/// with wings, which take away the asymmetry that is its mark.
+/// How much farther towards the dark, in blurs, all edges may lie than this curve says, where no curve
+/// fits their profiles. A usual one may have coded them all the same: a shoulder, or wings of the blur,
+/// hide its asymmetry.
 fn unread_shift(curve: &PowerCurve) -> f64 {
     let excess = curve.effective_gamma() - 1.0;
     // A fit that ran away has no effective gamma, and tells nothing.

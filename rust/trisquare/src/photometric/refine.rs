@@ -139,7 +139,7 @@ fn attempt<L: Lens>(
     let measured = of_planes
         .into_iter()
         .all(|figure| edges[figure.index].std.is_some());
-    let doubted = doubted_kurtosis(&fit, &state);
+    let doubted = doubted_kurtosis(&fit, &state)?;
     let (mut better, fitted) =
         answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
@@ -370,29 +370,32 @@ struct Doubted {
     curves: Vec<Vector2<f64>>,
 }
 
-/// `None` where it is uncertain in no picture, or the steps do not converge.
-fn doubted_kurtosis<L: Lens>(fit: &PixelFit<'_>, held: &PixelState<L>) -> Option<Doubted> {
-    let mut freed = held.clone();
-    let pictures = freed.pictures.iter_mut();
-    let doubted = pictures.filter(|own| own.kurtosis_role == KurtosisRole::Doubted);
-    if doubted
-        .map(|own| own.kurtosis_role = KurtosisRole::Estimated)
-        .count()
-        == 0
-    {
-        return None;
+/// `None` where it is uncertain in no picture.
+fn doubted_kurtosis<L: Lens>(
+    fit: &PixelFit<'_>,
+    held: &PixelState<L>,
+) -> Result<Option<Doubted>, Refusal> {
+    let is_doubted = |own: &PictureState| own.kurtosis_role == KurtosisRole::Doubted;
+    if !held.pictures.iter().any(is_doubted) {
+        return Ok(None);
     }
-    // The normal equations at the optimum of held ones do not tell: it may be far.
-    let (freed, _) = optimum(fit, freed)?;
+    let mut freed = held.clone();
+    for own in freed.pictures.iter_mut().filter(|own| is_doubted(own)) {
+        own.kurtosis_role = KurtosisRole::Estimated;
+    }
+    // One step from the optimum without a kurtosis is not enough: that with one may be far.
+    let (freed, _) = optimum(fit, freed).ok_or(Refusal::Reason(
+        "what another shape of the blur would change is not found",
+    ))?;
     let pairs = freed.pictures.iter().zip(&held.pictures);
     let curves = pairs.map(|(freed, held)| {
         let [freed, held] = [freed, held].map(|own| own.curve.tone().power());
         Vector2::new((freed.gamma / held.gamma).ln(), freed.toe - held.toe)
     });
-    Some(Doubted {
+    Ok(Some(Doubted {
         lens: fit.free.difference(&freed.view.lens, &held.view.lens),
         curves: curves.collect(),
-    })
+    }))
 }
 
 /// How many times as large as of the other a standard deviation of a covariance is, at most.

@@ -167,7 +167,7 @@ pub enum Warning {
     /// The samples of a side err together, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
-         standard deviation of {parameter} is {} as large for it",
+         standard deviation of {parameter} is {} as large because of this",
         cause_of_errors(*.height), times(*.factor)
     )]
     SidesErrTogether {

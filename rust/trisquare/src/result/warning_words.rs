@@ -51,7 +51,7 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
         return String::new();
     }
     format!(
-        "; the standard deviation of {parameter} is {} as large for it",
+        "; the standard deviation of {parameter} is {} as large because of this",
         times(factor)
     )
 }
