@@ -66,7 +66,7 @@ def load_text(folder, name, text, **options):
         ("camera.json", "trisquare-camera/1", "trisquare-plan/1", '"format" must be'),
         ("camera.json", '"format"', '"kind"', "missing: the JSON of trisquare, of OpenCV and of"),
         ("camera.json", "[1280, 960]", "[1280.5, 960]", '"image_size" must be a list of whole'),
-        ("camera.json", '"brown"', '"green"', "model must be one of"),
+        ("camera.json", '"brown"', '"green"', "unknown model 'green': choose one of none"),
         ("camera.yaml", "rows: 3", "rows: 4", '"camera_matrix.data" has 9 numbers, not 4 x 3'),
         ("camera.yaml", "1000.5", ".nan", '"camera_matrix.data" holds NaN'),
         ("camera.yaml", "1000.5", "wide", '"camera_matrix.data" must hold real numbers'),

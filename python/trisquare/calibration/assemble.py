@@ -39,7 +39,7 @@ UNFIT = {
     "plane_rejected",
     "planes_contradict",
 }
-"""Codes of warnings that targets do not look as one camera would have seen them."""
+"""Codes of the warnings of targets that do not look as one camera would have seen them."""
 
 OUTLIER = "it disagrees with all others"
 """Why a plane is not used that the warning ``plane_rejected`` names."""
