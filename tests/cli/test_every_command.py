@@ -705,9 +705,13 @@ def test_a_full_disk_behind_standard_output_is_one_line(folder, arguments, buffe
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_ctrl_c_while_the_command_is_loaded_prints_nothing():
+@pytest.mark.parametrize(
+    ("handler", "code"), [("default_int_handler", -signal.SIGINT), ("SIG_IGN", 0)]
+)
+def test_ctrl_c_while_the_command_is_loaded_prints_nothing(handler, code):
     script = (
         "import os, signal, sys\n"
+        f"signal.signal(signal.SIGINT, signal.{handler})\n"
         "class Interrupted:\n"
         "    def find_spec(self, name, *_):\n"
         "        if name == 'typer': os.kill(os.getpid(), signal.SIGINT)\n"
@@ -715,8 +719,10 @@ def test_ctrl_c_while_the_command_is_loaded_prints_nothing():
         "from trisquare.__main__ import main\n"
         "main()\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
+    command = [sys.executable, "-c", script, "--version"]
+    done = subprocess.run(command, capture_output=True, check=False)
+    said = f"trisquare {ts.__version__}\n".encode() if code == 0 else b""
+    assert (done.returncode, done.stdout, done.stderr) == (code, said, b"")
 
 
 def test_help_does_not_wait_for_opencv():
