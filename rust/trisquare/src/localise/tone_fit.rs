@@ -78,6 +78,9 @@ const BLIND_SHIFT_STD: f64 = 0.1;
 /// levels 40 and 215 to the dark, in blurs.
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
+/// Profiles of no curve leave at least this shift open, in blurs: frames under S-shaped curves, which
+/// tell it to hundredths of that, were shifted by 0.1 to 0.3 where their misfit allowed for 0.03.
+const LEAST_UNREAD_SHIFT: f64 = 0.1;
 /// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
 const GAMMA_DEVIATIONS: f64 = 1.0;
 /// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens.
@@ -361,7 +364,7 @@ fn unread_shift(curve: &PowerCurve) -> f64 {
     } else {
         excess / USUAL_EXCESS
     };
-    USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))
+    (USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))).max(LEAST_UNREAD_SHIFT)
 }
 
 /// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
@@ -534,7 +537,7 @@ mod tests {
         assert_eq!(unread_shift(&away), USUAL_SHIFT);
         assert_eq!(shift(0.8), USUAL_SHIFT);
         assert!((shift(1.6) - 0.5 * USUAL_SHIFT).abs() < 1e-12);
-        assert_eq!(shift(2.3), 0.0);
+        assert_eq!(shift(2.3), LEAST_UNREAD_SHIFT);
     }
 
     #[test]
