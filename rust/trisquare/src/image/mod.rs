@@ -16,8 +16,7 @@ pub use kept_pixels::KeptPixels;
 pub(crate) use kept_pixels::KeptReader;
 pub use picture::{Picture, PictureError};
 pub(crate) use picture_tone::{
-    HELD, KURTOSIS, KurtosisRole, PICTURE_PARAMETERS, PicturePrior, PictureState, SHIFT,
-    USUAL_KURTOSIS,
+    KURTOSIS, KurtosisRole, PICTURE_PARAMETERS, PicturePrior, PictureState, SHIFT, USUAL_KURTOSIS,
 };
 pub use picture_tone::{PictureTone, ToneFit};
 pub(crate) use pixel_box::box_kurtosis;

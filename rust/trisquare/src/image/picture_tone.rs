@@ -67,8 +67,6 @@ pub(crate) const KURTOSIS: usize = TONE_PARAMETERS + 1;
 const KURTOSIS_STD: f64 = 0.004;
 /// That as information.
 pub(crate) const USUAL_KURTOSIS: f64 = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
-/// Information on a parameter that does not move.
-pub(crate) const HELD: f64 = 1e15;
 
 /// What a fit believes of the coding of a picture.
 #[derive(Clone)]
@@ -133,6 +131,22 @@ impl PictureState {
 
     pub fn has_free_shift(&self) -> bool {
         self.given.shift_std().is_some()
+    }
+
+    /// The same, its kurtosis held where it is estimated: as if all blurs were normal.
+    pub fn with_held_kurtosis(mut self) -> Self {
+        if self.has_free_kurtosis() {
+            self.kurtosis_role = KurtosisRole::Doubted;
+        }
+        self
+    }
+
+    /// The same, its kurtosis estimated where that is doubted.
+    pub fn with_free_kurtosis(mut self) -> Self {
+        if self.kurtosis_role == KurtosisRole::Doubted {
+            self.kurtosis_role = KurtosisRole::Estimated;
+        }
+        self
     }
 
     pub fn has_free_kurtosis(&self) -> bool {

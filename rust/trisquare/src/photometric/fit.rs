@@ -25,6 +25,15 @@ pub(crate) struct PixelState<L> {
     pub pictures: Vec<PictureState>,
 }
 
+impl<L> PixelState<L> {
+    /// The same, the kurtosis of all pictures estimated where that is doubted.
+    pub fn with_free_kurtosis(mut self) -> Self {
+        let pictures = self.pictures.into_iter();
+        self.pictures = pictures.map(PictureState::with_free_kurtosis).collect();
+        self
+    }
+}
+
 /// The pixels around all figures, at given scales of their noise.
 #[derive(Clone)]
 pub(crate) struct PixelFit<'a> {

@@ -379,12 +379,8 @@ fn doubted_kurtosis<L: Lens>(
     if !held.pictures.iter().any(is_doubted) {
         return Ok(None);
     }
-    let mut freed = held.clone();
-    for own in freed.pictures.iter_mut().filter(|own| is_doubted(own)) {
-        own.kurtosis_role = KurtosisRole::Estimated;
-    }
     // One step from the optimum without a kurtosis is not enough: that with one may be far.
-    let (freed, _) = optimum(fit, freed).ok_or(Refusal::Reason(
+    let (freed, _) = optimum(fit, held.clone().with_free_kurtosis()).ok_or(Refusal::Reason(
         "what another shape of the blur would change is not found",
     ))?;
     let pairs = freed.pictures.iter().zip(&held.pictures);

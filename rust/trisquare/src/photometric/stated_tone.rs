@@ -6,7 +6,7 @@ use super::fit::{PixelFit, PixelState};
 use super::misfit::misfit;
 use super::optimum::optimum;
 use super::told_step::told_step;
-use crate::image::{HELD, KURTOSIS, PictureState, PictureTone, PowerCurve, ToneFit};
+use crate::image::{PictureState, PictureTone, PowerCurve, ToneFit};
 use crate::lens::Lens;
 use crate::localise::MAX_MISFIT;
 use crate::result::Warning;
@@ -33,7 +33,9 @@ pub(super) fn contradicted_tone<L: Lens>(
         .iter()
         .map(|own| own.curve.tone().power())
         .collect();
-    let freed = |curve: &_| PictureState::of(PictureTone::Estimated(*curve));
+    // As if all blurs were normal, which nearly all cameras' are: the optimum then asks whether another
+    // blur would do as well.
+    let freed = |curve: &_| PictureState::of(PictureTone::Estimated(*curve)).with_held_kurtosis();
     let state = PixelState {
         pictures: stated.iter().map(freed).collect(),
         ..of_stated.clone()
@@ -43,16 +45,10 @@ pub(super) fn contradicted_tone<L: Lens>(
         ..fit.clone()
     };
     let mut found = fit.evaluate(&state)?;
-    // As if all blurs were normal, which nearly all cameras' are: the optimum then asks whether another
-    // blur would do as well.
-    for picture in 0..stated.len() {
-        let kurtosis = fit.picture_offset(picture) + KURTOSIS;
-        found.system.prior[(kurtosis, kurtosis)] = HELD;
-    }
     let free = fit.step(&found.system)?;
     let step = told_step(&fit, &state, &free, &mut found)?;
     let factor = found.spread.covariance_factor(fit.free.len() as f64);
-    let near = fit.advance(&state, &step);
+    let near = fit.advance(&state, &step).with_free_kurtosis();
     let fits = fit.tone_fits(&near, &found.system, factor)?;
     let deviations = |(own, stated): (&ToneFit, &PowerCurve)| {
         let away = own.curve.effective_gamma() - stated.effective_gamma();
