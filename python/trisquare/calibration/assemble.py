@@ -53,7 +53,7 @@ def assemble(
     pictures: tuple[str, ...] = (),
 ) -> Calibration:
     """Return what the core found as a result; `pictures` are the names of their files."""
-    figures = [*gathered.figures, *gathered.lines]
+    figures = gathered.edges
     tones = _tones(found, gathered.tones)
     tone, tone_std = pooled(tones)
     sides = _sides(found, figures, side)
@@ -145,7 +145,7 @@ def _planes(
     coherence: ResidualCorrelation,
 ) -> tuple[Plane, ...]:
     """Return the planes in order, `sides` being the lengths of their units."""
-    figures = [*gathered.figures, *gathered.lines]
+    figures = gathered.edges
     images = gathered.images
     outliers = {plane for _, code, _, plane, _ in found.warnings if code == "plane_rejected"}
     side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]

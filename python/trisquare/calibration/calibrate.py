@@ -258,7 +258,7 @@ def calibrate_photographs(
             raise _nothing_to_fit(kinds, gathered, by_hand)
         # Of layouts that are named, and of outlines drawn by hand, nothing is to be chosen.
         choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
-        edges = [*gathered.figures, *gathered.lines]
+        edges = gathered.edges
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:

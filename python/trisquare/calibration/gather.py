@@ -153,6 +153,11 @@ class Gathered:
         self.lines = [line for line in self.lines if line.image not in repeated]
 
     @property
+    def edges(self) -> list[PlaneEdges]:
+        """The figures, and then the lines: as the core is given them, and counts them."""
+        return [*self.figures, *self.lines]
+
+    @property
     def images(self) -> list[int]:
         """The photographs that are used, by their indices."""
         return [i for i, size in enumerate(self.sizes) if size == self.image_size]

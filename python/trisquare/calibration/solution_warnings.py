@@ -23,6 +23,7 @@ NO_CURVE_HINT = (
     ". No tone curve fits the picture, as of many phones, which may be why, too: state it (tone=), "
     "or take the picture with less processing"
 )
+"""The same, of a picture whose profiles fit no tone curve."""
 
 
 def solution_warnings(
