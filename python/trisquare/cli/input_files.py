@@ -55,17 +55,11 @@ def photographs_named(
         no file, and may be part of an option.
     """
     paths = list(paths)
-    if with_input and STANDARD_INPUT in paths:
-        if paths.count(STANDARD_INPUT) > 1:
-            raise ValueError("- is standard input, which holds one picture: give it once")
-        paths = [path for path in paths if path == STANDARD_INPUT or not is_drawn(path)]
-        place = paths.index(STANDARD_INPUT)
-        before, after = (
-            photographs_named(part, with_videos=with_videos) if part else []
-            for part in (paths[:place], paths[place + 1 :])
-        )
-        return [*before, STANDARD_INPUT, *after]
+    if with_input and paths.count(STANDARD_INPUT) > 1:
+        raise ValueError("- is standard input, which holds one picture: give it once")
     for path in paths:
+        if path == STANDARD_INPUT and with_input:
+            continue
         if path == STANDARD_INPUT:
             raise MissingImageError("- is standard input, which calibrate alone reads: name a file")
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
@@ -74,8 +68,12 @@ def photographs_named(
                 "are joined by commas (--fix aspect,principal_point), and a value holds no space "
                 "(--side 84mm)"
             )
-    meant = [path for path in paths if not is_drawn(path)] or paths
-    return [Path(str(path)) for path in sources_of(meant, with_videos=with_videos)]
+    meant = [path for path in paths if path == STANDARD_INPUT or not is_drawn(path)] or paths
+    photos: list[Path] = []
+    for path in meant:
+        found = [path] if path == STANDARD_INPUT else sources_of(path, with_videos=with_videos)
+        photos += [Path(str(own)) for own in found]
+    return photos
 
 
 def with_content_of_input(photos: Iterable[Path], limits: PictureLimits) -> list[ImageSource]:
