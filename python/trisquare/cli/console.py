@@ -61,7 +61,7 @@ def _without_blank_ends(console: Console) -> Iterator[None]:
     console.file.write(BLANK_END.sub("", printed.get()))
 
 
-def warning_members(warnings: Sequence[CalibrationWarning]) -> dict[str, list[str]]:
+def texts_and_codes(warnings: Sequence[CalibrationWarning]) -> dict[str, list[str]]:
     """Return the members of a command's JSON that have its warnings and, in their order, codes."""
     return {
         "warnings": [str(own) for own in warnings],

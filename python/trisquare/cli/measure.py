@@ -28,7 +28,7 @@ from trisquare.analysis.rectify import rectify as rectified
 from trisquare.calibration.locate import HOLE, located
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
-from trisquare.cli.console import answer, coded_lines, progress_bar, warning_members
+from trisquare.cli.console import answer, coded_lines, progress_bar, texts_and_codes
 from trisquare.cli.framework import reading
 from trisquare.cli.input_files import of_size, read_camera
 from trisquare.cli.options import JSON, QUIET, argument, flag, option
@@ -191,7 +191,7 @@ def measure_command(
         members["rectified"] = _view_members(view, length)
         lines += [_view_line(view, length), f"wrote {rectify}"]
         warnings += _doubts_of_view(view, length, rectify)
-    members |= warning_members(warnings)
+    members |= texts_and_codes(warnings)
     answer(json, quiet, members, lines, coded_lines(warnings))
 
 

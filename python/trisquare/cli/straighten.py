@@ -11,7 +11,7 @@ from trisquare._support.paths import naming
 from trisquare._support.writing import PathLike, write_atomically
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.cli.camera_file import camera_content, camera_format
-from trisquare.cli.console import answer, coded_lines, warning_members
+from trisquare.cli.console import answer, coded_lines, texts_and_codes
 from trisquare.cli.options import BALANCE, JSON, QUIET, argument, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.drawing.straight_lines import draw_straight_lines
@@ -94,7 +94,7 @@ def straighten_command(
     members |= _members(found)
     members |= {
         "camera_file": None if save_camera is None else str(save_camera),
-        **warning_members(warnings),
+        **texts_and_codes(warnings),
     }
     answer(
         json,

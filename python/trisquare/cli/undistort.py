@@ -20,7 +20,7 @@ from trisquare.camera.members import camera_members
 from trisquare.camera.panorama import HIGHEST_LATITUDES, Panorama
 from trisquare.camera.projection_uncertainty import known_part
 from trisquare.cli.camera_file import camera_content, camera_format
-from trisquare.cli.console import answer, coded_lines, progress_bar, warning_members
+from trisquare.cli.console import answer, coded_lines, progress_bar, texts_and_codes
 from trisquare.cli.input_files import photographs_named, read_camera
 from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
@@ -170,7 +170,7 @@ def undistort_command(
         "field": field,
         "pictures": done.pictures,
         "new_camera": None if new_camera is None else str(new_camera),
-        **warning_members(warnings),
+        **texts_and_codes(warnings),
     }
     lines = list(_lines(done.pictures, is_camera_kept=new_camera is not None))
     if new_camera is not None:
@@ -261,8 +261,15 @@ class _Undistorted:
             frames = undistort_video(
                 video, used, temporary, interpolation=self._interpolation, progress=tell
             )
-        more = {"frames": frames, "rate": video.rate, "turned": video.turn}
-        self._add(clip, path, used, **more, unevenness_s=video.unevenness)
+        self._add(
+            clip,
+            path,
+            used,
+            frames=frames,
+            rate=video.rate,
+            turned=video.turn,
+            unevenness_s=video.unevenness,
+        )
         self.warnings += _warnings_of_video(video, path)
         missed = add_sound(temporary, clip)
         if missed is not None:
