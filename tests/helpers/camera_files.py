@@ -1,4 +1,6 @@
-"""A file name for each format, and for each of OpenCV's three."""
+"""Camera files: a name for each format, and any numbers in one of OpenCV's."""
+
+import cv2
 
 FILES = {
     "camera.json": "trisquare",
@@ -15,3 +17,10 @@ FILES = {
     "metashape.xml": "metashape",
 }
 PANORAMA = ("hugin", "lensfun")
+
+
+def opencv_storage(path, **members):
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in members.items():
+        storage.write(name, value)
+    storage.release()
