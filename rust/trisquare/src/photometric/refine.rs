@@ -139,21 +139,15 @@ fn attempt<L: Lens>(
     let measured = of_planes
         .into_iter()
         .all(|figure| edges[figure.index].std.is_some());
-    let doubted = doubted_kurtosis(&fit, &state)?;
     let (mut better, fitted) =
-        answer(&fit, state, found, (problem, solution), measured).ok_or(BROKEN)?;
+        answer(&fit, state.clone(), found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
     // With a stated tone curve that is wrong they do, which is told.
     if !known && better.rms > MOST_RESIDUALS * calibration.rms {
         return Err(CONTRADICTED);
     }
-    if let Some(doubted) = doubted {
-        better.covariance += &doubted.lens * doubted.lens.transpose();
-        for (tone, change) in better.tones.iter_mut().zip(&doubted.curves) {
-            if let Some(covariance) = &mut tone.covariance {
-                *covariance += change * change.transpose();
-            }
-        }
+    if let Some(doubted) = doubted_kurtosis(&fit, &state)? {
+        doubted.widen(&mut better);
     }
     if let Some((warning, change)) = contradicted {
         better.covariance += &change * change.transpose();
@@ -368,6 +362,18 @@ struct Doubted {
     lens: DVector<f64>,
     /// The parameters of each picture's tone curve.
     curves: Vec<Vector2<f64>>,
+}
+
+impl Doubted {
+    /// Counts the change as an error that the answer may have.
+    fn widen<L: Lens>(&self, answer: &mut Calibration<L>) {
+        answer.covariance += &self.lens * self.lens.transpose();
+        for (tone, change) in answer.tones.iter_mut().zip(&self.curves) {
+            if let Some(covariance) = &mut tone.covariance {
+                *covariance += change * change.transpose();
+            }
+        }
+    }
 }
 
 /// `None` where it is uncertain in no picture.
