@@ -218,7 +218,10 @@ pub(crate) fn finish<L: Lens>(
     let curves = SideCurves::of(planes, &start.view, start.scale);
     let near = finish_near(planes, (free, judged), &start, Some(&curves));
     // Steps that lead far away from the curves may not converge by them.
-    near.or_else(|| finish_near(planes, (free, judged), &start, None))
+    match near {
+        None if curves.has_any() => finish_near(planes, (free, judged), &start, None),
+        near => near,
+    }
 }
 
 fn finish_near<L: Lens>(

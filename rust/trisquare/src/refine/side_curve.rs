@@ -65,6 +65,11 @@ impl SideCurves {
         Self(planes.iter().zip(&view.planes).map(own).collect())
     }
 
+    /// Whether any side has one.
+    pub fn has_any(&self) -> bool {
+        self.0.iter().flatten().any(Option::is_some)
+    }
+
     /// Of a plane's side, counted over its figures.
     pub fn get(&self, plane: usize, side: usize) -> Option<&SideCurve> {
         self.0[plane][side].as_ref()
