@@ -1,4 +1,4 @@
-"""Boards, tags, and squares among rectangles on pictures of fisheye lenses."""
+"""Boards, tags, AprilGrids, and squares among rectangles on pictures of fisheye lenses."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from harness.truth import rms
 import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sheets.aprilgrids import find_aprilgrids
 from trisquare.detection.square_views import bends
 from trisquare.measurement.find import search
 from trisquare.measurement.squares import Square
 from trisquare.simulate.render import Image
 from trisquare.simulate.scene import Scene
-from trisquare_scenes.wide import scene_among_rectangles, wide_board_scene, wide_tag_scene
+from trisquare_scenes.wide import (
+    scene_among_rectangles,
+    wide_aprilgrid_scene,
+    wide_board_scene,
+    wide_tag_scene,
+)
 
 SCENES = 40
 SEED = 74
@@ -28,11 +34,12 @@ NAMES = ("4X4_50", "5X5_250", "6X6_250", "7X7_1000", "APRILTAG_16H5", "APRILTAG_
 MOST_BEND = 0.1
 """Of a tag's side, over its chord."""
 LEAST_READ = 0.97
+GRID_SCENES = 20
 
 
 def measure() -> list[Row]:
     """Print what is missed, and count what is found."""
-    return [*_boards(), _tags(), _among_rectangles()]
+    return [*_boards(), _tags(), _aprilgrids(), _among_rectangles()]
 
 
 def _boards() -> list[Row]:
@@ -91,6 +98,30 @@ def _tags() -> Row:
         f"{read} of {tags}, {false} false",
         f">= {LEAST_READ:.0%}, none false",
         read >= LEAST_READ * tags and false == 0,
+    )
+
+
+def _aprilgrids() -> Row:
+    """Three copies of one AprilGrid of 6 x 6 tags."""
+    read, errors = 0, []
+    for index in range(GRID_SCENES):
+        rng = np.random.default_rng([SEED, 3, index])
+        scene = wide_aprilgrid_scene(rng, simulate.fisheye(rng.uniform(*FIELD_RANGE)))
+        picture = _picture(scene, rng)
+        tags = [len(grid.tags) for grid in find_aprilgrids(picture)]
+        read += sum(tags[: len(scene.targets)])
+        if len(tags) != len(scene.targets):
+            print(f"  AprilGrids {index}: in pieces of {tags} tags")
+        result = ts.calibrate(picture, model="fisheye", tone="linear")
+        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+    every = 36 * 3 * GRID_SCENES
+    ratio = rms(np.array(errors))
+    return Row(
+        f"{GRID_SCENES} such pictures of three AprilGrids of 6 x 6 tags: tags on their grids; fx, "
+        "error / std, rms",
+        f"{read} of {every}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
+        f">= {LEAST_READ:.0%}; {RATIO[0]}-{RATIO[1]}",
+        read >= LEAST_READ * every and RATIO[0] <= ratio <= RATIO[1],
     )
 
 

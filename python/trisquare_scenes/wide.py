@@ -11,6 +11,7 @@ from trisquare.detection.tags.codes import dictionary
 from trisquare.simulate import wide_scene
 from trisquare.simulate.fisheye import TrueFisheye, meet, towards
 from trisquare.simulate.scene import Scene, Target, rectangle
+from trisquare_scenes.aprilgrids import AprilGridTarget
 from trisquare_scenes.boards import with_boards
 from trisquare_scenes.tagged import MarkedTarget
 
@@ -42,6 +43,20 @@ def wide_board_scene(
 ) -> Scene:
     """Draw chessboards where `wide_scene` has squares, the longer side as long as theirs."""
     return with_boards(wide_scene(rng, camera), inner_corners, max(inner_corners) + 1)
+
+
+def wide_aprilgrid_scene(
+    rng: np.random.Generator, camera: TrueFisheye, shape: tuple[int, int] = (6, 6)
+) -> Scene:
+    """Draw copies of one AprilGrid where `wide_scene` has squares, as large as those."""
+    scene = wide_scene(rng, camera)
+    grid = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape)
+    side = 2.0 * max(grid.extent)
+    grids = (
+        replace(grid, rotation=target.rotation, translation=side * target.translation)
+        for target in scene.targets
+    )
+    return replace(scene, targets=tuple(grids))
 
 
 def wide_tag_scene(

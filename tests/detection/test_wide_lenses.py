@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from quick import first_quick
 
+import trisquare as ts
 from trisquare import simulate
 from trisquare.detection.boards.find import find_lattices
 from trisquare.detection.kinds import TargetKinds
+from trisquare.detection.sheets.aprilgrids import find_aprilgrids
 from trisquare.detection.square_views import SquareViews
 from trisquare.measurement.find import search
 from trisquare.measurement.squares import Square
-from trisquare_scenes.wide import wide_board_scene, wide_tag_scene
+from trisquare_scenes.wide import wide_aprilgrid_scene, wide_board_scene, wide_tag_scene
 
 
 @pytest.mark.parametrize("degrees", first_quick([190.0, 150.0, 110.0]))
@@ -31,6 +33,17 @@ def test_tags_are_read(name, degrees):
     found = search(simulate.render(scene, rng), TargetKinds.parse("auto")).found
     tags = [one.outline.tag for one in found if isinstance(one, Square)]
     assert sorted(tag.number for tag in tags if tag) == sorted(numbers)
+
+
+@pytest.mark.parametrize("degrees", first_quick([150.0, 190.0, 110.0]))
+def test_aprilgrids_are_found_whole_and_calibrate(degrees):
+    rng = np.random.default_rng(3)
+    scene = wide_aprilgrid_scene(rng, simulate.fisheye(degrees))
+    picture = simulate.render(scene, rng, tone="srgb")
+    assert [len(grid.tags) for grid in find_aprilgrids(picture)] == [36, 36, 36]
+    result = ts.calibrate(picture, model="fisheye")
+    assert [(plane.kind, plane.rejection) for plane in result.planes] == [("sheet", None)] * 3
+    assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"] < 0.01 * scene.camera.fx
 
 
 def test_points_of_bent_squares_are_where_the_lens_sees_them():

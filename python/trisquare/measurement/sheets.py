@@ -54,7 +54,7 @@ class Sheet:
         sheet, dark_corner = match.sheet, match.arrangement.dark_corner
         lattice = None
         if sheet.squares is not None and dark_corner is not None:
-            crossings = _crossings(sheet.squares, match.model, match.corners, match.homography)
+            crossings = _crossings(sheet.squares, match.model, match.corners)
             lattice = Board.of_board(crossings, dark_corner, sheet.rim)
         return cls(sheet.kind, match.model, match.corners, lattice, match.border, sheet.gap)
 
@@ -148,12 +148,10 @@ def _inward(points: FloatArray, shift: float) -> FloatArray:
     return np.asarray(points + shift * np.array([-y, x]))
 
 
-def _crossings(
-    squares: tuple[int, int], model: FloatArray, corners: FloatArray, homography: FloatArray
-) -> Lattice:
+def _crossings(squares: tuple[int, int], model: FloatArray, corners: FloatArray) -> Lattice:
     """Crossings beside the markers, coarse.
 
-    They are where the homography has them, moved as the markers' nearest corners are, which follows
+    They are where a homography has them, moved as the markers' nearest corners are, which follows
     the lens's distortion and bent paper.
     """
     cols, rows = squares
@@ -161,6 +159,7 @@ def _crossings(
     grid = np.stack([x, y], axis=-1)
     moved = np.zeros((*grid.shape[:2], 2))
     count = np.zeros(grid.shape[:2])
+    homography, _ = cv2.findHomography(model.reshape(-1, 2), corners.reshape(-1, 2))
     shifts = corners - cv2.perspectiveTransform(model.reshape(1, -1, 2), homography).reshape(
         corners.shape
     )

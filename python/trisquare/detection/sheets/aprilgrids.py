@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.sampling import homographies_from_unit_square
-from trisquare.detection.sheets.layout import GRID_GAPS
+from trisquare.detection.sheets.layout import GRID_GAPS, UNIT_SQUARE
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import WIDE_BORDER, agreement
 from trisquare.detection.tags.families import WIDE_BORDERED
@@ -43,6 +43,13 @@ NEAREST = 6
 AROUND = 9
 """Tags of a grid, with its own, that tell where a tag is."""
 
+LEAST_PROJECTIVE = 0.75
+"""Of their corners, that a homography has where the lens does not bend them."""
+
+ROUNDS = 8
+LEAST_SCALE = 0.1
+"""Of the robust fit where it does: reweightings, and pixels that are no error."""
+
 LEAST_ROBUST = 3
 """Tags from which on a median tells the wrong corners among theirs."""
 
@@ -52,9 +59,6 @@ tag is slanted, something else than its corner may look more like a saddle."""
 
 OFF_AXIS = 0.15
 """Of a tag's side, by which a neighbour may seem to lie off its row, as it is small and blurred."""
-
-LEAST_CORNERS = 3
-"""Of a tag's, as near as that to where the grid's homography has them: the fourth may be blunt."""
 
 USUAL_GAPS = 0.05
 USUAL_GAP_ERROR = 0.01
@@ -99,7 +103,7 @@ class Pair(NamedTuple):
     second: int
     more: int  # by which its number is higher
     turn: int  # quarter turns clockwise from the right of the first one's code to the second one
-    gap: float  # between them, over the first one's side
+    gap: float  # between them, over their side
 
 
 Steps: TypeAlias = "dict[int, list[tuple[int, int, int]]]"
@@ -139,7 +143,6 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
             GridTag(numbers[own], place, upright[own])
             for place, own in _joined(index, steps).items()
         ]
-        seeds = _of_one_plane(seeds, printed.gap)
         tags = _grown(grey, seeds, printed, name)
         codes = dictionary(name).codes[[tag.number for tag in tags]]
         cells = np.rot90(codes, -printed.turns, axes=(1, 2))
@@ -184,16 +187,20 @@ def _step(pair: Pair, cols: int | None, turns: int) -> tuple[int, int] | None:
 
 def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
     """Yield each two tags that are side by side."""
-    for first, homography in enumerate(homographies_from_unit_square(corners)):
-        inverse = np.linalg.inv(homography)
-        seen = cv2.perspectiveTransform(corners.reshape(1, -1, 2), inverse).reshape(-1, 4, 2)
-        middles = seen.mean(axis=1) - 0.5
-        for second, (x, y) in enumerate(middles.tolist()):
-            more = numbers[second] - numbers[first]
-            far, off = max(abs(x), abs(y)), min(abs(x), abs(y))
-            if more > 0 and 1.0 + GRID_GAPS[0] < far < 1.0 + GRID_GAPS[1] and off < OFF_AXIS:
-                turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
-                yield Pair(first, second, more, turn, far - 1.0)
+    inverse = np.linalg.inv(homographies_from_unit_square(corners))
+    points = corners.reshape(1, -1, 2)
+    seen = np.array([cv2.perspectiveTransform(points, own) for own in inverse])
+    middles = seen.reshape(len(corners), -1, 4, 2).mean(axis=2) - 0.5
+    far, off = np.abs(middles).max(axis=2), np.abs(middles).min(axis=2)
+    beside = (1.0 + GRID_GAPS[0] < far) & (far < 1.0 + GRID_GAPS[1]) & (off < OFF_AXIS)
+    for first, second in np.argwhere(beside).tolist():
+        more = numbers[second] - numbers[first]
+        if more > 0:
+            x, y = middles[first, second]
+            turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
+            # A lens that shows the one smaller than the other misleads both, to opposite sides.
+            gap = 0.5 * (far[first, second] + far[second, first]) - 1.0
+            yield Pair(first, second, more, turn, gap)
 
 
 def _steps(pairs: Sequence[Pair], printed: Print) -> Steps:
@@ -219,18 +226,6 @@ def _joined(seed: int, steps: Steps) -> dict[tuple[int, int], int]:
                 joined[place] = other
                 following.append((other, *place))
     return joined
-
-
-def _of_one_plane(seeds: list[GridTag], gap: float) -> list[GridTag]:
-    """Tags that lie with the first one as one homography has them; it alone if it is off that."""
-    model = _model([seed.place for seed in seeds], gap).reshape(-1, 2)
-    seen = np.array([seed.corners for seed in seeds])
-    off = OFF_AXIS * min(shortest_side(quad) for quad in seen)
-    homography, fits = cv2.findHomography(model, seen.reshape(-1, 2), cv2.RANSAC, off)
-    if homography is None:
-        return seeds[:1]
-    is_on = fits.reshape(-1, 4).sum(axis=1) >= LEAST_CORNERS
-    return [seed for seed, own in zip(seeds, is_on, strict=True) if own] if is_on[0] else seeds[:1]
 
 
 def _grown(
@@ -259,7 +254,7 @@ def _settle(grey: NDArray[np.uint8], known: dict[tuple[int, int], GridTag], gap:
     """Put wrong corners where the tags around tell: they would lead farther and farther astray."""
     if len(known) < LEAST_ROBUST:
         return
-    expected = np.array([_expected(known, place, gap, AROUND) for place in known])
+    expected = np.array([_by_all_around(known, place, gap) for place in known])
     found = on_saddles(grey, expected)
     off = np.linalg.norm(found - expected, axis=2)
     limits = [OFF_SURFACE * shortest_side(quad) for quad in expected]
@@ -294,27 +289,65 @@ def _wanted(
 
 
 def _expected(
-    known: Mapping[tuple[int, int], GridTag],
-    place: tuple[int, int],
-    gap: float,
-    count: int = NEAREST,
+    known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
 ) -> FloatArray:
     """Where the corners of the tag at a place are, shape (4, 2), by those nearest to it."""
+    return _by_homography(*_around(known, place, gap, NEAREST))[0]
+
+
+def _by_all_around(
+    known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
+) -> FloatArray:
+    """Where the corners of a known tag are, shape (4, 2), if it lies as those around it do.
+
+    Those are where a homography has them, or where the lens bends them as well, on a surface that
+    is smooth.
+    """
+    model, seen = _around(known, place, gap, AROUND)
+    corners, fits = _by_homography(model, seen)
+    return corners if fits.mean() >= LEAST_PROJECTIVE else _on_smooth_surface(model, seen)
+
+
+def _around(
+    known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Corners of the known tags nearest to a place, about its own, and in the picture."""
     nearest = heapq.nsmallest(count, known.values(), key=lambda tag: math.dist(tag.place, place))
-    model = _model([place, *(tag.place for tag in nearest)], gap)
-    seen = np.array([tag.corners for tag in nearest])
-    method = cv2.RANSAC if len(nearest) >= LEAST_ROBUST else 0
+    steps = [(tag.place[0] - place[0], tag.place[1] - place[1]) for tag in nearest]
+    return _model(steps, gap), np.array([tag.corners for tag in nearest])
+
+
+def _by_homography(model: FloatArray, seen: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Where the corners of the tag at the origin are, and which of those seen fit to that."""
+    method = cv2.RANSAC if len(seen) >= LEAST_ROBUST else 0
     off = OFF_SURFACE * min(shortest_side(quad) for quad in seen)
-    homography, _ = cv2.findHomography(model[1:].reshape(-1, 2), seen.reshape(-1, 2), method, off)
+    homography, fits = cv2.findHomography(model.reshape(-1, 2), seen.reshape(-1, 2), method, off)
     if homography is None:
-        return np.full((4, 2), -1.0)
-    corners = cv2.perspectiveTransform(model[:1], homography)[0]
-    return np.asarray(corners, dtype=np.float64)
+        return np.full((4, 2), -1.0), np.zeros(4 * len(seen), bool)
+    corners = cv2.perspectiveTransform(UNIT_SQUARE[None], homography)[0]
+    return np.asarray(corners, dtype=np.float64), fits.ravel() != 0
+
+
+def _on_smooth_surface(model: FloatArray, seen: FloatArray) -> FloatArray:
+    """Where a robust cubic over the grid has the corners of the tag at the origin."""
+    terms, points = _cubic(model.reshape(-1, 2)), seen.reshape(-1, 2)
+    weights = np.ones(len(points))
+    for _ in range(ROUNDS):
+        cubic = np.linalg.lstsq(terms * weights[:, None], points * weights[:, None], rcond=None)[0]
+        off = np.linalg.norm(terms @ cubic - points, axis=1)
+        scale = max(2.0 * float(np.median(off)), LEAST_SCALE)
+        weights = 1.0 / np.hypot(1.0, off / scale)
+    return np.asarray(_cubic(UNIT_SQUARE) @ cubic)
+
+
+def _cubic(points: FloatArray) -> FloatArray:
+    """Return the ten terms of a cubic in two variables at points."""
+    x, y = points.T - 0.5
+    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
 
 
 def _model(places: Sequence[tuple[int, int]], gap: float) -> FloatArray:
-    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    return np.asarray(unit + (1.0 + gap) * np.array(places, dtype=np.float64)[:, None])
+    return np.asarray(UNIT_SQUARE + (1.0 + gap) * np.array(places, dtype=np.float64)[:, None])
 
 
 def _covers(grid: AprilGrid, corners: FloatArray) -> NDArray[np.bool_]:

@@ -48,8 +48,6 @@ class SheetMatch(NamedTuple):
         Corners of the markers that fit, sheet coordinates.
     corners : ndarray, shape (N, 4, 2)
         The same in the picture, coarse, pixels.
-    homography : ndarray, shape (3, 3)
-        Image from sheet.
     border : float
         Width of the markers' black border, over their side.
     cells : ndarray of bool, shape (N, n, n)
@@ -61,7 +59,6 @@ class SheetMatch(NamedTuple):
     arrangement: Arrangement
     model: FloatArray
     corners: FloatArray
-    homography: FloatArray
     border: float
     cells: NDArray[np.bool_]
 
@@ -94,14 +91,22 @@ def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
     """Put a grid that was found on the sheet of the layout that most of its tags are on."""
     count = len(layout.sheets[0].arrangements[0].corners)
     index, _ = Counter(tag.number // count for tag in grid.tags).most_common(1)[0]
-    numbers = np.array([tag.number for tag in grid.tags])
-    own = numbers // count == index
-    corners = np.array([tag.corners for tag in grid.tags])[own]
-    sheet, places = layout.sheet(index), numbers[own] % count
-    return _fit(layout.text, sheet, places, corners, grid.border, grid.cells[own])
+    own = [tag.number // count == index for tag in grid.tags]
+    tags = [tag for tag, is_own in zip(grid.tags, own, strict=True) if is_own]
+    sheet, corners = layout.sheet(index), np.array([tag.corners for tag in tags])
+    model = sheet.arrangements[0].corners[[tag.number % count for tag in tags]]
+    pitch = 1.0 + sheet.gap
+    steps = model.mean(axis=1) / pitch - [tag.place for tag in tags]
+    fits = (np.abs(steps - np.median(steps, axis=0)) < 0.5).all(axis=1)
+    if fits.mean() < MIN_SHARE:
+        return _misplaced(sheet, corners, layout.text)
+    size = pitch / (1.0 + grid.gap)
+    if not _is_of_size(size, corners):
+        return _missized(sheet, corners, layout.text, size)
+    return _of_grid(grid, sheet, model[fits], corners[fits], grid.cells[own][fits])
 
 
-def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
+def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch]:
     """Find AprilGrids of any size in a grey picture."""
     if min(grey.shape) < MIN_PICTURE:
         return []
@@ -115,9 +120,19 @@ def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch | Rejected]:
             is_stated=False,
         )
         corners = np.array([tag.corners for tag in grid.tags])
-        places = np.arange(len(corners))
-        found.append(_fit("an AprilGrid", sheet, places, corners, grid.border, grid.cells))
+        found.append(_of_grid(grid, sheet, grid.model, corners, grid.cells))
     return found
+
+
+def _of_grid(
+    grid: AprilGrid,
+    sheet: PrintedSheet,
+    model: FloatArray,
+    corners: FloatArray,
+    cells: NDArray[np.bool_],
+) -> SheetMatch:
+    """Put a grid's tags on a sheet: each led to the next, however the lens bends."""
+    return SheetMatch(sheet, sheet.arrangements[0], model, corners, grid.border, cells)
 
 
 def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
@@ -167,26 +182,42 @@ def _fit(
         if (fit := _on_arrangement(arrangement, turns, places, corners)) is not None
     ]
     best = min(fits, key=lambda fit: fit.error, default=None)
-    box = cv2.boxPoints(cv2.minAreaRect(corners.reshape(-1, 2).astype(np.float32)))
-    quad = np.asarray(box, dtype=np.float64)
     if best is None or best.fits.mean() < MIN_SHARE:
-        reason = f"its {len(places)} markers are not where {text} has them"
-        return Rejected(sheet.kind, 0, quad, reason)
+        return _misplaced(sheet, corners, text)
     size = _size_seen(best, corners)
-    shortest = float(np.median([shortest_side(marker) for marker in corners]))
-    if abs(size - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
-        reason = f"its markers are {size:.2f} times as large as {text} says"
-        return Rejected(sheet.kind, 0, quad, reason)
+    if not _is_of_size(size, corners):
+        return _missized(sheet, corners, text, size)
     kept = best.fits
     return SheetMatch(
         sheet,
         best.arrangement,
         best.model[kept],
         corners[kept],
-        best.homography,
         border,
         cells[kept],
     )
+
+
+def _misplaced(sheet: PrintedSheet, corners: FloatArray, text: str) -> Rejected:
+    reason = f"its {len(corners)} markers are not where {text} has them"
+    return Rejected(sheet.kind, 0, _box_around(corners), reason)
+
+
+def _missized(sheet: PrintedSheet, corners: FloatArray, text: str, size: float) -> Rejected:
+    reason = f"its markers are {size:.2f} times as large as {text} says"
+    return Rejected(sheet.kind, 0, _box_around(corners), reason)
+
+
+def _box_around(corners: FloatArray) -> FloatArray:
+    """Return the smallest rectangle round markers, shape (4, 2)."""
+    box = cv2.boxPoints(cv2.minAreaRect(corners.reshape(-1, 2).astype(np.float32)))
+    return np.asarray(box, dtype=np.float64)
+
+
+def _is_of_size(size: float, corners: FloatArray) -> bool:
+    """Whether markers whose sides seem so many times as long as stated may be as stated."""
+    shortest = float(np.median([shortest_side(marker) for marker in corners]))
+    return abs(size - 1.0) <= MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest
 
 
 def _on_arrangement(

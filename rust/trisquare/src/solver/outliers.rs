@@ -10,7 +10,7 @@ use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
 
-/// A plane whose samples are farther from a target, over its longest side, has another shape: this
+/// A plane whose samples are farther from a target, over its mean side, has another shape: this
 /// is how far a rectangle of 1.06 : 1 is from a square. What is nearer may be a target of another
 /// size than it should have, which then speaks against the others as well.
 const OTHER_SHAPE: f64 = 0.01;
@@ -415,8 +415,9 @@ fn is_other(plane: &ObservedPlane, distance: f64) -> bool {
         let ends = side.samples.first().zip(side.samples.last());
         ends.map_or(0.0, |(first, last)| (last.pixel - first.pixel).norm())
     };
-    let longest = plane.sides().map(length).fold(0.0, f64::max);
-    distance > OTHER_SHAPE * longest && !plane.figures.iter().any(has_grid)
+    let lengths: f64 = plane.sides().map(length).sum();
+    let mean = lengths / plane.sides().count() as f64;
+    distance > OTHER_SHAPE * mean && !plane.figures.iter().any(has_grid)
 }
 
 /// Names the outliers.
