@@ -218,6 +218,16 @@ def test_accepted_and_rejected_are_drawn_in_their_colours_where_they_are():
     assert inside.sum() > 200
 
 
+def test_a_plane_that_was_rejected_is_not_drawn_as_found():
+    poses = {"rotation": np.eye(3), "translation": np.array([0.0, 0.0, 1.0])}
+    plane = ts.Plane("square", 0, FOUND.corners, **poses, rms=2.0, samples=90, rejection="bent")
+    drawn = draw_detections(np.full((960, 1280), 128, np.uint8), [plane], [])
+    x, y = np.rint(plane.corners[:2].mean(axis=0)).astype(int)
+    beside = drawn[y - 2 : y + 3, x - 2 : x + 3]
+    assert pixels_of(REJECTED_COLOUR, beside).any()
+    assert not pixels_of(FOUND_COLOUR, beside).any()
+
+
 def test_other_pictures_findings_are_left_out():
     blank = np.full((960, 1280), 128, np.uint8)
     other = draw_detections(blank, [FOUND], [REFUSED], index=1)

@@ -59,7 +59,8 @@ def draw_detections(
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR; float pictures are taken to span 0 to 1.
     found : sequence of Plane or PartialDetection
-        What is drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error.
+        What is drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error. A
+        plane with a reason for its rejection is drawn as rejected.
     rejected : sequence of Rejected
         What is drawn as rejected.
     index : int
@@ -72,17 +73,19 @@ def draw_detections(
     """
     scale = int(np.clip(np.ceil(READABLE_SIZE / max(image.shape[:2])), 1, MOST_ENLARGED))
     canvas = np.repeat(np.repeat(dimmed_grey(image), scale, axis=0), scale, axis=1)
-    labels = [
-        (f"{number} {target.kind}", FOUND_COLOUR, _enlarged(target.corners, scale))
-        for number, target in enumerate(found)
-        if target.image == index
-    ]
-    accepted = len(labels)
+    labels = []
+    for number, target in enumerate(found):
+        if target.image == index:
+            rejection = target.rejection if isinstance(target, Plane) else None
+            colour = FOUND_COLOUR if rejection is None else REJECTED_COLOUR
+            text = f"{number} {target.kind}" + (f": {rejection}" if rejection else "")
+            labels.append((text, colour, _enlarged(target.corners, scale)))
     for candidate in rejected:
         if candidate.image == index:
             residual = "" if candidate.residual is None else f", {candidate.residual:.2g} px"
             text = f"{candidate.kind}: {candidate.reason}{residual}"
             labels.append((text, REJECTED_COLOUR, _enlarged(candidate.corners, scale)))
+    accepted = sum(colour == FOUND_COLOUR for _, colour, _ in labels)
     entries = [
         (f"found: {accepted}", FOUND_COLOUR),
         (f"not used: {len(labels) - accepted}", REJECTED_COLOUR),

@@ -117,7 +117,8 @@ def shift_text(
     return (
         "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all edges "
         f"of a picture may be shifted toward their dark side by a common distance{grown}. State "
-        f'the curve if you know it, as with tone="srgb". Estimated shift ({"; ".join(shifts)})'
+        'the curve if you know it, as with tone="srgb"; phones have curves of their own. '
+        f"Estimated shift ({'; '.join(shifts)})"
     )
 
 

@@ -6,7 +6,8 @@ use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_foca
 use super::warning_words::{
     after_rejections, beside_rough, cause_of_errors, causes_of_variation, contradiction, groups,
     lines_not_used, numbered_sample, of_figure, or_held, part_of_whole, planes_in_directions,
-    raised, signed_two_digits, times, two_digits, untrue, with_its_std, without_it,
+    raised, signed_two_digits, times, two_digits, untrue, what_leaves_open, with_its_std,
+    without_it,
 };
 use crate::error::counted;
 
@@ -329,9 +330,9 @@ pub enum Warning {
     },
     /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
     #[error(
-        "the standard deviation of {parameter} is {std:.0} px ({:.0} % of {of}): the planes err by more \
-         than noise, and are too few or too alike to average that out. Show more planes, or flatter ones",
-        100.0 * .part
+        "the standard deviation of {parameter} is {std:.0} px ({:.0} % of {of}): {}",
+        100.0 * .part,
+        what_leaves_open(*.by_tone)
     )]
     BarelyDetermined {
         /// The parameter that is known worst.
@@ -342,6 +343,9 @@ pub enum Warning {
         part: f64,
         /// ... of the focal length or of the width.
         of: Text,
+        /// Whether it would be known without what an unknown tone curve may shift the edges by.
+        #[cfg_attr(feature = "serde", serde(default))]
+        by_tone: bool,
     },
     /// Samples that the picture cannot show.
     #[error(
@@ -698,6 +702,20 @@ mod tests {
             text.contains("is 78.26 +- 0.43 px from the centre"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn what_leaves_a_parameter_open_is_named() {
+        let open = |by_tone| Warning::BarelyDetermined {
+            parameter: "fy".into(),
+            std: 43.0,
+            part: 0.043,
+            of: "the focal length".into(),
+            by_tone,
+        };
+        let text = open(true).to_string();
+        assert!(text.contains("43 px (4 % of the focal length): the tone curve is not known"));
+        assert!(open(false).to_string().contains("flatter ones"));
     }
 
     #[test]

@@ -56,6 +56,17 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
     )
 }
 
+/// Why a parameter is as good as unknown, and what to do.
+pub(super) fn what_leaves_open(by_tone: bool) -> &'static str {
+    if by_tone {
+        "the tone curve is not known, and may have shifted all edges. State it if you know it, take the \
+         picture without sharpening, or show more planes"
+    } else {
+        "the planes err by more than noise, and are too few or too alike to average that out. Show more \
+         planes, or flatter ones"
+    }
+}
+
 /// What speaks against lines.
 pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
     match sigmas {

@@ -95,12 +95,16 @@ pub(crate) fn camera_known_to<L: Lens>(found: &Calibration<L>) -> Option<f64> {
 /// Warns of a camera that is known worse than what is refused before the residuals are asked, and
 /// of a lens that ends within the picture, or is a guess in a part of it.
 pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
-    let open = known_worst(found).filter(|(_, _, part, _)| *part > largest_std(fixed));
+    let limit = largest_std(fixed);
+    let open = known_worst(found).filter(|(_, _, part, _)| *part > limit);
     let open = open.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
         parameter: parameter.into(),
         std,
         part,
         of: of.into(),
+        by_tone: found
+            .tone_growth
+            .is_some_and(|growth| part < growth * limit),
     });
     let missing = missing(found);
     let ends = (missing > LEAST_MISSING).then_some(Warning::LensEndsInPicture { missing });

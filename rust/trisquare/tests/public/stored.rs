@@ -125,6 +125,7 @@ fn every_warning_with_a_text_is() {
             reason: "they are less certain than the edge samples".into(),
         },
         Warning::BarelyDetermined {
+            by_tone: false,
             parameter: "cy".into(),
             std: 40.0,
             part: 0.05,
