@@ -175,6 +175,28 @@ def test_a_grid_that_is_turned_or_partly_hidden_is_found(box, turns):
     assert len(search(turned, TargetKinds.parse("auto")).targets) == 3
 
 
+def test_a_grid_that_is_numbered_from_the_top_is_one_grid_but_none_of_kalibr_s():
+    book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    side, gap, cols, rows = 80, 24, 4, 3
+    pitch = side + gap
+    sheet = np.full((rows * pitch + gap + 80, cols * pitch + gap + 80), 230, np.uint8)
+    for y in range(rows + 1):
+        for x in range(cols + 1):
+            left, top = 40 + x * pitch, 40 + y * pitch
+            sheet[top : top + gap, left : left + gap] = 25
+            if x < cols and y < rows:
+                tag = cv2.aruco.generateImageMarker(book, y * cols + x, side, borderBits=2)
+                middle = (slice(top + gap, top + pitch), slice(left + gap, left + pitch))
+                sheet[middle] = np.where(tag > 127, 230, 25)
+    picture = cv2.GaussianBlur(sheet, (0, 0), 0.8)
+    (grid,) = find_aprilgrids(picture)
+    places = {tag.number: tag.place for tag in grid.tags}
+    steps = {(x - number % cols, y - number // cols) for number, (x, y) in places.items()}
+    assert (len(places), len(steps)) == (cols * rows, 1)
+    with pytest.raises(ts.DetectionError, match="are not where"):
+        ts.detect(picture, targets="aprilgrid:4x3:0.3")
+
+
 def test_lone_tags_and_pictures_of_nothing_are_no_grid():
     rng = np.random.default_rng(6)
     noise = rng.integers(0, 256, (300, 400), np.uint8)

@@ -94,6 +94,7 @@ class Print(NamedTuple):
     cols: int | None  # None where only one row is seen
     gap: float
     turns: int  # of the code against the grid
+    climb: int  # rows down to the tag above in number: -1, as Kalibr counts, or 1
 
 
 class Pair(NamedTuple):
@@ -164,24 +165,27 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
     if not rows:
         return None
     turns = rows.most_common(1)[0][0]
-    # One row up is a quarter turn left of one to the right.
-    up = (turns + 3) % 4
-    columns = Counter(pair.more for pair in pairs if pair.more > 1 and pair.turn == up)
-    cols = columns.most_common(1)[0][0] if columns else None
-    gaps = [pair.gap for pair in pairs if _step(pair, cols, turns)]
+    # One row up is a quarter turn left of one to the right, one down a quarter turn right of it.
+    climbs = {(turns + 3) % 4: -1, (turns + 1) % 4: 1}
+    columns = Counter(
+        (pair.more, climbs[pair.turn]) for pair in pairs if pair.more > 1 and pair.turn in climbs
+    )
+    cols, climb = columns.most_common(1)[0][0] if columns else (None, -1)
+    printed = Print(cols, 0.0, turns, climb)
+    gaps = [pair.gap for pair in pairs if _step(pair, printed)]
     if len(gaps) < LEAST_TAGS - 1:
         return None
     gap = float(np.median(gaps))
     usual = USUAL_GAPS * round(gap / USUAL_GAPS)
-    return Print(cols, usual if abs(gap - usual) < USUAL_GAP_ERROR else gap, turns)
+    return printed._replace(gap=usual if abs(gap - usual) < USUAL_GAP_ERROR else gap)
 
 
-def _step(pair: Pair, cols: int | None, turns: int) -> tuple[int, int] | None:
+def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
     """Columns and rows from a pair's first tag to its second, if grids printed so have it."""
-    if (pair.more, pair.turn) == (1, turns):
+    if (pair.more, pair.turn) == (1, printed.turns):
         return 1, 0
-    if (pair.more, pair.turn) == (cols, (turns + 3) % 4):
-        return 0, -1
+    if (pair.more, pair.turn) == (printed.cols, (printed.turns + printed.climb) % 4):
+        return 0, printed.climb
     return None
 
 
@@ -207,7 +211,7 @@ def _steps(pairs: Sequence[Pair], printed: Print) -> Steps:
     """Return the steps from each tag that has a tag beside it."""
     steps: Steps = {}
     for pair in pairs:
-        if step := _step(pair, printed.cols, printed.turns):
+        if step := _step(pair, printed):
             right, down = step
             steps.setdefault(pair.first, []).append((pair.second, right, down))
             steps.setdefault(pair.second, []).append((pair.first, -right, -down))
@@ -235,7 +239,7 @@ def _grown(
     known = {seed.place: seed for seed in seeds}
     _settle(grey, known, printed.gap)
     tried: dict[tuple[int, int], int] = {}
-    while wanted := _wanted(known, printed.cols, tried, len(dictionary(name).codes)):
+    while wanted := _wanted(known, printed, tried, len(dictionary(name).codes)):
         places, numbers = zip(*wanted.items(), strict=True)
         expected = np.array([_expected(known, place, printed.gap) for place in places])
         inside = ((expected >= 0.0) & (expected <= np.array(grey.shape[::-1]) - 1.0)).all((1, 2))
@@ -265,14 +269,14 @@ def _settle(grey: NDArray[np.uint8], known: dict[tuple[int, int], GridTag], gap:
 
 def _wanted(
     known: Mapping[tuple[int, int], GridTag],
-    cols: int | None,
+    printed: Print,
     tried: dict[tuple[int, int], int],
     count: int,
 ) -> dict[tuple[int, int], int]:
     """Numbers by the places beside known tags, unless these were tried with as many tags around."""
     steps = [(1, 0, 1), (-1, 0, -1)]
-    if cols is not None:
-        steps += [(0, -1, cols), (0, 1, -cols)]
+    if printed.cols is not None:
+        steps += [(0, printed.climb, printed.cols), (0, -printed.climb, -printed.cols)]
     wanted: dict[tuple[int, int], int] = {}
     for (x, y), tag in known.items():
         for right, down, more in steps:
