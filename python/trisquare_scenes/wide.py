@@ -59,6 +59,23 @@ def wide_aprilgrid_scene(
     return replace(scene, targets=tuple(grids))
 
 
+def wide_charuco_scene(
+    rng: np.random.Generator, camera: TrueFisheye, *, squares: int = 8, nearer: float = 1.6
+) -> Scene:
+    """Draw one ChArUco board of 6X6_1000, so many times as large as a square of `wide_scene`."""
+    scene = wide_scene(rng, camera)
+    place = scene.targets[0]
+    board = MarkedTarget(
+        place.rotation,
+        place.translation * squares / nearer,
+        "chessboard",
+        inner=0.75,
+        inner_corners=(squares - 1, squares - 1),
+        codes=dictionary("6X6_1000").codes[: squares**2 // 2],
+    )
+    return replace(scene, targets=(board,))
+
+
 def wide_tag_scene(
     rng: np.random.Generator, camera: TrueFisheye, name: str = "6X6_250"
 ) -> tuple[Scene, list[int]]:

@@ -14,7 +14,12 @@ from trisquare.detection.sheets.aprilgrids import find_aprilgrids
 from trisquare.detection.square_views import SquareViews
 from trisquare.measurement.find import search
 from trisquare.measurement.squares import Square
-from trisquare_scenes.wide import wide_aprilgrid_scene, wide_board_scene, wide_tag_scene
+from trisquare_scenes.wide import (
+    wide_aprilgrid_scene,
+    wide_board_scene,
+    wide_charuco_scene,
+    wide_tag_scene,
+)
 
 
 @pytest.mark.parametrize("degrees", first_quick([190.0, 150.0, 110.0]))
@@ -44,6 +49,25 @@ def test_aprilgrids_are_found_whole_and_calibrate(degrees):
     result = ts.calibrate(picture, model="fisheye")
     assert [(plane.kind, plane.rejection) for plane in result.planes] == [("sheet", None)] * 3
     assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"] < 0.01 * scene.camera.fx
+
+
+@pytest.mark.parametrize("degrees", first_quick([190.0, 150.0]))
+def test_a_stated_board_that_no_homography_has_is_found_as_well_as_untold(degrees):
+    rng = np.random.default_rng(9)
+    picture = simulate.render(wide_charuco_scene(rng, simulate.fisheye(degrees)), rng)
+    told, untold = (
+        sum(
+            len(points)
+            for figure in ts.detect(picture, targets=targets)
+            for points in figure.points
+        )
+        for targets in ("charuco:8x8:0.75:6X6_1000", "auto")
+    )
+    assert told >= untold > 0
+    with pytest.raises(ts.DetectionError, match="times as large"):
+        ts.detect(picture, targets="charuco:8x8:0.6:6X6_1000")
+    with pytest.raises(ts.DetectionError, match="are not where"):
+        ts.detect(picture, targets="charuco:7x8:0.75:6X6_1000")
 
 
 def test_points_of_bent_squares_are_where_the_lens_sees_them():

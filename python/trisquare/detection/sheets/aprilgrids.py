@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.sampling import homographies_from_unit_square
 from trisquare.detection.sheets.layout import GRID_GAPS, UNIT_SQUARE
+from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import WIDE_BORDER, agreement
 from trisquare.detection.tags.families import WIDE_BORDERED
@@ -45,10 +46,6 @@ AROUND = 9
 
 LEAST_PROJECTIVE = 0.75
 """Of their corners, that a homography has where the lens does not bend them."""
-
-ROUNDS = 8
-LEAST_SCALE = 0.1
-"""Of the robust fit where it does: reweightings, and pixels that are no error."""
 
 LEAST_ROBUST = 3
 """Tags from which on a median tells the wrong corners among theirs."""
@@ -309,7 +306,9 @@ def _by_all_around(
     """
     model, seen = _around(known, place, gap, AROUND)
     corners, fits = _by_homography(model, seen)
-    return corners if fits.mean() >= LEAST_PROJECTIVE else _on_smooth_surface(model, seen)
+    if fits.mean() >= LEAST_PROJECTIVE or len(fits) < LEAST_POINTS:
+        return corners
+    return SmoothSurface.of(model.reshape(-1, 2), seen.reshape(-1, 2)).at(UNIT_SQUARE)
 
 
 def _around(
@@ -330,24 +329,6 @@ def _by_homography(model: FloatArray, seen: FloatArray) -> tuple[FloatArray, NDA
         return np.full((4, 2), -1.0), np.zeros(4 * len(seen), bool)
     corners = cv2.perspectiveTransform(UNIT_SQUARE[None], homography)[0]
     return np.asarray(corners, dtype=np.float64), fits.ravel() != 0
-
-
-def _on_smooth_surface(model: FloatArray, seen: FloatArray) -> FloatArray:
-    """Where a robust cubic over the grid has the corners of the tag at the origin."""
-    terms, points = _cubic(model.reshape(-1, 2)), seen.reshape(-1, 2)
-    weights = np.ones(len(points))
-    for _ in range(ROUNDS):
-        cubic = np.linalg.lstsq(terms * weights[:, None], points * weights[:, None], rcond=None)[0]
-        off = np.linalg.norm(terms @ cubic - points, axis=1)
-        scale = max(2.0 * float(np.median(off)), LEAST_SCALE)
-        weights = 1.0 / np.hypot(1.0, off / scale)
-    return np.asarray(_cubic(UNIT_SQUARE) @ cubic)
-
-
-def _cubic(points: FloatArray) -> FloatArray:
-    """Return the ten terms of a cubic in two variables at points."""
-    x, y = points.T - 0.5
-    return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
 
 
 def _model(places: Sequence[tuple[int, int]], gap: float) -> FloatArray:

@@ -15,6 +15,7 @@ from trisquare.detection.grey import MIN_PICTURE
 from trisquare.detection.sampling import straight_sides
 from trisquare.detection.sheets.aprilgrids import AprilGrid, find_aprilgrids
 from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
+from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
 from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, decode_tags
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
@@ -24,9 +25,9 @@ LEAST_MARKERS = 3
 """Of a sheet that has as many: two could still lie about by chance, and tell little."""
 
 MAX_MISFIT = 0.5
-"""Of a marker's side: how far its corners may be from where the sheet's homography has them. The
-strongest lens bends a whole sheet of ten markers across by 0.4; a marker that belongs elsewhere is
-off by one or more."""
+"""Of a marker's side: how far its corners may be from where the sheet's homography has them, or a
+smooth surface where a fisheye bends it. The strongest other lens bends a whole sheet of ten markers
+across by 0.4; a marker that belongs elsewhere is off by one or more."""
 
 MIN_SHARE = 0.8
 """Of a sheet's markers, those that must fit."""
@@ -161,9 +162,9 @@ class _Fit(NamedTuple):
 
     arrangement: Arrangement
     model: FloatArray  # (N, 4, 2), sheet coordinates
-    homography: FloatArray  # image from sheet, (3, 3)
     fits: NDArray[np.bool_]  # (N,)
     error: float  # median misfit, in markers' sides
+    is_bent: bool  # by the lens, so that no homography has them
 
 
 def _fit(
@@ -176,13 +177,12 @@ def _fit(
 ) -> SheetMatch | Rejected:
     """Put markers on a sheet, or say why they are not on it."""
     fits = [
-        fit
+        _on_arrangement(arrangement, turns, places, corners)
         for arrangement in sheet.arrangements
         for turns in range(4)
-        if (fit := _on_arrangement(arrangement, turns, places, corners)) is not None
     ]
-    best = min(fits, key=lambda fit: fit.error, default=None)
-    if best is None or best.fits.mean() < MIN_SHARE:
+    best = min(fits, key=lambda fit: fit.error)
+    if best.fits.mean() < MIN_SHARE:
         return _misplaced(sheet, corners, text)
     size = _size_seen(best, corners)
     if not _is_of_size(size, corners):
@@ -222,34 +222,45 @@ def _is_of_size(size: float, corners: FloatArray) -> bool:
 
 def _on_arrangement(
     arrangement: Arrangement, turns: int, places: NDArray[np.intp], corners: FloatArray
-) -> _Fit | None:
-    """Fit a homography; `turns` allows for codes that are printed turned, all alike."""
+) -> _Fit:
+    """Fit a homography, or else a smooth surface; `turns` allows for codes all turned alike."""
     model = np.roll(arrangement.corners[places], turns, axis=1)
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).mean(axis=1)
-    tolerance = MAX_MISFIT * float(np.median(sides))
+    points, seen = model.reshape(-1, 2), corners.reshape(-1, 2)
+    sides = _sides(corners)
+    misfit = np.full(len(corners), np.inf)
     homography, _ = cv2.findHomography(
-        model.reshape(-1, 2), corners.reshape(-1, 2), cv2.RANSAC, tolerance
+        points, seen, cv2.RANSAC, MAX_MISFIT * float(np.median(sides))
     )
-    if homography is None or not np.isfinite(homography).all() or np.linalg.det(homography) <= 0.0:
-        return None
-    seen = cv2.perspectiveTransform(model.reshape(1, -1, 2), homography).reshape(-1, 4, 2)
-    misfit = np.linalg.norm(seen - corners, axis=-1).max(axis=1) / sides
-    if not np.isfinite(misfit).all():
-        return None
-    image_from_sheet = np.asarray(homography, dtype=np.float64)
-    return _Fit(arrangement, model, image_from_sheet, misfit < MAX_MISFIT, float(np.median(misfit)))
+    if homography is not None and np.linalg.det(homography) > 0.0:
+        expected = np.asarray(cv2.perspectiveTransform(points[None], homography), np.float64)
+        misfit = _misfit(expected, corners) / sides
+    is_bent = (misfit < MAX_MISFIT).mean() < MIN_SHARE and len(points) >= LEAST_POINTS
+    if is_bent:
+        misfit = _misfit(SmoothSurface.of(points, seen).at(points), corners) / sides
+    fits = misfit < MAX_MISFIT
+    return _Fit(arrangement, model, fits, float(np.median(misfit)), is_bent)
+
+
+def _misfit(expected: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return how far the farthest corner of each marker is from where it is expected, pixels."""
+    off = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
+    return np.asarray(np.where(np.isfinite(off), off, np.inf))
 
 
 def _size_seen(fit: _Fit, corners: FloatArray) -> float:
-    """Markers' sides over those stated, by a homography of their middles where those suffice."""
+    """Return markers' sides over those stated, by their middles alone where those suffice."""
     model, seen = fit.model[fit.fits], corners[fit.fits]
-    sheet_from_image = np.linalg.inv(fit.homography)
-    middles = model.mean(axis=1)
-    if len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2:
-        image_middles = _middles(seen)
-        own, _ = cv2.findHomography(image_middles, middles)
-        if own is not None and np.isfinite(own).all():
-            sheet_from_image = np.asarray(own, dtype=np.float64)
+    middles, image_middles = model.mean(axis=1), _middles(seen)
+    if fit.is_bent and len(middles) >= LEAST_POINTS:
+        expected = SmoothSurface.of(middles, image_middles).at(model)
+        return float(np.median(_sides(seen) / _sides(expected)))
+    from_middles = len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2
+    pairs = (
+        (middles, image_middles) if from_middles else (model.reshape(-1, 2), seen.reshape(-1, 2))
+    )
+    sheet_from_image, _ = cv2.findHomography(*pairs[::-1])
+    if sheet_from_image is None:
+        return math.inf
     mapped = cv2.perspectiveTransform(seen.reshape(1, -1, 2), sheet_from_image)
     ratios = _sides(np.asarray(mapped, dtype=np.float64).reshape(-1, 4, 2)) / _sides(model)
     return float(np.median(ratios)) if np.isfinite(ratios).all() else math.inf
