@@ -175,6 +175,16 @@ def test_a_grid_that_is_turned_or_partly_hidden_is_found(box, turns):
     assert len(search(turned, TargetKinds.parse("auto")).targets) == 3
 
 
+def test_grids_side_by_side_are_not_joined_where_a_row_seems_to_go_on():
+    """Tag 23, the last of its row, has tag 24 of the next grid to its right."""
+    rng = np.random.default_rng([57, 6])
+    scene = aprilgrid_poses_scene(rng, (6, 6))
+    picture, _ = photograph(scene, rng, noise=2.0, blur=1.0, tone="srgb", jpeg_quality=85)
+    grids = find_aprilgrids(picture)
+    assert [len(grid.tags) for grid in grids] == [36, 36, 36]
+    assert all(len({tag.number for tag in grid.tags}) == 36 for grid in grids)
+
+
 def test_a_grid_that_is_numbered_from_the_top_is_one_grid_but_none_of_kalibr_s():
     book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     side, gap, cols, rows = 80, 24, 4, 3

@@ -92,6 +92,11 @@ class Print(NamedTuple):
     gap: float
     turns: int  # of the code against the grid
     climb: int  # rows down to the tag above in number: -1, as Kalibr counts, or 1
+    last: int | None  # of numbers modulo columns: that of the last column, where it is seen
+
+    def ends_row(self, number: int) -> bool:
+        """Whether the next number is on another row."""
+        return self.cols is not None and self.last == number % self.cols
 
 
 class Pair(NamedTuple):
@@ -99,7 +104,8 @@ class Pair(NamedTuple):
 
     first: int
     second: int
-    more: int  # by which its number is higher
+    number: int  # of the first
+    more: int  # by which that of the second is higher
     turn: int  # quarter turns clockwise from the right of the first one's code to the second one
     gap: float  # between them, over their side
 
@@ -168,7 +174,14 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
         (pair.more, climbs[pair.turn]) for pair in pairs if pair.more > 1 and pair.turn in climbs
     )
     cols, climb = columns.most_common(1)[0][0] if columns else (None, -1)
-    printed = Print(cols, 0.0, turns, climb)
+    last = None
+    if cols is not None:
+        # Its tags have none to their right, but for those of another grid that lies beside it.
+        rows_on = [pair.number % cols for pair in pairs if (pair.more, pair.turn) == (1, turns)]
+        counts = [rows_on.count(column) for column in range(cols)]
+        if counts.count(min(counts)) == 1:
+            last = counts.index(min(counts))
+    printed = Print(cols, 0.0, turns, climb, last)
     gaps = [pair.gap for pair in pairs if _step(pair, printed)]
     if len(gaps) < LEAST_TAGS - 1:
         return None
@@ -180,7 +193,7 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
 def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
     """Columns and rows from a pair's first tag to its second, if grids printed so have it."""
     if (pair.more, pair.turn) == (1, printed.turns):
-        return 1, 0
+        return None if printed.ends_row(pair.number) else (1, 0)
     if (pair.more, pair.turn) == (printed.cols, (printed.turns + printed.climb) % 4):
         return 0, printed.climb
     return None
@@ -201,7 +214,7 @@ def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
             turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
             # A lens that shows the one smaller than the other misleads both, to opposite sides.
             gap = 0.5 * (far[first, second] + far[second, first]) - 1.0
-            yield Pair(first, second, more, turn, gap)
+            yield Pair(first, second, numbers[first], more, turn, gap)
 
 
 def _steps(pairs: Sequence[Pair], printed: Print) -> Steps:
@@ -279,6 +292,8 @@ def _wanted(
         for right, down, more in steps:
             place, number = (x + right, y + down), tag.number + more
             if place in known or not 0 <= number < count:
+                continue
+            if down == 0 and printed.ends_row(min(number, tag.number)):
                 continue
             around = sum(
                 (place[0] + i, place[1] + j) in known for i in (-1, 0, 1) for j in (-1, 0, 1)
