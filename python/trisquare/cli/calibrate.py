@@ -132,7 +132,7 @@ def calibrate_command(
         "TARGETS",
         "Targets to search for: auto, squares, tags, aruco, apriltag, chessboard:9x6 (inner "
         "corners of a checkerboard), or sheets of paper and other rectangles: a4, letter, card, "
-        "16:9, rectangle:1.5, rectangle (any).",
+        "16:9, rectangle:1.5, rectangle (any); or a layout as for --board.",
         offer=TAG_SEARCHES,
     ),
     board: str | None = option(

@@ -174,13 +174,7 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
         (pair.more, climbs[pair.turn]) for pair in pairs if pair.more > 1 and pair.turn in climbs
     )
     cols, climb = columns.most_common(1)[0][0] if columns else (None, -1)
-    last = None
-    if cols is not None:
-        # Its tags have none to their right, but for those of another grid that lies beside it.
-        rows_on = [pair.number % cols for pair in pairs if (pair.more, pair.turn) == (1, turns)]
-        counts = [rows_on.count(column) for column in range(cols)]
-        if counts.count(min(counts)) == 1:
-            last = counts.index(min(counts))
+    last = None if cols is None else _last_column(pairs, cols, turns)
     printed = Print(cols, 0.0, turns, climb, last)
     gaps = [pair.gap for pair in pairs if _step(pair, printed)]
     if len(gaps) < LEAST_TAGS - 1:
@@ -188,6 +182,17 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
     gap = float(np.median(gaps))
     usual = USUAL_GAPS * round(gap / USUAL_GAPS)
     return printed._replace(gap=usual if abs(gap - usual) < USUAL_GAP_ERROR else gap)
+
+
+def _last_column(pairs: Sequence[Pair], cols: int, turns: int) -> int | None:
+    """Return the column, as numbers modulo columns, whose tags have none to their right.
+
+    But for those of another grid that lies beside theirs. None if several columns have as few.
+    """
+    on_right = Counter(pair.number % cols for pair in pairs if (pair.more, pair.turn) == (1, turns))
+    fewest = min(on_right[column] for column in range(cols))
+    columns = [column for column in range(cols) if on_right[column] == fewest]
+    return columns[0] if len(columns) == 1 else None
 
 
 def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
