@@ -56,7 +56,7 @@ def _boards() -> list[Row]:
         whole += len(result.planes) == len(scene.targets)
         if len(result.planes) != len(scene.targets):
             print(f"  boards {number}: {len(result.planes)} planes")
-        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+        errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
     return [
         Row(
@@ -103,18 +103,18 @@ def _tags() -> Row:
 
 def _aprilgrids() -> Row:
     """Three copies of one AprilGrid of 6 x 6 tags."""
-    read, errors = 0, []
+    read, every, errors = 0, 0, []
     for index in range(GRID_SCENES):
         rng = np.random.default_rng([SEED, 3, index])
         scene = wide_aprilgrid_scene(rng, simulate.fisheye(rng.uniform(*FIELD_RANGE)))
         picture = _picture(scene, rng)
         tags = [len(grid.tags) for grid in find_aprilgrids(picture)]
         read += sum(tags[: len(scene.targets)])
+        every += 36 * len(scene.targets)
         if len(tags) != len(scene.targets):
             print(f"  AprilGrids {index}: in pieces of {tags} tags")
         result = ts.calibrate(picture, model="fisheye", tone="linear")
-        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
-    every = 36 * 3 * GRID_SCENES
+        errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
     return Row(
         f"{GRID_SCENES} such pictures of three AprilGrids of 6 x 6 tags: tags on their grids; fx, "
@@ -141,7 +141,7 @@ def _among_rectangles() -> Row:
             print(f"  among rectangles {index}: {result.camera.model}, {', '.join(codes)}")
             continue
         clean += 1
-        errors.append((result.camera.fx - scene.camera.fx) / result.std["fx"])
+        errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
     return Row(
         f'{SCENES} such pictures of three frames and up to three rectangles, model="auto": '
@@ -150,6 +150,11 @@ def _among_rectangles() -> Row:
         f">= {LEAST_FOUND}; {RATIO[0]}-{RATIO[1]}",
         clean >= LEAST_FOUND and RATIO[0] <= ratio <= RATIO[1],
     )
+
+
+def _error(result: ts.Calibration, scene: Scene) -> float:
+    """Return the error of fx in standard deviations."""
+    return float((result.camera.fx - scene.camera.fx) / result.std["fx"])
 
 
 def _bend(scene: Scene, number: int) -> float:

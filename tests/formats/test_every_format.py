@@ -82,8 +82,6 @@ def test_a_fisheye_comes_back_exactly(tmp_path, name, model):
 
 
 RICH = [0.2, 0.1, 0.001, -0.001, 0.02, 0.35, 0.12, 0.01]
-
-
 PRISM = [1e-3, -2e-3, 3e-3, 1e-3]
 
 

@@ -12,7 +12,6 @@ from trisquare import Camera
 
 DEBIAN_PYTHON = Path("/usr/bin/python3")
 
-
 MRCAL_SCRIPT = """\
 import sys, json, numpy as np, mrcal
 model = mrcal.cameramodel(sys.argv[1])

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from camera_files import opencv_storage
-from random_cameras import (
-    SIZE,
-    assert_same,
-    random_camera,
-    saved,
-)
+from random_cameras import SIZE, assert_same, random_camera, saved
 
 from trisquare import Camera
 from trisquare.formats import load_camera

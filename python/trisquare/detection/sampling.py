@@ -52,3 +52,9 @@ def homographies_from_unit_square(quads: FloatArray) -> FloatArray:
 def straight_sides(corners: FloatArray) -> FloatArray:
     """Return the ends of the sides of quadrilaterals (Q, 4, 2), shape (Q, 4, 2, 2)."""
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+
+
+def box_around(points: FloatArray) -> FloatArray:
+    """Return the corners of the smallest rectangle round points, shape (4, 2)."""
+    box = cv2.boxPoints(cv2.minAreaRect(points.reshape(-1, 2).astype(np.float32)))
+    return np.asarray(box, dtype=np.float64)

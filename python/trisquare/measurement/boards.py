@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
-from trisquare.detection.sampling import sample
+from trisquare.detection.sampling import box_around, sample
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.grid_gaps import LineSamples, measured_gap
@@ -115,8 +114,7 @@ class Board:
     @property
     def quad(self) -> FloatArray:
         """The crossings' bounding rectangle that is smallest, shape (4, 2), pixels."""
-        points = self.lattice.crossings[self.lattice.present].astype(np.float32)
-        return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
+        return box_around(self.lattice.crossings[self.lattice.present])
 
     def spans(self, first: int) -> list[SideSpan]:
         """Return the grid lines, the rows before the columns."""

@@ -11,6 +11,7 @@ import numpy as np
 from trisquare._core import SideSamples
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
+from trisquare.detection.sampling import box_around
 from trisquare.detection.sheets.find import SheetMatch
 from trisquare.edges import PlaneEdges, unchecked_edges
 from trisquare.measurement.boards import Board
@@ -61,8 +62,7 @@ class Sheet:
     @property
     def quad(self) -> FloatArray:
         """The rectangle round all markers that is smallest, shape (4, 2), pixels."""
-        points = self.corners.reshape(-1, 2).astype(np.float32)
-        return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), dtype=np.float64)
+        return box_around(self.corners)
 
     def spans(self, first: int) -> list[SideSpan]:
         """Spans of the grid lines, then four for each marker."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from typing import NamedTuple
 
 import cv2
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.grey import MIN_PICTURE
-from trisquare.detection.sampling import straight_sides
+from trisquare.detection.sampling import box_around, straight_sides
 from trisquare.detection.sheets.aprilgrids import AprilGrid, find_aprilgrids
 from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
 from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
@@ -99,11 +100,9 @@ def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
     pitch = 1.0 + sheet.gap
     steps = model.mean(axis=1) / pitch - [tag.place for tag in tags]
     fits = (np.abs(steps - np.median(steps, axis=0)) < 0.5).all(axis=1)
-    if fits.mean() < MIN_SHARE:
-        return _misplaced(sheet, corners, layout.text)
-    size = pitch / (1.0 + grid.gap)
-    if not _is_of_size(size, corners):
-        return _missized(sheet, corners, layout.text, size)
+    against = _against(sheet, layout.text, corners, fits, lambda: pitch / (1.0 + grid.gap))
+    if against is not None:
+        return against
     return _of_grid(grid, sheet, model[fits], corners[fits], grid.cells[own][fits])
 
 
@@ -166,6 +165,22 @@ class _Fit(NamedTuple):
     error: float  # median misfit, in markers' sides
     is_bent: bool  # by the lens, so that no homography has them
 
+    @classmethod
+    def of(
+        cls,
+        arrangement: Arrangement,
+        model: FloatArray,
+        corners: FloatArray,
+        expected: FloatArray,
+        *,
+        is_bent: bool,
+    ) -> _Fit:
+        """Judge markers by the farthest of their corners from where they are expected."""
+        off = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
+        misfit = np.where(np.isfinite(off), off, np.inf) / _sides(corners)
+        fits = misfit < MAX_MISFIT
+        return cls(arrangement, model, fits, float(np.median(misfit)), is_bent)
+
 
 def _fit(
     text: str,
@@ -176,18 +191,18 @@ def _fit(
     cells: NDArray[np.bool_],
 ) -> SheetMatch | Rejected:
     """Put markers on a sheet, or say why they are not on it."""
-    fits = [
-        _on_arrangement(arrangement, turns, places, corners)
+    ways = [
+        (arrangement, np.roll(arrangement.corners[places], turns, axis=1))
         for arrangement in sheet.arrangements
-        for turns in range(4)
+        for turns in range(4)  # allows for codes that are all turned alike
     ]
-    best = min(fits, key=lambda fit: fit.error)
-    if best.fits.mean() < MIN_SHARE:
-        return _misplaced(sheet, corners, text)
-    size = _size_seen(best, corners)
-    if not _is_of_size(size, corners):
-        return _missized(sheet, corners, text, size)
+    best = min((_by_homography(*way, corners) for way in ways), key=lambda fit: fit.error)
+    if best.fits.mean() < MIN_SHARE and 4 * len(places) >= LEAST_POINTS:
+        best = min((_on_smooth_surface(*way, corners) for way in ways), key=lambda fit: fit.error)
     kept = best.fits
+    against = _against(sheet, text, corners, kept, lambda: _size_seen(best, corners))
+    if against is not None:
+        return against
     return SheetMatch(
         sheet,
         best.arrangement,
@@ -198,53 +213,43 @@ def _fit(
     )
 
 
-def _misplaced(sheet: PrintedSheet, corners: FloatArray, text: str) -> Rejected:
-    reason = f"its {len(corners)} markers are not where {text} has them"
-    return Rejected(sheet.kind, 0, _box_around(corners), reason)
+def _against(
+    sheet: PrintedSheet,
+    text: str,
+    corners: FloatArray,
+    fits: NDArray[np.bool_],
+    size: Callable[[], float],
+) -> Rejected | None:
+    """Say why markers are not a stated sheet's, if they are not.
 
-
-def _missized(sheet: PrintedSheet, corners: FloatArray, text: str, size: float) -> Rejected:
-    reason = f"its markers are {size:.2f} times as large as {text} says"
-    return Rejected(sheet.kind, 0, _box_around(corners), reason)
-
-
-def _box_around(corners: FloatArray) -> FloatArray:
-    """Return the smallest rectangle round markers, shape (4, 2)."""
-    box = cv2.boxPoints(cv2.minAreaRect(corners.reshape(-1, 2).astype(np.float32)))
-    return np.asarray(box, dtype=np.float64)
-
-
-def _is_of_size(size: float, corners: FloatArray) -> bool:
-    """Whether markers whose sides seem so many times as long as stated may be as stated."""
+    `fits` are those that are where it has them, `size` tells how many times as long as stated their
+    sides seem.
+    """
+    if fits.mean() < MIN_SHARE:
+        reason = f"its {len(corners)} markers are not where {text} has them"
+        return Rejected(sheet.kind, 0, box_around(corners), reason)
     shortest = float(np.median([shortest_side(marker) for marker in corners]))
-    return abs(size - 1.0) <= MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest
+    seen = size()
+    if abs(seen - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
+        reason = f"its markers are {seen:.2f} times as large as {text} says"
+        return Rejected(sheet.kind, 0, box_around(corners), reason)
+    return None
 
 
-def _on_arrangement(
-    arrangement: Arrangement, turns: int, places: NDArray[np.intp], corners: FloatArray
-) -> _Fit:
-    """Fit a homography, or else a smooth surface; `turns` allows for codes all turned alike."""
-    model = np.roll(arrangement.corners[places], turns, axis=1)
+def _by_homography(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
+    tolerance = MAX_MISFIT * float(np.median(_sides(corners)))
     points, seen = model.reshape(-1, 2), corners.reshape(-1, 2)
-    sides = _sides(corners)
-    misfit = np.full(len(corners), np.inf)
-    homography, _ = cv2.findHomography(
-        points, seen, cv2.RANSAC, MAX_MISFIT * float(np.median(sides))
-    )
+    homography, _ = cv2.findHomography(points, seen, cv2.RANSAC, tolerance)
+    expected = np.full(points.shape, np.inf)
     if homography is not None and np.linalg.det(homography) > 0.0:
-        expected = np.asarray(cv2.perspectiveTransform(points[None], homography), np.float64)
-        misfit = _misfit(expected, corners) / sides
-    is_bent = (misfit < MAX_MISFIT).mean() < MIN_SHARE and len(points) >= LEAST_POINTS
-    if is_bent:
-        misfit = _misfit(SmoothSurface.of(points, seen).at(points), corners) / sides
-    fits = misfit < MAX_MISFIT
-    return _Fit(arrangement, model, fits, float(np.median(misfit)), is_bent)
+        expected[:] = cv2.perspectiveTransform(points[None], homography)[0]
+    return _Fit.of(arrangement, model, corners, expected, is_bent=False)
 
 
-def _misfit(expected: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return how far the farthest corner of each marker is from where it is expected, pixels."""
-    off = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
-    return np.asarray(np.where(np.isfinite(off), off, np.inf))
+def _on_smooth_surface(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
+    points = model.reshape(-1, 2)
+    expected = SmoothSurface.of(points, corners.reshape(-1, 2)).at(points)
+    return _Fit.of(arrangement, model, corners, expected, is_bent=True)
 
 
 def _size_seen(fit: _Fit, corners: FloatArray) -> float:

@@ -28,7 +28,8 @@ class SmoothSurface(NamedTuple):
     @classmethod
     def of(cls, model: FloatArray, seen: FloatArray) -> SmoothSurface:
         """Fit one to points of a sheet, shape (N, 2), and where they are seen, likewise."""
-        middle, extent = model.mean(axis=0), float(np.abs(model - model.mean(axis=0)).max())
+        middle = model.mean(axis=0)
+        extent = float(np.abs(model - middle).max())
         powers = _cubic((model - middle) / extent)
         weights = np.ones(len(seen))
         for _ in range(ROUNDS):
