@@ -92,8 +92,8 @@ pub(crate) fn reject_outliers<L: Lens>(
             last_sound = Some(before);
         }
     }
-    // Sides are to blame only where the others agree without them.
-    if solution.misfit(problem).mean() > DOUBTED {
+    // Sides are to blame only where the others agree without them, or the robust loss blames them.
+    if solution.misfit(problem).mean() > DOUBTED && with_all_sides.has_weight_on_all_sides() {
         (solution, last_sound) = (with_all_sides, None);
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.

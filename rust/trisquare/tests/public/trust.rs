@@ -118,6 +118,30 @@ fn a_bent_side_is_rejected() {
 }
 
 #[test]
+fn the_far_more_bent_of_two_bent_sides_is_rejected() {
+    let noise = 0.01;
+    let mut named = 0;
+    let seeds = 8;
+    for seed in 0..seeds {
+        let (plane, side) = (seed as usize % 3, seed as usize % 4);
+        let scene = scene(seed);
+        let mut edges = scene.edges(seed, noise, SPACING);
+        // A sheet that curves about an axis that is nearly parallel to two of its sides.
+        for (side, bow) in [(side, 80.0 * noise), ((side + 2) % 4, 6.0 * noise)] {
+            displace(&mut edges[plane].points[side], |s| bow * (1.0 - s * s));
+        }
+        let found = solve(&edges, &scene);
+        let error = worst(&found, &scene);
+        assert!(error < SURE, "seed {seed}: off by {error} std");
+        named += usize::from(found.warnings.iter().any(|warning| {
+            matches!(warning, Warning::SideRejected { plane: p, side: s, .. }
+                if (*p, *s) == (plane, side))
+        }));
+    }
+    assert!(named >= seeds as usize - 1, "named in {named} of {seeds}");
+}
+
+#[test]
 fn a_false_plane_among_five_is_rejected() {
     for seed in 0..6 {
         let plane = seed as usize % 3;
