@@ -16,7 +16,7 @@ from trisquare.straightening.bundle import Bundle, CentredLens
 from trisquare.straightening.edges import find_arcs
 from trisquare.straightening.fit import (
     MOST_POINTS,
-    ROUND_TOLERANCES,
+    ROUND_SCALES,
     Fit,
     Problem,
     fit_lens,
@@ -24,7 +24,7 @@ from trisquare.straightening.fit import (
     with_shared_errors,
 )
 from trisquare.straightening.radial import RadialLens
-from trisquare.straightening.straighten import LONG, STRAIGHT_WEIGHT
+from trisquare.straightening.straighten import LONG, STRAIGHT
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SETS = (
@@ -190,7 +190,7 @@ def _held_out() -> list[Row]:
         lines = _long_lines((problem, fit))
         for part in (0, 1):
             bundle = Bundle.of(lines[part::2], problem.radius, MOST_POINTS)
-            lens = refine(problem, bundle, fit.lens, ROUND_TOLERANCES[-1] * problem.pixel)
+            lens = refine(problem, bundle, fit.lens, ROUND_SCALES[-1] * problem.pixel)
             lenses = lens, _one_parameter(problem, bundle)
             rms.append([_rms(lines[1 - part :: 2], lens, problem) for lens in lenses])
     return [*rows, _held_out_row("the other half of ortho-corner's lines", np.array(rms))]
@@ -210,20 +210,20 @@ def _fitted(path: Path) -> tuple[Problem, Fit]:
 def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
     """Return the long lines that a picture's own fit has used."""
     problem, fit = fitted
-    pairs = zip(fit.lines(), fit.weights, strict=True)
-    lines = [line for line, weight in pairs if weight >= STRAIGHT_WEIGHT]
+    pairs = zip(fit.lines(), fit.straightness.rms, strict=True)
+    lines = [line for line, rms in pairs if rms <= STRAIGHT * problem.pixel]
     return [line for line in lines if np.linalg.norm(line[-1] - line[0]) > LONG * problem.radius]
 
 
 def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
     """Fit one division coefficient about the picture's middle, by the same robust cost."""
-    tolerance = ROUND_TOLERANCES[-1] * problem.pixel
+    scale = ROUND_SCALES[-1] * problem.pixel
 
     def lens(first: float) -> CentredLens:
         return CentredLens(RadialLens("division", np.array([first, 0.0, 0.0])), problem.middle)
 
     def cost(first: float) -> float:
-        return problem.cost(lens(first), bundle.measure(lens(first)), tolerance)
+        return problem.cost(lens(first), bundle.measure(lens(first)), scale)
 
     grid = np.linspace(*SEARCHED, 120)
     best = int(np.argmin([cost(first) for first in grid]))

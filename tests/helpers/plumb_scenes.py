@@ -84,6 +84,19 @@ def small_windows(rng, canvas):
             fill(canvas, np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.6 * pitch + [x, y], rng)
 
 
+def room(rng, canvas):
+    """Draw a wall of large windows above a floor of wood: its strands waver, and are many."""
+    height, width = canvas.shape[:2]
+    for x in np.arange(0.12, 0.9, 0.2) * width:
+        for y in (0.15, 0.36):
+            low = np.array([x, y * height])
+            fill(canvas, low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.13 * width, rng)
+    floor = int(0.6 * height)
+    noise = rng.normal(size=(height - floor, width)).astype(np.float32)
+    strands = cv2.GaussianBlur(noise, (0, 0), 40 * SUPERSAMPLING, sigmaY=2.5 * SUPERSAMPLING)
+    canvas[floor:] = np.clip(110 + 45 * strands / strands.std(), 0, 255)[..., None]
+
+
 def arches(rng, canvas):
     """Draw arcs about a point below the picture, and nothing else."""
     height, width = canvas.shape[:2]

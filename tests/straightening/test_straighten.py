@@ -7,7 +7,7 @@ import re
 import cv2
 import numpy as np
 import pytest
-from plumb_scenes import arches, circles, plumb_scene, quads, small_windows, spokes, windows
+from plumb_scenes import arches, circles, plumb_scene, quads, room, small_windows, spokes, windows
 from quick import first_quick
 
 import trisquare as ts
@@ -47,6 +47,16 @@ def test_known_lenses_are_undone(draw, count):
         good += off.mean() <= MEAN and off.max() <= WORST
         assert np.quantile(np.abs(in_std), 0.95) < 4
     assert good >= max(count - 1, 1)
+
+
+def test_a_few_straight_edges_weigh_more_than_a_floor_of_wood():
+    scene = plumb_scene(np.random.default_rng(12), SIZE, -0.2, room, centre=(490.0, 352.0))
+    found = ts.straighten(scene.picture)
+    off, _ = errors(found, scene)
+    lengths = [np.ptp(line, axis=0).max() for line in found.used + found.rejected]
+    assert np.sum(np.array(lengths) > 50) > 100
+    assert off.mean() <= MEAN
+    assert off.max() <= WORST
 
 
 def test_short_edges_in_a_row_are_one_long_line():

@@ -15,17 +15,18 @@ from trisquare.straightening.radial import RadialLens
 SEARCHED = np.linspace(0.4, -1.9, 70)
 """First coefficients that are tried: from a pincushion lens to a circular fisheye."""
 
-SEARCH_TOLERANCE = 0.8
-ROUND_TOLERANCES = (0.8, 0.8, 0.7, 0.6, 0.5, 0.5)
-"""RMS at which a line's weight is a quarter, working pixels: in the search, and in each round of
-merging and fitting."""
+SEARCH_SCALE = 0.8
+ROUND_SCALES = (0.8, 0.4, 0.2, 0.1, 0.05, 0.05)
+"""RMS at which a line's weight is a half, working pixels: in the search, and in each round of
+merging and fitting. The last is below that of most real lines, which then weigh by the inverse of
+their mean square: a few straight walls more than all the grain of a floor."""
 
 MOST_POINTS = 40
 """A longer line counts as one of so many points."""
 
 HELD_STD = 1e-6
 """Standard deviation of the prior of a parameter that is held."""
-PRIORS = (5.0, 0.1, HELD_STD, 0.08, 0.08)
+PRIORS = (5.0, 0.06, HELD_STD, 0.08, 0.08)
 """Weak priors about zero and the picture's middle: standard deviations of ``a1, a2, a3, cx,
 cy``, in half diagonals. A third coefficient is held until"""
 FREE_PRIORS = (5.0, 0.3, 0.1, 0.08, 0.08)
@@ -35,8 +36,8 @@ CENTRE = (3, 4)
 FIRST_SPREAD = 1.0
 """Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
 SHARED_ERRORS = 40.0
-"""over the rms of the lines, afterwards: the 40 points of a line err together, and so do the lines
-of a plane that is not flat, as if some 40 of them were one."""
+"""over a point's error, afterwards: the 40 points of a line err together, and so do the lines of
+a plane that is not flat, as if some 250 of them were one."""
 LEAST_RMS = 0.02
 """Working pixels: lines may be straighter by chance."""
 
@@ -66,7 +67,7 @@ class Fit:
     straightness : Straightness
         Of the lines.
     weights : ndarray, shape (L,)
-        From 1, straight, to 0, no line.
+        Of the lines in the last round: 1 of one that is straight.
     """
 
     lens: CentredLens
@@ -74,12 +75,11 @@ class Fit:
     straightness: Straightness
     weights: FloatArray
 
-    def rms(self) -> float:
-        """Return the rms of the lines' points, pixels, each line by its weight."""
-        straightness, bundle = self.straightness, self.straightness.bundle
-        weights = self.weights * bundle.sums(bundle.weights)
-        squares = weights @ straightness.rms**2 / max(float(weights.sum()), 1e-12)
-        return float(np.sqrt(squares))
+    def error(self) -> float:
+        """Return the standard error of a point, pixels, where its line weighs 1."""
+        counts = self.straightness.bundle.sums(self.straightness.bundle.weights)
+        squares = counts @ (self.weights * self.straightness.rms) ** 2
+        return float(np.sqrt(squares / max(float(counts @ self.weights), 1e-12)))
 
     def lines(self) -> list[FloatArray]:
         """Points of each line in their order along it, pixels."""
@@ -94,18 +94,18 @@ class Fit:
 
 def fit_lens(problem: Problem) -> Fit:
     """Search, then alternate robust least squares and merging, for both families of lenses."""
-    first = alternate(problem, search(problem), ROUND_TOLERANCES)
+    first = alternate(problem, search(problem), ROUND_SCALES)
     problem = with_shared_errors(problem, first)
-    division = alternate(problem, first.lens, ROUND_TOLERANCES[-2:])
-    polynomial = alternate(problem, as_polynomial(division.lens), ROUND_TOLERANCES[-3:])
+    division = alternate(problem, first.lens, ROUND_SCALES[-2:])
+    polynomial = alternate(problem, as_polynomial(division.lens), ROUND_SCALES[-3:])
     # Both families on the lines of both, else the one that merges less would have less to explain.
     bundles = [fit.straightness.bundle for fit in (division, polynomial)]
-    tolerance = ROUND_TOLERANCES[-1] * problem.pixel
+    scale = ROUND_SCALES[-1] * problem.pixel
 
     def cost(fit: Fit) -> float:
-        lenses = [refine(problem, bundle, fit.lens, tolerance) for bundle in bundles]
+        lenses = [refine(problem, bundle, fit.lens, scale) for bundle in bundles]
         pairs = zip(lenses, bundles, strict=True)
-        costs = [problem.cost(lens, bundle.measure(lens), tolerance) for lens, bundle in pairs]
+        costs = [lines_cost(bundle.measure(lens), scale) for lens, bundle in pairs]
         return sum(costs) / len(costs)
 
     better = cost(polynomial) - cost(division)
@@ -114,18 +114,20 @@ def fit_lens(problem: Problem) -> Fit:
 
 def shared_error(problem: Problem, fit: Fit) -> float:
     """Return the least square of the error, px^2, of points that err together."""
-    return SHARED_POINTS * max(fit.rms(), LEAST_RMS * problem.pixel) ** 2
+    return SHARED_POINTS * max(fit.error(), LEAST_RMS * problem.pixel) ** 2
 
 
 def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
     """Weigh the priors by how straight a fit's lines are."""
-    return replace(problem, prior_spread=SHARED_ERRORS * max(fit.rms() / problem.pixel, LEAST_RMS))
+    return replace(
+        problem, prior_spread=SHARED_ERRORS * max(fit.error() / problem.pixel, LEAST_RMS)
+    )
 
 
 def with_third_free(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Fit the same family again with three coefficients; return the problem as well."""
     problem = replace(with_shared_errors(problem, fit), priors=FREE_PRIORS)
-    return problem, alternate(problem, fit.lens, ROUND_TOLERANCES[-3:])
+    return problem, alternate(problem, fit.lens, ROUND_SCALES[-3:])
 
 
 def with_centre_held(problem: Problem, fit: Fit) -> Fit:
@@ -133,7 +135,7 @@ def with_centre_held(problem: Problem, fit: Fit) -> Fit:
     priors = (*problem.priors[: CENTRE[0]], HELD_STD, HELD_STD)
     held = replace(with_shared_errors(problem, fit), priors=priors)
     lens = CentredLens(fit.lens.radial, problem.middle)
-    return alternate(held, lens, ROUND_TOLERANCES[-3:])
+    return alternate(held, lens, ROUND_SCALES[-3:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,24 +170,21 @@ class Problem:
         """Parameters less what the priors expect."""
         return np.asarray(lens.parameters - np.array([0.0, 0.0, 0.0, *self.middle]))
 
-    def cost(self, lens: CentredLens, straightness: Straightness, tolerance: float) -> float:
-        """Geman and McClure's cost of the lines' rms, and the priors'."""
-        off = (straightness.rms / tolerance) ** 2
-        counts = straightness.bundle.sums(straightness.bundle.weights)
+    def cost(self, lens: CentredLens, straightness: Straightness, scale: float) -> float:
+        """Return the cost of the lines and of the priors."""
         deviation = self.deviation(lens)
-        data = tolerance**2 * (counts @ (off / (1 + off)))
-        return float(data + deviation @ self.prior() @ deviation)
+        return lines_cost(straightness, scale) + float(deviation @ self.prior() @ deviation)
 
 
-def alternate(problem: Problem, lens: CentredLens, tolerances: Sequence[float]) -> Fit:
+def alternate(problem: Problem, lens: CentredLens, scales: Sequence[float]) -> Fit:
     """Merge what the lens makes one line, and fit the lens to these lines, in turns."""
     single = problem.bundle([[i] for i in range(len(problem.curves))])
-    for tolerance in tolerances:
+    for scale in scales:
         groups = merged(problem.curves, single.measure(lens), lens, problem.pixel)
         bundle = problem.bundle(groups)
-        lens = refine(problem, bundle, lens, tolerance * problem.pixel)
+        lens = refine(problem, bundle, lens, scale * problem.pixel)
     straightness = bundle.measure(lens)
-    weights = line_weights(straightness, tolerances[-1] * problem.pixel)
+    weights = line_weights(straightness, scales[-1] * problem.pixel)
     return Fit(lens, groups, straightness, weights)
 
 
@@ -205,28 +204,34 @@ def search(problem: Problem) -> CentredLens:
     """
     bundle = problem.bundle([[i] for i in range(len(problem.curves))])
     lengths = np.array([np.linalg.norm(curve[-1] - curve[0]) for curve in problem.curves])
-    tolerance = SEARCH_TOLERANCE * problem.pixel
+    scale = SEARCH_SCALE * problem.pixel
 
     def score(lens: CentredLens) -> float:
-        return float(lengths**2 @ line_weights(bundle.measure(lens), tolerance))
+        return float(lengths**2 @ line_weights(bundle.measure(lens), scale))
 
     coefficients = [np.array([first, 0.0, 0.0]) for first in SEARCHED]
     lenses = [CentredLens(RadialLens("division", each), problem.middle) for each in coefficients]
     return max(lenses, key=score)
 
 
-def line_weights(straightness: Straightness, tolerance: float) -> FloatArray:
-    """``1 / (1 + (rms / tolerance)^2)^2``: what Geman and McClure's cost gives each line."""
-    return np.asarray((1 + (straightness.rms / tolerance) ** 2) ** -2)
+def lines_cost(straightness: Straightness, scale: float) -> float:
+    """Return Cauchy's cost of the lines' rms."""
+    counts = straightness.bundle.sums(straightness.bundle.weights)
+    return float(scale**2 * (counts @ np.log1p((straightness.rms / scale) ** 2)))
 
 
-def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float) -> CentredLens:
+def line_weights(straightness: Straightness, scale: float) -> FloatArray:
+    """``1 / (1 + (rms / scale)^2)``: what Cauchy's cost gives each line."""
+    return np.asarray(1 / (1 + (straightness.rms / scale) ** 2))
+
+
+def refine(problem: Problem, bundle: Bundle, lens: CentredLens, scale: float) -> CentredLens:
     """Minimise the cost by damped Gauss-Newton steps; it never rises."""
     prior = problem.prior()
     straightness = bundle.measure(lens)
-    cost, damping = problem.cost(lens, straightness, tolerance), 1e-3
+    cost, damping = problem.cost(lens, straightness, scale), 1e-3
     for _ in range(MOST_STEPS):
-        information, gradient = normal_equations(straightness, tolerance)
+        information, gradient = normal_equations(straightness, scale)
         information = information + prior
         gradient = gradient + prior @ problem.deviation(lens)
         while damping < MOST_DAMPING:
@@ -234,7 +239,7 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float
             step = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
             moved = lens.moved(step)
             trial = bundle.measure(moved)
-            trial_cost = problem.cost(moved, trial, tolerance)
+            trial_cost = problem.cost(moved, trial, scale)
             if trial_cost <= cost:
                 break
             damping *= 10
@@ -248,10 +253,10 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, tolerance: float
     return lens
 
 
-def normal_equations(straightness: Straightness, tolerance: float) -> tuple[FloatArray, FloatArray]:
+def normal_equations(straightness: Straightness, scale: float) -> tuple[FloatArray, FloatArray]:
     """Information and gradient of the weighted squares, by ``a1, a2, a3, cx, cy``."""
     bundle = straightness.bundle
-    weights = bundle.weights * bundle.spread(line_weights(straightness, tolerance))
+    weights = bundle.weights * bundle.spread(line_weights(straightness, scale))
     jacobian = straightness.jacobian()
     weighted = weights[:, None] * jacobian
     return weighted.T @ jacobian, weighted.T @ straightness.residuals

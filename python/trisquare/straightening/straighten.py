@@ -22,8 +22,8 @@ CLEARLY_OFF = 3.0
 """so many standard deviations, or more, off the picture's. A third coefficient is free if it is as
 far from zero."""
 
-STRAIGHT_WEIGHT = 0.25
-"""Weight of a line from which it is used: its rms is then the tolerance of half a pixel."""
+STRAIGHT = 0.5
+"""RMS up to which a line counts as straight, working pixels."""
 
 LONG = 0.15
 """Length of a long line, half diagonals; shorter ones hardly bend."""
@@ -165,7 +165,7 @@ def straighten(image: ImageSource) -> Straightened:
     --------
     >>> found = ts.straighten("photo.jpg")
     >>> len(found.used) > 20, found.camera.family
-    (True, 'division')
+    (True, 'polynomial')
     """
     from trisquare.straightening.edges import find_arcs  # which loads OpenCV
 
@@ -200,7 +200,7 @@ def straighten(image: ImageSource) -> Straightened:
     coefficients = radial.coefficients * [1, 1, third_free]
     camera = UnscaledCamera(size, radial.family, coefficients, fit.lens.centre, known.covariance)
     lines = fit.lines()
-    is_used = fit.weights >= STRAIGHT_WEIGHT
+    is_used = fit.straightness.rms <= STRAIGHT * problem.pixel
     used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
     rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
     _check_count(_seen_lengths(fit, lengths)[is_used], "straight lines")
@@ -249,7 +249,9 @@ def _straight_part(problem: Problem, fit: Fit) -> float:
     """Return the part of the long edges' length that is straight."""
     lengths = _spans(fit.lines()) / problem.radius
     lengths = np.where(lengths >= LONG, lengths, 0.0)
-    return float(lengths[fit.weights >= STRAIGHT_WEIGHT].sum() / max(lengths.sum(), 1e-12))
+    return float(
+        lengths[fit.straightness.rms <= STRAIGHT * problem.pixel].sum() / max(lengths.sum(), 1e-12)
+    )
 
 
 def _check_known(camera: UnscaledCamera) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 from trisquare.straightening.fit import (
-    ROUND_TOLERANCES,
+    ROUND_SCALES,
     Fit,
     Problem,
     line_weights,
@@ -40,7 +40,7 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     gradients of whole lines, one factor for all, corrected for what the parameters absorb.
     """
     straightness, bundle = fit.straightness, fit.straightness.bundle
-    weights = line_weights(straightness, ROUND_TOLERANCES[-1] * problem.pixel)
+    weights = line_weights(straightness, ROUND_SCALES[-1] * problem.pixel)
     jacobian = straightness.jacobian()
     weighted = (bundle.weights * bundle.spread(weights))[:, None] * jacobian
     of_lines = bundle.sums(weighted[:, :, None] * jacobian[:, None, :])
@@ -58,6 +58,10 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
     spread *= effective / max(effective - count, 1.0)
     spread = max(spread, shared_error(problem, fit))
-    covariance = np.linalg.inv(information / spread + np.eye(count)) * unit[:, None] * unit
+    covariance = np.linalg.inv(information / spread + np.eye(count))
+    # The fit weighs the priors more than this does: how far they pulled it is an error as well.
+    priors = (problem.prior_spread * problem.pixel) ** 2 * np.eye(count)
+    pulled = np.linalg.solve(information + priors, priors @ (problem.deviation(fit.lens) / unit))
+    covariance = (covariance + np.outer(pulled, pulled)) * unit[:, None] * unit
     alone = np.diag(inverse)[-2:] * spread
     return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone))
