@@ -52,6 +52,7 @@ def folder(tmp_path, monkeypatch):
         (("predict", "--size", "64x48", "--focal", "50mm"), 2, "the focal length in mm, times"),
         (("calibrate", "photo.png", "--fail-on", "all"), 2, "unknown --fail-on 'all'"),
         (("calibrate", "-", "-"), 2, "- is standard input, which holds one picture: give it once"),
+        (("calibrate", "photo.png", "--tone", "99"), 2, "a gamma must be from 0.2 to 5, not 99"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(run, folder, words, code, said):

@@ -1,5 +1,6 @@
 """`trisquare target --check`: lines, JSON, exit codes and refusals."""
 
+import dataclasses
 import json
 from importlib import resources
 
@@ -80,6 +81,19 @@ def test_a_sheet_of_which_nothing_is_told_is_not_ok(run, folder, monkeypatch):
     assert code == 0
     assert out.count("cannot tell  ") == 8
     assert out.endswith("the sheet: cannot tell\n")
+
+
+def test_a_sheet_is_not_called_ok_beside_a_high_warning(run, folder, monkeypatch, calibrated):
+    doubt = ts.CalibrationWarning("the targets are not flat", "planes_contradict", "high")
+
+    def doubted(photo, **settings):
+        found = calibrated(photo, **settings)
+        return dataclasses.replace(found, warnings=(doubt, *found.warnings))
+
+    monkeypatch.setattr(target_check, "calibrate", doubted)
+    code, out, err = run("target", "--check", "good.png")
+    assert (code, out.endswith("the sheet: cannot tell\n")) == (0, True)
+    assert "planes_contradict" in err
 
 
 def test_a_sheet_that_is_folded_wrongly(run, folder):

@@ -82,7 +82,9 @@ def _lines(check: SheetCheck, calibration: Calibration) -> Iterator[str]:
     for finding in check.findings:
         yield f"  {finding.check:<{width}}  {finding.verdict:<11}  {_sentence(finding)}"
     partly = check.verdict == "cannot tell" and any(it.verdict == "ok" for it in check.findings)
-    yield f"the sheet: {'ok but for what it cannot tell' if partly else check.verdict}"
+    is_doubted = any(warning.severity == "high" for warning in calibration.warnings)
+    summary = "ok but for what it cannot tell" if partly and not is_doubted else check.verdict
+    yield f"the sheet: {summary}"
 
 
 def _sentence(finding: Finding) -> str:

@@ -67,6 +67,8 @@ LARGEST_RESAMPLED = 32766
 
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear", "auto")
+GAMMAS = 0.2, 5.0
+"""The least and the largest gamma that is taken for one; of most pictures it is some 2.2."""
 
 
 def picture_size(picture: Image) -> tuple[int, int]:
@@ -133,7 +135,7 @@ def checked_tone(tone: Tone) -> str | float | None:
     Raises
     ------
     TypeError, ValueError
-        If `tone` is neither a known curve, nor a positive gamma, nor None.
+        If `tone` is neither a known curve, nor a gamma of `GAMMAS`, nor None.
     """
     if tone is None or (isinstance(tone, str) and tone in TONE_CURVES):
         return tone
@@ -144,8 +146,9 @@ def checked_tone(tone: Tone) -> str | float | None:
     except ValueError:
         choices = "auto, srgb, linear, or a gamma"
         raise unknown("tone curve", str(tone), TONE_CURVES, choices) from None
-    if not (np.isfinite(gamma) and gamma > 0):
-        raise ValueError(f"a gamma must be positive and finite, not {gamma}")
+    least, most = GAMMAS
+    if not least <= gamma <= most:
+        raise ValueError(f"a gamma must be from {least:g} to {most:g}, not {gamma:g}")
     return gamma
 
 

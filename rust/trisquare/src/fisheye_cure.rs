@@ -47,7 +47,9 @@ pub fn heed_fisheye<L: Lens>(
         warnings.any(|warning| codes.contains(&warning.code()))
     };
     // Planes that do not stand as they are said to explain all that does not fit.
-    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]);
+    // Nor is there more to explain where noise alone is left of a lens that bends as a pinhole's.
+    let is_explained = is_clean(calibration) && !bends_as_a_fisheye(calibration);
+    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]) && !is_explained;
     if !is_suspect || !may_be_another(options) {
         return;
     }
