@@ -163,8 +163,8 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
     if targets.lattices:
         return (
             "no square, chessboard or tag found: squares must be dark on a light ground "
-            f"(or the reverse), wholly visible, apart from each other, and {wide}, tags {tag}, "
-            f"{large}"
+            "(or the reverse; outlines at least 4 pixels thick), wholly visible, apart from each "
+            f"other, and {wide}, tags {tag}, {large}"
         )
     if not targets.squares:
         return (
@@ -172,9 +172,9 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
             f"be at least {tag} pixels wide in a picture of {size[0]} x {size[1]}"
         )
     return (
-        "no square found: squares must be dark on a light ground (or the reverse), "
-        f"wholly visible, apart from each other, and {wide} {large}; boards and tags were not "
-        "looked for, as they are by targets auto"
+        "no square found: squares must be dark on a light ground (or the reverse; outlines at "
+        f"least 4 pixels thick), wholly visible, apart from each other, and {wide} {large}; boards "
+        "and tags were not looked for, as they are by targets auto"
     )
 
 

@@ -116,7 +116,9 @@ pub enum NoEdge {
     #[error("no smooth edge runs along its outline, dark on the side where it should be")]
     Inconsistent,
     /// Something else is so near that its blur would be taken for this edge's.
-    #[error("something else is too close to it")]
+    #[error(
+        "something else is too close to it, such as the other edge of a line thinner than 5 blurs or 4 pixels"
+    )]
     Cramped,
     /// There is something, but its contrast is lost in the noise, or it is not a step.
     #[error("its edge is too faint, too blurred or too short to be measured")]
