@@ -137,7 +137,7 @@ def test_a_refusal_names_planes_that_stand_otherwise(seed, relations, text):
 @pytest.mark.parametrize(
     ("relations", "text"),
     [
-        ({"orthogonal": [(0, 3)]}, "there is no plane 3"),
+        ({"orthogonal": [(0, 3)]}, "plane 3 cannot be related"),
         ({"orthogonal": [(0, 1)], "parallel": [(1, 0)]}, "contradict each other"),
         ({"orthogonal": [(1, 1)]}, "pairs of the indices of two planes"),
         ({"parallel": [(0, 1, 2)]}, "pairs of the indices of two planes"),

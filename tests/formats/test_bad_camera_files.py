@@ -293,8 +293,8 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path):
     )
     assert "longer than" in refusal(tmp_path / "long.yaml")
     refused = load_text(tmp_path, "notes", "Hello\n")
-    assert "no camera file of a format that is known" in refused
-    assert refused.endswith("say which: format=, or trisquare convert --from")
+    assert "not a camera file of a known format" in refused
+    assert refused.endswith("name it with format=, or trisquare convert --from")
 
 
 def test_what_cannot_be_opened_is_an_os_error(tmp_path):

@@ -26,14 +26,14 @@ UNCHECKED = "targets_unchecked"
 
 CAUSES = {
     "lens_beyond_model": "the lens is beyond its model",
-    "relation_contradicted": "planes stand otherwise than they are said to",
+    "relation_contradicted": "planes contradict their stated relation",
     "planes_contradict": "the planes contradict each other",
-    "pixels_not_square": "the pixels do not come out square",
+    "pixels_not_square": "the estimated pixels are not square",
     "tone_contradicted": "the tone curve is another than stated",
     "plane_disagrees": "a plane disagrees with the rest",
     "planes_vary": "the pictures disagree",
     "correlated_residuals": "the samples of a side err together",
-    UNCHECKED: "nothing checks the targets",
+    UNCHECKED: "the targets cannot be checked",
     "no_tone_curve": "the edge profiles fit no tone curve",
 }
 """Warnings of what limits every parameter beyond the noise, by code."""
@@ -186,7 +186,7 @@ def _diagnose(
     nothing = f"no single change of the set-up would help much; {better} would"
     if cause is not None:
         # The changes are predicted for noise alone, which is not what limits it.
-        remedies = [f"first see to what a warning names ({cause})", *remedies[:1]]
+        remedies = [f"first resolve the warning {cause}", *remedies[:1]]
     remedies = remedies or [nothing]
     contradicted = contradicted_aspect(calibration)
     if contradicted is not None and cause != UNCHECKED and name in ("fx", "fy"):

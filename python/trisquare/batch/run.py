@@ -153,7 +153,7 @@ def calibrate_many(
         if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
             raise ValueError(f"{name} must be a positive whole number, not {value!r}")
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor must have submit(), which {type(executor).__name__} has not")
+        raise TypeError(f"executor must have submit(), which {type(executor).__name__} lacks")
     if executor is not None and workers is not None:
         raise ValueError("the executor has its own workers: give workers or executor")
     return _calibrated(jobs, executor, output, workers, window, retry, limits)

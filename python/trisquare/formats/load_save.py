@@ -87,8 +87,8 @@ def camera_of_document(
     camera = stand_in.lens
     if not approximate:
         raise LensModelError(
-            f"{shown(path)}: {lens.title} is none of trisquare's; the nearest is {stand_in}: "
-            "read it so with approximate=True (trisquare convert --approximate)",
+            f"{shown(path)}: {lens.title} is not a lens model of trisquare; the nearest is "
+            f"{stand_in}: read it so with approximate=True (trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,

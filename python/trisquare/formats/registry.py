@@ -69,8 +69,8 @@ def format_of_document(document: Document) -> Format:
         if not document.text.strip():
             raise ValueError("the file is empty")
         raise ValueError(
-            f"no camera file of a format that is known ({', '.join(FORMAT_NAMES)}); if it is one "
-            "of them all the same, say which: format=, or trisquare convert --from"
+            f"not a camera file of a known format ({', '.join(FORMAT_NAMES)}); if it is one of "
+            "these, name it with format=, or trisquare convert --from"
         )
     return promised
 

@@ -262,7 +262,7 @@ def _check_known(camera: UnscaledCamera) -> None:
     std = float(np.sqrt(slope @ camera.covariance[:-2, :-2] @ slope))
     if std > MOST_STD:
         raise DegenerateGeometryError(
-            f"the lines tell the distortion near the corners only to {std * camera.radius:.1f} px: "
-            "they are too central, too short, or run through the centre; take a picture with "
-            "straight edges along its border"
+            f"the lines determine the distortion near the corners only to "
+            f"{std * camera.radius:.1f} px: they are too central, too short, or run through the "
+            "centre; take a picture with straight edges along its border"
         )

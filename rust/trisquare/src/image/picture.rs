@@ -227,7 +227,7 @@ fn size_text(width: usize, height: usize, channels: usize, count: usize) -> Stri
         .checked_mul(channels)
         .filter(|row| *row > 0 && height > 0)
     else {
-        return format!("{picture} is none: {count} values are given");
+        return format!("{picture} is empty, but {count} values are given");
     };
     let needed = row.saturating_mul(height);
     let stride = count / height;
@@ -282,8 +282,8 @@ mod tests {
              padding, not 64: if each row of 16 values ends in 1 of padding, leave these out"
         );
         assert!(told(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));
-        assert!(told(0, 4, 64).ends_with("is none: 64 values are given"));
-        assert!(told(usize::MAX, 1, 1).ends_with("is none: 1 values are given"));
+        assert!(told(0, 4, 64).ends_with("is empty, but 64 values are given"));
+        assert!(told(usize::MAX, 1, 1).ends_with("is empty, but 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
     }

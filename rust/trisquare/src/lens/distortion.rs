@@ -105,7 +105,9 @@ impl Distortion {
         }
         let miscounted = || {
             let count = coefficients.len();
-            Error::InvalidArgument(format!("the model {model:?} has not {count} coefficients"))
+            Error::InvalidArgument(format!(
+                "the model {model:?} does not have {count} coefficients"
+            ))
         };
         match model {
             "opencv" => {

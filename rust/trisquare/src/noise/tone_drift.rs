@@ -121,8 +121,8 @@ pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
     if side.saturating_mul(side) > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift)
     {
         return Err(Error::InvalidArgument(format!(
-            "{count} pictures are too many to free a drift for each: leave out the drift, or \
-             pictures"
+            "{count} pictures are too many to estimate a tone drift for each: omit the tone drift, \
+             or use fewer pictures"
         )));
     }
     Ok(())

@@ -300,7 +300,7 @@ fn check_partners(plane: &ObservedPlane, planes: &[ObservedPlane]) -> Result<(),
     for (index, _) in &plane.relations {
         let shows = |other: &&ObservedPlane| other.figures.iter().any(|f| f.index == *index);
         let problem = match planes.iter().find(shows) {
-            None => "which there is not",
+            None => "which does not exist",
             Some(other) if other.image != plane.image => "which is in another picture",
             Some(other) if std::ptr::eq(other, plane) => "which is on its own plane",
             Some(_) => continue,

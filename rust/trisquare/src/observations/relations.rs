@@ -36,7 +36,7 @@ pub fn relate_planes(
     let count = first_figures.len();
     let figure = |plane: usize| {
         let found = first_figures.get(plane).copied();
-        let problem = || format!("there is no plane {plane} to be related: there are {count}");
+        let problem = || format!("plane {plane} cannot be related: only {count} planes are given");
         found.ok_or_else(|| Error::InvalidArgument(problem()))
     };
     let [first, second] = [figure(planes[0])?, figure(planes[1])?];
@@ -184,8 +184,8 @@ pub(crate) fn check_relations<L: Lens>(planes: &[ObservedPlane]) -> Result<(), E
     match relations.is_empty() || STARTS.iter().any(can_hold) {
         true => Ok(()),
         false => Err(Error::InvalidArgument(
-            "no planes can stand as orthogonal and parallel ask for: the relations contradict each \
-             other"
+            "the orthogonal and parallel relations contradict each other: no arrangement of planes \
+             satisfies all of them"
                 .into(),
         )),
     }

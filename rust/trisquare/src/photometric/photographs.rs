@@ -23,7 +23,7 @@ impl Photographs<'_> {
         let [pictures, tones] = [self.pictures.len(), self.tones.len()];
         if pictures != tones {
             return Err(Error::InvalidArgument(format!(
-                "{pictures} pictures come with {tones} tone curves: each needs one"
+                "{pictures} pictures are given with {tones} tone curves: each picture needs one"
             )));
         }
         if !self.tones.iter().all(PictureTone::is_valid) {
@@ -36,7 +36,8 @@ impl Photographs<'_> {
         for (figure, edges) in edges.iter().enumerate() {
             if edges.image >= pictures {
                 return Err(Error::InvalidArgument(format!(
-                    "figure {figure} is in the picture of index {}, but only {pictures} come along",
+                    "figure {figure} is in the picture of index {}, but only {pictures} pictures \
+                     are given",
                     edges.image
                 )));
             }

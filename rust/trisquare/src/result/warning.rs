@@ -271,7 +271,7 @@ pub enum Warning {
     /// The principal point comes out far from the centre of the picture.
     #[error(
         "the principal point is {} px from the centre of the picture, farther than nearly every \
-         camera's: was the picture cropped, or are the targets no squares?{}",
+         camera's: was the picture cropped, or are the targets not square?{}",
         with_its_std(*.distance, *.std),
         held_focal(Setting::PrincipalPointHeld, *.held, "which is wrong if it was cropped")
     )]
@@ -301,8 +301,9 @@ pub enum Warning {
     },
     /// The planes are no more than the camera needs, so that nothing tells whether they are true.
     #[error(
-        "nothing checks the targets{}: {} no more than this camera needs{}. If {}, fx is off by {} px, \
-         which its standard deviation, {} px, does not include. Show one more, tilted another way",
+        "the targets cannot be checked{}: {} no more than this camera needs{}. If {}, fx is off by \
+         {} px, which its standard deviation, {} px, does not include. Show one more, tilted another \
+         way",
         after_rejections(*.rejected), planes_in_directions(*.planes, *.directions), beside_rough(*.rough),
         untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
@@ -392,8 +393,8 @@ pub enum Warning {
     },
     /// Planes stand otherwise than they are said to.
     #[error(
-        "planes {} and {} come out {} degrees from {stand} without this relation: leave it out, or \
-         correct the numbers of the planes",
+        "planes {} and {} come out {} degrees from {stand} when calibrated without this relation: \
+         remove it, or correct the plane numbers",
         .planes[0], .planes[1], with_its_std(*.degrees, *.std)
     )]
     RelationContradicted {

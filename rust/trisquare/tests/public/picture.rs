@@ -79,7 +79,7 @@ fn photographs_that_do_not_fit_the_figures_are_refused() {
         ..own
     };
     assert!(refused(&edges, SIZE, &none).contains("figure 0 is in the picture of index 0"));
-    assert!(refused(&edges, SIZE, &untold).contains("1 pictures come with 0 tone curves"));
+    assert!(refused(&edges, SIZE, &untold).contains("1 pictures are given with 0 tone curves"));
     assert!(refused(&edges, SIZE, &invalid).contains("gamma"));
     let larger = ImageSize { width: 641, ..SIZE };
     assert!(refused(&edges, larger, &own).contains("640 x 480 pixels, not 641 x 480"));
