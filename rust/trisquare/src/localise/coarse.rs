@@ -6,8 +6,8 @@ use super::curve::Curve;
 use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 
-/// How an edge is looked at.
-struct PixelRay {
+/// How profiles across a path are sampled, and the edge is looked for in them.
+struct ProfileSettings {
     /// Distance between profiles, pixels.
     spacing: f64,
     /// Lines of pixels along the spacing whose mean is a profile.
@@ -22,7 +22,7 @@ struct PixelRay {
 
 /// At first, few lines and a short filter: long enough to average noise, short enough to keep the
 /// two sides of a thin frame apart.
-const SHARP: PixelRay = PixelRay {
+const SHARP: ProfileSettings = ProfileSettings {
     spacing: 6.0,
     lines: 1,
     filter: 2,
@@ -31,7 +31,7 @@ const SHARP: PixelRay = PixelRay {
 };
 /// Where that finds no edge, because it is blurred by several pixels or drowned in noise, all
 /// pixels: a blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
-const BLUNT: PixelRay = PixelRay {
+const BLUNT: ProfileSettings = ProfileSettings {
     spacing: 12.0,
     lines: 8,
     filter: 5,
@@ -141,29 +141,29 @@ pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<Curve> 
 /// Finds the edge within so many pixels of a span's path.
 fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
-    match seen(reader, &path, span, &PixelRay { reach, ..SHARP }) {
-        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &PixelRay { reach, ..BLUNT }),
+    match seen(reader, &path, span, &ProfileSettings { reach, ..SHARP }) {
+        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &ProfileSettings { reach, ..BLUNT }),
         found => found,
     }
 }
 
-/// Finds the edge near a path in one way of looking.
+/// Finds the edge near a path by profiles of given settings.
 fn seen(
     reader: &GreyReader<'_>,
     path: &Curve,
     span: &EdgeSpan,
-    pixel_ray: &PixelRay,
+    settings: &ProfileSettings,
 ) -> Result<CoarseEdge, NoEdge> {
     let count =
-        ((path.length() / pixel_ray.spacing) as usize).clamp(*PROFILES.start(), *PROFILES.end());
+        ((path.length() / settings.spacing) as usize).clamp(*PROFILES.start(), *PROFILES.end());
     let end = 1.0 - (END_MARGIN / path.half_length).min(2.0 * END_MARGIN_SHARE);
     let mut stations = Vec::with_capacity(count);
     let mut rises = Vec::with_capacity(count);
     for index in 0..count {
         let s = end * (2.0 * index as f64 / (count - 1) as f64 - 1.0);
-        if let Some(profile) = pixel_ray.profile(reader, path, s) {
+        if let Some(profile) = settings.profile(reader, path, s) {
             stations.push(s);
-            rises.extend(pixel_ray.steepest(&profile, path, s, span));
+            rises.extend(settings.steepest(&profile, path, s, span));
         }
     }
     let inside = stations.len();
@@ -250,7 +250,7 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
     Some(curve)
 }
 
-impl PixelRay {
+impl ProfileSettings {
     /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
     fn profile(&self, reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<Profile> {
         let mut values = [0.0; MOST_SAMPLES];
