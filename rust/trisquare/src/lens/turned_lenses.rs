@@ -67,19 +67,19 @@ impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
 
     /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
     pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
-        see_again((self.first, self.second), &self.rotation, pixel)
+        match_pixel((self.first, self.second), &self.rotation, pixel)
     }
 }
 
 /// A lens of any family. What is compared through it is compiled once, not for each two families.
-trait Sight {
+trait ErasedLens {
     fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>>;
     /// `None` where the lens cannot be inverted, or hardly.
-    fn look(&self, pixel: &Vector2<f64>) -> Option<Look>;
+    fn unproject_with_derivatives(&self, pixel: &Vector2<f64>) -> Option<Unprojected>;
 }
 
 /// What a lens sees at a pixel.
-struct Look {
+struct Unprojected {
     direction: Vector3<f64>,
     by_pixel: Matrix3x2<f64>,
     /// How the pixel follows the lens's parameters, ...
@@ -88,12 +88,12 @@ struct Look {
     pixel_by_direction: Matrix2x3<f64>,
 }
 
-impl<L: Lens> Sight for L {
+impl<L: Lens> ErasedLens for L {
     fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>> {
         Lens::project(self, direction)
     }
 
-    fn look(&self, pixel: &Vector2<f64>) -> Option<Look> {
+    fn unproject_with_derivatives(&self, pixel: &Vector2<f64>) -> Option<Unprojected> {
         let pixel_ray = self.unproject_with_jacobian(pixel)?;
         let direction = self.direction(&pixel_ray);
         let by_pixel = self.direction_jacobian(&pixel_ray);
@@ -101,7 +101,7 @@ impl<L: Lens> Sight for L {
         let [fx, fy, ..] = self.intrinsics();
         // Written so that NaN is near the rim.
         let is_clear_of_rim = area.dot(&direction).abs() * fx * fy < NEAR_RIM;
-        is_clear_of_rim.then_some(Look {
+        is_clear_of_rim.then_some(Unprojected {
             direction,
             by_pixel,
             pixel_by_lens: self.projection_jacobian(&pixel_ray),
@@ -112,7 +112,7 @@ impl<L: Lens> Sight for L {
 
 /// See [`TurnedLenses::closest`].
 fn closest_rotation(
-    lenses: (&dyn Sight, &dyn Sight),
+    lenses: (&dyn ErasedLens, &dyn ErasedLens),
     pixels: &[Vector2<f64>],
 ) -> Result<Matrix3<f64>, Error> {
     if pixels.is_empty() {
@@ -124,9 +124,9 @@ fn closest_rotation(
     for _ in 0..MAX_STEPS {
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         for pixel in pixels {
-            if let Some(again) = see_again(lenses, &rotation, pixel) {
-                normal += again.by_turn.tr_mul(&again.by_turn);
-                gradient += again.by_turn.tr_mul(&(again.pixel - pixel));
+            if let Some(matched) = match_pixel(lenses, &rotation, pixel) {
+                normal += matched.by_turn.tr_mul(&matched.by_turn);
+                gradient += matched.by_turn.tr_mul(&(matched.pixel - pixel));
             }
         }
         let floor = f64::EPSILON * normal.trace() * RIDGE;
@@ -142,7 +142,7 @@ fn closest_rotation(
             break;
         }
     }
-    let is_seen = |pixel: &&Vector2<f64>| see_again(lenses, &rotation, pixel).is_some();
+    let is_seen = |pixel: &&Vector2<f64>| match_pixel(lenses, &rotation, pixel).is_some();
     let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len() as f64;
     if part < LEAST_IN_COMMON {
         return Err(Error::InvalidArgument(format!(
@@ -158,15 +158,15 @@ fn closest_rotation(
 ///
 /// The derivatives are those of the second projection by the direction `d`, which a change of
 /// the pixel moves by `R` times that of the first lens's direction, and a turn by `turn x d`.
-fn see_again(
-    (first, second): (&dyn Sight, &dyn Sight),
+fn match_pixel(
+    (first, second): (&dyn ErasedLens, &dyn ErasedLens),
     rotation: &Matrix3<f64>,
     pixel: &Vector2<f64>,
 ) -> Option<SeenAgain> {
-    let by_first = first.look(pixel)?;
+    let by_first = first.unproject_with_derivatives(pixel)?;
     let direction = rotation * by_first.direction;
     let seen = second.project(&direction)?;
-    let by_second = second.look(&seen)?;
+    let by_second = second.unproject_with_derivatives(&seen)?;
     // Of a direction of another length, the same but for that length.
     let length = by_second.direction.norm() / direction.norm();
     let by_direction = by_second.pixel_by_direction * length;
@@ -217,12 +217,12 @@ mod tests {
             rotation,
         };
         let pixel = Vector2::new(100.0, 400.0);
-        let again = turned.see_again(&pixel).unwrap();
+        let matched = turned.see_again(&pixel).unwrap();
         let seen = |pixel: Vector2<f64>| turned.see_again(&pixel).unwrap().pixel;
         for axis in 0..2 {
             let step = Vector2::ith(axis, 1e-3);
             let numeric = (seen(pixel + step) - seen(pixel - step)) / 2e-3;
-            assert!((numeric - again.by_pixel.column(axis)).norm() < 1e-8);
+            assert!((numeric - matched.by_pixel.column(axis)).norm() < 1e-8);
         }
         for axis in 0..3 {
             let by = |turn: f64| {
@@ -234,7 +234,7 @@ mod tests {
                 turned.see_again(&pixel).unwrap().pixel
             };
             let numeric = (by(1e-6) - by(-1e-6)) / 2e-6;
-            assert!((numeric - again.by_turn.column(axis)).norm() < 1e-4);
+            assert!((numeric - matched.by_turn.column(axis)).norm() < 1e-4);
         }
     }
 
@@ -247,7 +247,7 @@ mod tests {
         let pull: Vector3<f64> = pixels()
             .iter()
             .map(|pixel| (pixel, turned.see_again(pixel).unwrap()))
-            .map(|(pixel, again)| again.by_turn.tr_mul(&(again.pixel - pixel)))
+            .map(|(pixel, matched)| matched.by_turn.tr_mul(&(matched.pixel - pixel)))
             .sum();
         assert!(pull.norm() < 1e-4, "{pull}"); // of pixels times focal lengths
         assert!((turned.rotation.determinant() - 1.0).abs() < 1e-12);

@@ -56,15 +56,15 @@ pub fn compare_projections<A: Lens, B: Lens>(
     pixels: &[Vector2<f64>],
 ) -> Result<ProjectionDifference, Error> {
     let turned = TurnedLenses::closest(first.camera(), second.camera(), pixels)?;
-    let again: Vec<_> = pixels.iter().map(|p| turned.see_again(p)).collect();
-    let pairs = pixels.iter().zip(&again);
+    let matches: Vec<_> = pixels.iter().map(|p| turned.see_again(p)).collect();
+    let pairs = pixels.iter().zip(&matches);
     let differences: Vec<_> = pairs
-        .map(|(p, again)| Some(again.as_ref()?.pixel - p))
+        .map(|(p, matched)| Some(matched.as_ref()?.pixel - p))
         .collect();
     let is_of_one_family = A::parameter_names() == B::parameter_names();
     let focal = first.camera().focal().min();
     let free = (first.free(), second.free());
-    let test = test_of_free(free, (is_of_one_family, focal), &differences, &again)?;
+    let test = test_of_free(free, (is_of_one_family, focal), &differences, &matches)?;
     Ok(ProjectionDifference {
         rotation: turned.rotation,
         differences,
@@ -77,25 +77,25 @@ fn test_of_free(
     (first, second): (&FreeColumns, &FreeColumns),
     (is_of_one_family, focal): (bool, f64),
     differences: &[Option<Vector2<f64>>],
-    again: &[Option<SeenAgain>],
+    matches: &[Option<SeenAgain>],
 ) -> Result<Option<DifferenceTest>, Error> {
     let count = first.len() + second.len();
     if count == 0 {
         return Ok(None);
     }
-    let seen: Vec<&SeenAgain> = again.iter().flatten().collect();
+    let seen: Vec<&SeenAgain> = matches.iter().flatten().collect();
     let (first_root, second_root) = (first.root()?, second.root()?);
     let mut spread = DMatrix::zeros(2 * seen.len(), count);
     let mut turns = DMatrix::zeros(2 * seen.len(), 3);
-    for (i, again) in seen.iter().enumerate() {
+    for (i, matched) in seen.iter().enumerate() {
         // What moves the first camera's projection moves the direction seen at a pixel back. From
         // one lens to another of its family the mean of their derivatives leads, but for what is
         // of the third order.
         let (by_first, by_second) = if is_of_one_family {
-            let mean = (again.by_first + again.by_second) / 2.0;
+            let mean = (matched.by_first + matched.by_second) / 2.0;
             (mean, mean)
         } else {
-            (again.by_pixel * again.by_first, again.by_second)
+            (matched.by_pixel * matched.by_first, matched.by_second)
         };
         let moved = first.of(&by_first) * &first_root;
         let mut rows = spread.rows_mut(2 * i, 2);
@@ -103,7 +103,7 @@ fn test_of_free(
         let moved = second.of(&by_second) * &second_root;
         rows.columns_mut(first.len(), second.len())
             .copy_from(&moved);
-        turns.rows_mut(2 * i, 2).copy_from(&again.by_turn);
+        turns.rows_mut(2 * i, 2).copy_from(&matched.by_turn);
     }
     let basis = turns.qr().q();
     let before = spread.norm();
@@ -116,7 +116,7 @@ fn test_of_free(
     // In how many ways parameters can change: in each of two cameras of one family the same.
     let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
     let kinds = first.len() + second.columns().iter().filter(is_new).count();
-    tested(&difference, &spread, focal, kinds, again).map(Some)
+    tested(&difference, &spread, focal, kinds, matches).map(Some)
 }
 
 /// The chi-squared test of a difference against a square root of its covariance.
@@ -132,7 +132,7 @@ fn tested(
     spread: &DMatrix<f64>,
     focal: f64,
     kinds: usize,
-    again: &[Option<SeenAgain>],
+    matches: &[Option<SeenAgain>],
 ) -> Result<DifferenceTest, Error> {
     if !spread.iter().all(|v| v.is_finite()) {
         return Err(Error::InvalidArgument(
@@ -159,7 +159,7 @@ fn tested(
     }
     let mut blocks = (0..spread.nrows() / 2).map(|i| spread.rows(2 * i, 2).norm());
     Ok(DifferenceTest {
-        std: again
+        std: matches
             .iter()
             .map(|a| a.as_ref().and_then(|_| blocks.next()))
             .collect(),
