@@ -4,6 +4,8 @@
 //! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
 //! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`,
 //! `d = i + j`. Stiff sheets resist curvature, which grows with the square of the order: `n` is 4.
+//! Where the relief of squares is asked for as well (`Sheets::All`), 12 is tried, too, and the
+//! likelier is kept: sheets rolled or twisted as a whole have hardly any terms but the lowest.
 
 use nalgebra::{Vector2, Vector3};
 

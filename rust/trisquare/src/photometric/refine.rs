@@ -1,4 +1,4 @@
-//! The last stage when there is a picture: the joint model fitted to the pixels themselves.
+//! Runs the joint fit to the pixels and decides whether its answer replaces that of the edges.
 //!
 //! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
 //! that changes over the figure, and `C` the part of the blurred square that covers it: the normal

@@ -27,7 +27,8 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub(super) contradicted: Option<DVector<f64>>,
     /// Planes of which the optimum is known already, and that.
     pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
-    /// Shared with the tasks that try what would help.
+    /// What the searches have cost: shared by all problems that [`Self::within`] bounds together, as
+    /// a calibration, its nested models and the trials of what would help.
     pub work: Rc<Work>,
 }
 

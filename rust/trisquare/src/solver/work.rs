@@ -10,7 +10,7 @@ use crate::observations::ObservedPlane;
 const SAMPLES_PER_PLANE: usize = 32;
 
 /// Evaluations of all samples that a calibration may take. Sound ones take some dozens, those
-/// that set sides aside or look for remedies up to 2,750.
+/// that reject sides or look for remedies up to 2,750.
 const EVALUATIONS: usize = 5_000;
 
 /// Work that is allowed to the smallest calibrations, in samples evaluated: about a second.
