@@ -101,7 +101,7 @@ def test_more_small_tags_are_read_along_the_grid_than_alone():
     rng = np.random.default_rng(33)
     scene = aprilgrid_box_scene(rng, (6, 6))
     picture = photograph(scene, rng, noise=3.0, blur=0.9, jpeg_quality=85)[0]
-    numbers, _ = find_touching_tags(picture, NAME, 2)
+    numbers, _ = find_touching_tags(picture, NAME)
     along = sum(len(grid.tags) for grid in find_aprilgrids(picture))
     assert 3 <= len(numbers) < 0.9 * along
     assert along >= 0.95 * 108
@@ -216,7 +216,7 @@ def test_lone_tags_and_pictures_of_nothing_are_no_grid():
     lone = np.pad(tag, 100, constant_values=230)
     for picture in (noise, np.zeros((40, 40), np.uint8), np.zeros((33, 400), np.uint8), lone):
         assert find_aprilgrids(picture) == []
-    assert find_touching_tags(lone, NAME, 2)[0] == [3]
+    assert find_touching_tags(lone, NAME)[0] == [3]
 
 
 @pytest.mark.parametrize("gap", first_quick([0.2, 0.4]))

@@ -128,7 +128,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
     list of AprilGrid
         From the one of most tags to the one of fewest.
     """
-    numbers, corners = find_touching_tags(grey, name, WIDE_BORDER)
+    numbers, corners = find_touching_tags(grey, name)
     if len(numbers) < LEAST_TAGS:
         return []
     pairs = list(_pairs(numbers, corners))

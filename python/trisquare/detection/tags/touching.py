@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import trisquare._core as _core
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import MIN_CONTRAST
-from trisquare.detection.tags.decode import BORDER, agreement
+from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, agreement
 from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_sides
 
 LEAST_CORRELATION = 0.8
@@ -66,10 +66,8 @@ MAX_CORNER_STEP = 0.2
 """Of the shortest side: how far a corner may be from where it was expected."""
 
 
-def find_touching_tags(
-    grey: NDArray[np.uint8], name: str, border: int
-) -> tuple[list[int], FloatArray]:
-    """Find tags of a dictionary, whether or not something dark touches their corners.
+def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], FloatArray]:
+    """Find tags of wide border, whether or not something dark touches their corners.
 
     Returns
     -------
@@ -85,7 +83,7 @@ def find_touching_tags(
     for parting in PARTINGS:
         outlines = (_dark_quads(searched, lowest, highest, parting) + 0.5) * scale - 0.5
         quads = on_saddles(grey, outlines)
-        numbers, turns, correlation = agreement(grey, quads, name, border)
+        numbers, turns, correlation = agreement(grey, quads, name, WIDE_BORDER)
         read = np.flatnonzero(correlation >= LEAST_CORRELATION)
         # Cells of a tag with another border may come near enough to a code as well.
         usual = agreement(grey, quads[read], name, BORDER).correlation
