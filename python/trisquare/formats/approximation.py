@@ -16,7 +16,7 @@ from trisquare.camera.camera import (
     camera_parameters,
 )
 from trisquare.camera.lens_models import BROWN, COEFFICIENTS, FISHEYE, RATIONAL, THIN_PRISM
-from trisquare.formats.other_lenses import ForeignLens, camera_of
+from trisquare.formats.other_lenses import ForeignLens, simplest_camera
 
 Lens: TypeAlias = "Camera | ForeignLens"
 
@@ -78,7 +78,7 @@ class Family:
     ) -> Any:
         """Return the lens of these parameters: here, a camera."""
         named = dict(zip(self.free, coefficients, strict=True))
-        return camera_of(camera_matrix(*focal, *centre), named, image_size)
+        return simplest_camera(camera_matrix(*focal, *centre), named, image_size)
 
 
 ANY_BROWN = Family("brown (k1, k2, p1, p2, k3)", BROWN)

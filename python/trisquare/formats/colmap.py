@@ -23,7 +23,7 @@ from trisquare.camera.lens_models import FISHEYE, RATIONAL
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_of, fisheye_of, opencv_lens
+from trisquare.formats.other_lenses import fisheye_of, opencv_lens, simplest_camera
 
 HALF_PIXEL = 0.5
 """From trisquare's origin to COLMAP's."""
@@ -112,7 +112,7 @@ def _camera(words: Sequence[str]) -> Lens:
         return fisheye_of(K, distortion, size)
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         named = dict(zip(("k1", "k2"), distortion, strict=False))
-        return camera_of(K, named, size)
+        return simplest_camera(K, named, size)
     return opencv_lens(K, distortion, size)
 
 

@@ -25,7 +25,7 @@ from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.formats.approximation import Family, Lens
 from trisquare.formats.base import SAY_THE_SIZE, Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import camera_of
+from trisquare.formats.other_lenses import simplest_camera
 from trisquare.formats.panotools import PanoFamily, PanoLens
 from trisquare.formats.xml_text import number_in, parse_xml
 
@@ -88,7 +88,7 @@ def _lens(
     if model == "poly5":
         step = (focal / half) ** 2
         named = {"k1": terms["k1"] * step, "k2": terms["k2"] * step**2}
-        return camera_of(camera_matrix(focal, focal, x, y), named, image_size)
+        return simplest_camera(camera_matrix(focal, focal, x, y), named, image_size)
     a, b, c = terms.get("a", 0.0), terms.get("b", terms.get("k1", 0.0)), terms.get("c", 0.0)
     scale = 1.0 - a - b - c
     if not scale > 0:

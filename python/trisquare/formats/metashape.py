@@ -28,7 +28,7 @@ from trisquare.camera.lens_models import is_fisheye
 from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import ForeignLens, camera_of, fisheye_of
+from trisquare.formats.other_lenses import ForeignLens, fisheye_of, simplest_camera
 from trisquare.formats.xml_text import number_in, parse_xml
 
 RADIAL = ("k1", "k2", "k3", "k4")
@@ -105,7 +105,7 @@ def _camera(texts: Mapping[str, str]) -> Lens:
     # The two agree on the model, and name its terms the other way round.
     named = {key: values[key] for key in RADIAL} | {"p1": values["p2"], "p2": values["p1"]}
     if not values["k4"]:
-        return camera_of(K, named, size)
+        return simplest_camera(K, named, size)
     if values["b2"]:
         raise ValueError('"k4" and "b2" are not read together: one of them must be 0')
     return ForeignLens("Metashape's frame with k4", K, size, " ".join(named), list(named.values()))

@@ -27,7 +27,7 @@ from trisquare.formats.approximation import ANY_BROWN, ANY_FISHEYE, Lens
 from trisquare.formats.base import Cameras, Format, ImageSize, only
 from trisquare.formats.colmap import HALF_PIXEL
 from trisquare.formats.document import Document
-from trisquare.formats.other_lenses import ForeignLens, camera_of, fisheye_of
+from trisquare.formats.other_lenses import ForeignLens, fisheye_of, simplest_camera
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
@@ -91,7 +91,7 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
             " ".join(named),
             list(named.values()),
         )
-    return camera_of(K, named, size)
+    return simplest_camera(K, named, size)
 
 
 def _model(members: JsonFields, shared: JsonFields) -> str:

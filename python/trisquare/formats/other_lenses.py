@@ -48,7 +48,7 @@ class ForeignLens:
         Camera(self.K, np.zeros(5), self.image_size)  # says what is wrong with K or the size
 
 
-def camera_of(
+def simplest_camera(
     K: FloatArray,
     coefficients: Mapping[str, float],
     image_size: tuple[int, int],

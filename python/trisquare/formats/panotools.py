@@ -16,7 +16,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare.camera.camera import Camera, camera_matrix
 from trisquare.formats.approximation import Family, Lens
-from trisquare.formats.other_lenses import ForeignLens, camera_of
+from trisquare.formats.other_lenses import ForeignLens, simplest_camera
 
 # What polynomials' roots may have of an imaginary part by rounding.
 REAL = 1e-9
@@ -71,7 +71,7 @@ class PanoLens:
         focal = self.focal * scale
         K = camera_matrix(focal, focal, *self.centre)
         if bend[0] == bend[2] == 0:
-            return camera_of(K, {"k1": bend[1]}, self.image_size)
+            return simplest_camera(K, {"k1": bend[1]}, self.image_size)
         return ForeignLens(title, K, self.image_size, " ".join(POWERS), bend)
 
 
