@@ -209,5 +209,5 @@ def search_annotated(
         Rejected(target.kind, 0, target.corners, own) if isinstance(own, str) else Square(own)
         for target, own in zip(annotated, snapped, strict=True)
     ]
-    # Where outlines are drawn by hand, no search has passed anything over.
+    # Where outlines are drawn by hand, nothing was rejected by a search.
     return Search(grey, TargetKinds(), found)

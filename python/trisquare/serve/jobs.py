@@ -83,11 +83,6 @@ class Jobs:
             self._accepted += 1
         return Place(self, folder)
 
-    @property
-    def is_working(self) -> bool:
-        """Whether a task is being done."""
-        return self._turns is not None and self._turns.borrowed_tokens > 0
-
     def give_back(self, place: Place) -> None:
         """Make room for another request."""
         shutil.rmtree(place.folder, ignore_errors=True)
