@@ -12,19 +12,6 @@ use crate::observations::{Fixed, Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 use crate::uncertainty::unlikely_camera;
 
-/// Warnings that a lens of another family may be the cause of.
-const SYMPTOMS: [&str; 9] = [
-    "lens_beyond_model",
-    "planes_contradict",
-    "plane_disagrees",
-    "side_rejected",
-    "plane_rejected",
-    "pixels_not_square",
-    "principal_point_off_centre",
-    "correlated_residuals",
-    "pixels_not_used",
-];
-
 /// A fisheye that has to leave much less is only weighed if one fit of it leaves less than this
 /// part of the asked lens's: these are of all edges, the fit's of some.
 const WORTH_WEIGHING: f64 = 0.75;
@@ -42,14 +29,13 @@ pub fn heed_fisheye<L: Lens>(
     options: &Options<L>,
     calibration: &mut Calibration<L>,
 ) {
-    let shows = |codes: &[&str]| {
-        let mut warnings = calibration.warnings.iter();
-        warnings.any(|warning| codes.contains(&warning.code()))
-    };
+    let shows = |is_shown: fn(&Warning) -> bool| calibration.warnings.iter().any(is_shown);
+    let is_contradicted =
+        |warning: &Warning| matches!(warning, Warning::RelationContradicted { .. });
     // Planes that do not stand as they are said to explain all that does not fit.
     // Nor is there more to explain where noise alone is left of a lens that bends as a pinhole's.
     let is_explained = is_clean(calibration) && !bends_as_a_fisheye(calibration);
-    let is_suspect = shows(&SYMPTOMS) && !shows(&["relation_contradicted"]) && !is_explained;
+    let is_suspect = shows(is_symptom) && !shows(is_contradicted) && !is_explained;
     if !is_suspect || !may_be_another(options) {
         return;
     }
@@ -89,10 +75,29 @@ pub fn heed_fisheye<L: Lens>(
             own: own_rms,
             focal: fit.camera.focal().x,
         };
-        let code = warning.code();
-        calibration.warnings.retain(|other| other.code() != code);
+        calibration
+            .warnings
+            .retain(|other| !other.is_lens_beyond_model());
         calibration.warnings.insert(0, warning);
     }
+}
+
+/// Whether a lens of another family may be the cause of a warning.
+fn is_symptom(warning: &Warning) -> bool {
+    warning.is_lens_beyond_model()
+        || matches!(
+            warning,
+            Warning::PlanesContradict { .. }
+                | Warning::NoSquares { .. }
+                | Warning::Disagreement(_)
+                | Warning::SideRejected { .. }
+                | Warning::PlaneRejected { .. }
+                | Warning::PixelsNotSquare { .. }
+                | Warning::Sheared { .. }
+                | Warning::PrincipalPointOffCentre { .. }
+                | Warning::SidesErrTogether { .. }
+                | Warning::PixelsNotUsed { .. }
+        )
 }
 
 /// What to say of edges for which a distorted pinhole gave an error: that the lens is a fisheye, where

@@ -10,9 +10,6 @@ use crate::numeric::chi_square_tail;
 use crate::observations::{Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 
-/// A warning that only tells where targets are missing in the picture.
-const OF_PLACES: &str = "lens_extrapolated";
-
 /// How often noise alone shows so much of the coefficients that a model has beyond the asked ones.
 const CHANCE: f64 = 1e-4;
 
@@ -30,7 +27,8 @@ pub fn heed_opencv_lens<L: Lens>(
     calibration: &mut Calibration<L>,
 ) {
     let first = calibration.warnings.first();
-    let is_cured = first.is_some_and(|first| is_beyond(first) && first.alternative().is_some());
+    let is_cured =
+        first.is_some_and(|first| first.is_lens_beyond_model() && first.alternative().is_some());
     let is_suspect = fits_badly(calibration) && !is_cured;
     if !is_suspect || !may_be_another(options) {
         return;
@@ -46,7 +44,8 @@ pub fn heed_opencv_lens<L: Lens>(
     if cure.is_none() || !is_shown() {
         return;
     }
-    let place = calibration.warnings.iter().position(is_beyond);
+    let mut warnings = calibration.warnings.iter();
+    let place = warnings.position(Warning::is_lens_beyond_model);
     let known = place.map(|place| calibration.warnings.remove(place));
     let (parameter, factor) = match known {
         Some(Warning::LensBeyondModel {
@@ -66,12 +65,19 @@ pub fn heed_opencv_lens<L: Lens>(
 
 /// Whether planes contradict each other, or the lens comes first of what is warned of.
 fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
-    let contradicts = |warning: &Warning| warning.code() == "planes_contradict";
-    found.warnings.first().is_some_and(is_beyond) || found.warnings.iter().any(contradicts)
+    let contradicts = |warning: &Warning| {
+        matches!(
+            warning,
+            Warning::PlanesContradict { .. } | Warning::NoSquares { .. }
+        )
+    };
+    let first = found.warnings.first();
+    first.is_some_and(Warning::is_lens_beyond_model) || found.warnings.iter().any(contradicts)
 }
 
-fn is_beyond(warning: &Warning) -> bool {
-    warning.code() == "lens_beyond_model"
+/// Whether a warning only tells where targets are missing in the picture.
+fn is_of_places(warning: &Warning) -> bool {
+    matches!(warning, Warning::LensExtrapolated { .. })
 }
 
 /// The name of a model and `fx` with it, if it leaves nothing to warn of by coefficients that are
@@ -87,8 +93,7 @@ fn of_lens<A: Lens, B: Lens>(
         ..options.for_family::<B>()
     };
     let found = calibrate_agreeing(edges, size, &options)?;
-    let mut codes = found.warnings.iter().map(Warning::code);
-    (codes.all(|code| code == OF_PLACES) && has_other_coefficients(&found, asked))
+    (found.warnings.iter().all(is_of_places) && has_other_coefficients(&found, asked))
         .then(|| (model.name(), found.camera.focal().x))
 }
 

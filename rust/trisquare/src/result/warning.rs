@@ -488,6 +488,14 @@ impl Warning {
         }
     }
 
+    /// Whether the lens is beyond its model, or of another family: they share a code.
+    pub(crate) fn is_lens_beyond_model(&self) -> bool {
+        matches!(
+            self,
+            Self::LensBeyondModel { .. } | Self::LensOfAnotherFamily { .. }
+        )
+    }
+
     /// The setting that it tried, if it did; its message has that.
     #[must_use]
     pub fn alternative(&self) -> Option<Alternative<'_>> {
