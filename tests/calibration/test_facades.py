@@ -137,7 +137,7 @@ def test_what_nothing_checks_is_told_the_more_where_a_facade_was_rejected(reject
     result = ts.calibrate_edges(edges, SIZE, fix="aspect")
     (told,) = (warning for warning in result.warnings if warning.code == "targets_unchecked")
     assert told.severity == ("high" if rejected else "medium")
-    assert ("nor that the rejected plane is the false one" in told) == rejected
+    assert ("nor whether the rejected plane is the false one" in told) == rejected
     assert "right angles are off by 0.2 degrees" in told
 
 

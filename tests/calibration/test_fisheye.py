@@ -121,7 +121,7 @@ def test_with_too_few_coefficients_the_lens_is_named(wide, model):
     assert "lens_beyond_model" in high
     assert found.std["fx"] > 4 * right.std["fx"]
     assert abs(found.camera.fx - scene.camera.fx) < 4 * found.std["fx"]
-    assert all("a warning names" in own.remedy for own in ts.diagnose(found).values())
+    assert all("resolve the warning" in own.remedy for own in ts.diagnose(found).values())
 
 
 def test_its_maps_are_those_of_opencv():

@@ -153,8 +153,8 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
 pub(super) fn after_rejections(rejected: usize) -> &'static str {
     match rejected {
         0 => "",
-        1 => ", nor that the rejected plane is the false one",
-        _ => ", nor that the rejected planes are the false ones",
+        1 => ", nor whether the rejected plane is the false one",
+        _ => ", nor whether the rejected planes are the false ones",
     }
 }
 

@@ -92,13 +92,16 @@ pub(crate) fn reject_outliers<L: Lens>(
             last_sound = Some(before);
         }
     }
-    // Sides are to blame only where the others agree without them, or the robust loss blames them.
-    if solution.misfit(problem).mean() > DOUBTED && with_all_sides.has_weight_on_all_sides() {
+    // Sides are to blame only where the others agree without them, or one plane alone is bent.
+    if solution.misfit(problem).mean() > DOUBTED && bent_plane(&with_all_sides).is_none() {
         (solution, last_sound) = (with_all_sides, None);
     }
     // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
     if solution.misfit(problem).mean() > DOUBTED && problem.is_ill_conditioned(&solution) {
         solution = solved_without_bent_side(problem, planes).unwrap_or(solution);
+    }
+    if let Some(flatter) = without_bent_plane(problem, &solution) {
+        (solution, last_sound) = (flatter, None);
     }
     // A side that the others cannot replace stays: what bends it raises the standard deviations.
     if let Some(sound) = last_sound
@@ -234,12 +237,26 @@ impl<L: Lens> Solution<L> {
 
     /// Whether the robust loss leaves every side that counts most of its weight.
     fn has_weight_on_all_sides(&self) -> bool {
-        let moments = self.noise.iter().flat_map(|noise| &noise.sides).flatten();
-        let sides = self.planes.iter().flat_map(ObservedPlane::sides);
-        sides.zip(moments).all(|(side, moments)| {
-            let weight = |of: &Moments| of.gram[(0, 0)];
-            side.is_outlier || weight(&moments.robust) > LEAST_WEIGHT * weight(&moments.plain)
-        })
+        self.ignored_sides().is_empty()
+    }
+
+    /// The sides that count, and of which the robust loss takes most of the weight: plane, and index
+    /// over all its figures.
+    fn ignored_sides(&self) -> Vec<(usize, usize)> {
+        let Some(noise) = &self.noise else {
+            return Vec::new();
+        };
+        let weight = |of: &Moments| of.gram[(0, 0)];
+        let is_ignored = |side: &Side, moments: &SideMoments| {
+            !side.is_outlier && weight(&moments.robust) <= LEAST_WEIGHT * weight(&moments.plain)
+        };
+        let mut ignored = Vec::new();
+        for (p, (plane, moments)) in self.planes.iter().zip(&noise.sides).enumerate() {
+            let sides = plane.sides().zip(moments).enumerate();
+            let of_plane = sides.filter(|(_, (side, moments))| is_ignored(side, moments));
+            ignored.extend(of_plane.map(|(s, _)| (p, s)));
+        }
+        ignored
     }
 }
 
@@ -268,13 +285,16 @@ fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
     }
 }
 
+fn has_squares_alone(plane: &ObservedPlane) -> bool {
+    plane.figures.iter().all(Figure::has_four_sides)
+}
+
 /// Plane, and index over all figures of the plane, of every side of a square that counts and that
 /// its plane can spare.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
-        let squares = plane.figures.iter().all(Figure::has_four_sides);
         let counting = plane.sides().filter(|side| !side.is_outlier).count();
-        let spares = squares && counting > LEAST_SIDES;
+        let spares = has_squares_alone(plane) && counting > LEAST_SIDES;
         let sides = plane.sides().enumerate().filter(move |_| spares);
         sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })
@@ -327,6 +347,38 @@ fn without_bent_side<L: Lens>(
     }
     let found = trial.converged(problem)?;
     trial.shows_bent(&found, place).then_some(found)
+}
+
+/// The plane of squares that alone has sides which are bent, and which the robust loss ignores. A lens
+/// that is wrong bends the sides of several.
+fn bent_plane<L: Lens>(solution: &Solution<L>) -> Option<usize> {
+    let ignored = solution.ignored_sides();
+    let (bent, _) = *ignored.first()?;
+    let others = (0..solution.planes.len()).filter(|p| *p != bent);
+    let is_bent = |p: usize| curvatures(solution, p).iter().any(|own| *own > BENT);
+    let is_alone = has_squares_alone(&solution.planes[bent])
+        && ignored.iter().all(|(p, _)| *p == bent)
+        && is_bent(bent)
+        && !others.into_iter().any(is_bent);
+    is_alone.then_some(bent)
+}
+
+/// Rejects a bent plane whose sides it cannot spare: of a sheet that curves about two of them, the other
+/// two arch alike. `None` if there is none, or if the rest do not tell the camera.
+fn without_bent_plane<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    solution: &Solution<L>,
+) -> Option<Solution<L>> {
+    let index = bent_plane(solution)?;
+    let mut rest = solution.planes.clone();
+    let plane = rest.remove(index);
+    check_plane_count(rest.len(), &problem.free).ok()?;
+    let mut before = solution.refined.clone();
+    before.view = before.view.without_plane(index);
+    let refined = problem.again(&rest, &before)?;
+    let found = problem.converge(&rest, refined).ok()?;
+    let found = problem.with_follower(&found, index, &plane)?;
+    (!problem.is_ill_conditioned(&found)).then_some(found)
 }
 
 /// The planes with one more side rejected: of a plane, by its index over all figures.
