@@ -24,7 +24,7 @@ from trisquare.straightening.fit import (
     with_shared_errors,
 )
 from trisquare.straightening.radial import RadialLens
-from trisquare.straightening.straighten import LONG, STRAIGHT
+from trisquare.straightening.straighten import LONG, are_straight
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SETS = (
@@ -210,8 +210,8 @@ def _fitted(path: Path) -> tuple[Problem, Fit]:
 def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
     """Return the long lines that a picture's own fit has used."""
     problem, fit = fitted
-    pairs = zip(fit.lines(), fit.straightness.rms, strict=True)
-    lines = [line for line, rms in pairs if rms <= STRAIGHT * problem.pixel]
+    pairs = zip(fit.lines(), are_straight(problem, fit), strict=True)
+    lines = [line for line, is_straight in pairs if is_straight]
     return [line for line in lines if np.linalg.norm(line[-1] - line[0]) > LONG * problem.radius]
 
 

@@ -37,7 +37,7 @@ FIRST_SPREAD = 1.0
 """Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
 SHARED_ERRORS = 40.0
 """over a point's error, afterwards: the 40 points of a line err together, and so do the lines of
-a plane that is not flat, as if some 250 of them were one."""
+a plane that is not flat, as if some 40 of them were one."""
 LEAST_RMS = 0.02
 """Working pixels: lines may be straighter by chance."""
 

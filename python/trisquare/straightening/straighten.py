@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from trisquare._support.arrays import FloatArray, RebuiltByConstructor, not_negative, real_array
 from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
@@ -200,13 +201,18 @@ def straighten(image: ImageSource) -> Straightened:
     coefficients = radial.coefficients * [1, 1, third_free]
     camera = UnscaledCamera(size, radial.family, coefficients, fit.lens.centre, known.covariance)
     lines = fit.lines()
-    is_used = fit.straightness.rms <= STRAIGHT * problem.pixel
+    is_used = are_straight(problem, fit)
     used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
     rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
     _check_count(_seen_lengths(fit, lengths)[is_used], "straight lines")
     _check_known(camera)
     squares = fit.straightness.residuals[fit.straightness.bundle.spread(is_used)] ** 2
     return Straightened(camera, used, rejected, float(np.sqrt(squares.mean())), centre_held)
+
+
+def are_straight(problem: Problem, fit: Fit) -> npt.NDArray[np.bool_]:
+    """Return which lines of a fit are straight under its lens."""
+    return np.asarray(fit.straightness.rms <= STRAIGHT * problem.pixel)
 
 
 def _spans(lines: tuple[FloatArray, ...] | list[FloatArray]) -> FloatArray:
@@ -249,9 +255,7 @@ def _straight_part(problem: Problem, fit: Fit) -> float:
     """Return the part of the long edges' length that is straight."""
     lengths = _spans(fit.lines()) / problem.radius
     lengths = np.where(lengths >= LONG, lengths, 0.0)
-    return float(
-        lengths[fit.straightness.rms <= STRAIGHT * problem.pixel].sum() / max(lengths.sum(), 1e-12)
-    )
+    return float(lengths[are_straight(problem, fit)].sum() / max(lengths.sum(), 1e-12))
 
 
 def _check_known(camera: UnscaledCamera) -> None:
@@ -262,7 +266,7 @@ def _check_known(camera: UnscaledCamera) -> None:
     std = float(np.sqrt(slope @ camera.covariance[:-2, :-2] @ slope))
     if std > MOST_STD:
         raise DegenerateGeometryError(
-            f"the lines determine the distortion near the corners only to "
+            "the lines determine the distortion near the corners only to "
             f"{std * camera.radius:.1f} px: they are too central, too short, or run through the "
             "centre; take a picture with straight edges along its border"
         )

@@ -354,12 +354,12 @@ fn without_bent_side<L: Lens>(
 fn bent_plane<L: Lens>(solution: &Solution<L>) -> Option<usize> {
     let ignored = solution.ignored_sides();
     let (bent, _) = *ignored.first()?;
-    let others = (0..solution.planes.len()).filter(|p| *p != bent);
+    let mut others = (0..solution.planes.len()).filter(|p| *p != bent);
     let is_bent = |p: usize| curvatures(solution, p).iter().any(|own| *own > BENT);
     let is_alone = has_squares_alone(&solution.planes[bent])
         && ignored.iter().all(|(p, _)| *p == bent)
         && is_bent(bent)
-        && !others.into_iter().any(is_bent);
+        && !others.any(is_bent);
     is_alone.then_some(bent)
 }
 
