@@ -59,7 +59,7 @@ def test_nerfstudio_files_of_others(tmp_path):
     with pytest.raises(ValueError, match=r"2 cameras, a\.png, b\.png"):
         Camera.load(path)
     assert Camera.load(path, name="b.png").fx == 600
-    # A coefficient of r^8 that is none of trisquare's: the nearest, against a computation by hand.
+    # No model of trisquare has a coefficient of r^8: the nearest, against a computation by hand.
     path.write_text(json.dumps({**shared, "k4": 0.05}))
     with pytest.raises(ts.LensModelError, match="with k4") as info:
         Camera.load(path)

@@ -197,7 +197,7 @@ pub enum Error {
         figure: usize,
     },
 
-    /// Planes stand otherwise than they are said to, and leave no camera.
+    /// Planes contradict their stated relation, and leave no camera.
     #[error("{0}")]
     ContradictedRelation(String),
 

@@ -391,7 +391,7 @@ pub enum Warning {
         /// The largest standard deviation over the picture, pixels.
         worst: f64,
     },
-    /// Planes stand otherwise than they are said to.
+    /// Planes contradict their stated relation.
     #[error(
         "planes {} and {} come out {} degrees from {stand} when calibrated without this relation: \
          remove it, or correct the plane numbers",

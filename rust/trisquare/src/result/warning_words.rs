@@ -149,7 +149,7 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
     format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
 }
 
-/// What planes that were rejected leave open, where nothing checks the others.
+/// What planes that were rejected leave open, where the others cannot be checked.
 pub(super) fn after_rejections(rejected: usize) -> &'static str {
     match rejected {
         0 => "",
@@ -178,7 +178,7 @@ pub(super) fn beside_rough(rough: usize) -> String {
     }
 }
 
-/// What may be wrong with targets that nothing checks.
+/// What may be wrong with targets that cannot be checked.
 pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
     match are_angles {
         true => format!(

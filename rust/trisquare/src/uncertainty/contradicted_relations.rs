@@ -11,7 +11,7 @@ use crate::result::{Calibration, Warning};
 /// Normal deviates from which a relation is contradicted: one in thirty thousand.
 const EVIDENT: f64 = 4.0;
 
-/// Warns of planes that stand otherwise than they are said to, by a calibration without the relations.
+/// Warns of planes that contradict their stated relation, by a calibration without the relations.
 pub(crate) fn contradicted_relations<L: Lens>(
     found: &Calibration<L>,
     relations: &[Related],

@@ -189,7 +189,7 @@ fn sparse_samples_do_not_contradict_a_held_principal_point() {
     assert!(found.noise_scale > 1.0, "{}", found.noise_scale);
 }
 
-/// Only photographs that come along are counted.
+/// Only photographs that are given are counted.
 #[test]
 fn numbers_of_pictures_are_names() {
     let scene = Scene::random(3, SceneOptions::default());
