@@ -160,21 +160,20 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
             "no rectangle of that shape found: it must be wholly visible, stand out from its "
             f"ground along all its sides, and be {wide} in a picture of {size[0]} x {size[1]}"
         )
+    squares = (
+        "squares must be dark on a light ground (or the reverse; outlines at least 4 pixels "
+        f"thick), wholly visible, apart from each other, and {wide}"
+    )
     if targets.lattices:
-        return (
-            "no square, chessboard or tag found: squares must be dark on a light ground "
-            "(or the reverse; outlines at least 4 pixels thick), wholly visible, apart from each "
-            f"other, and {wide}, tags {tag}, {large}"
-        )
+        return f"no square, chessboard or tag found: {squares}, tags {tag}, {large}"
     if not targets.squares:
         return (
             "no tag found: its whole black border must be visible on a white margin, and "
             f"be at least {tag} pixels wide in a picture of {size[0]} x {size[1]}"
         )
     return (
-        "no square found: squares must be dark on a light ground (or the reverse; outlines at "
-        f"least 4 pixels thick), wholly visible, apart from each other, and {wide} {large}; boards "
-        "and tags were not looked for, as they are by targets auto"
+        f"no square found: {squares} {large}; boards and tags were not looked for, as they are by "
+        "targets auto"
     )
 
 

@@ -75,12 +75,6 @@ class Fit:
     straightness: Straightness
     weights: FloatArray
 
-    def error(self) -> float:
-        """Return the standard error of a point, pixels, where its line weighs 1."""
-        counts = self.straightness.bundle.sums(self.straightness.bundle.weights)
-        squares = counts @ (self.weights * self.straightness.rms) ** 2
-        return float(np.sqrt(squares / max(float(counts @ self.weights), 1e-12)))
-
     def lines(self) -> list[FloatArray]:
         """Points of each line in their order along it, pixels."""
         bundle, rows = self.straightness.bundle, self.straightness.rows
@@ -114,14 +108,22 @@ def fit_lens(problem: Problem) -> Fit:
 
 def shared_error(problem: Problem, fit: Fit) -> float:
     """Return the least square of the error, px^2, of points that err together."""
-    return SHARED_POINTS * max(fit.error(), LEAST_RMS * problem.pixel) ** 2
+    return SHARED_POINTS * _point_error(problem, fit) ** 2
 
 
 def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
     """Weigh the priors by how straight a fit's lines are."""
-    return replace(
-        problem, prior_spread=SHARED_ERRORS * max(fit.error() / problem.pixel, LEAST_RMS)
-    )
+    spread = SHARED_ERRORS * _point_error(problem, fit) / problem.pixel
+    return replace(problem, prior_spread=spread)
+
+
+def _point_error(problem: Problem, fit: Fit) -> float:
+    """Return the standard error of a point, pixels, where its line weighs 1."""
+    straightness, weights = fit.straightness, fit.weights
+    counts = straightness.bundle.sums(straightness.bundle.weights)
+    squares = counts @ (weights * straightness.rms) ** 2
+    error = float(np.sqrt(squares / max(float(counts @ weights), 1e-12)))
+    return max(error, LEAST_RMS * problem.pixel)
 
 
 def with_third_free(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trisquare._support.arrays import FloatArray
-from trisquare.straightening.fit import (
-    ROUND_SCALES,
-    Fit,
-    Problem,
-    line_weights,
-    shared_error,
-)
+from trisquare.straightening.fit import Fit, Problem, shared_error
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +34,8 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     gradients of whole lines, one factor for all, corrected for what the parameters absorb.
     """
     straightness, bundle = fit.straightness, fit.straightness.bundle
-    weights = line_weights(straightness, ROUND_SCALES[-1] * problem.pixel)
     jacobian = straightness.jacobian()
-    weighted = (bundle.weights * bundle.spread(weights))[:, None] * jacobian
+    weighted = (bundle.weights * bundle.spread(fit.weights))[:, None] * jacobian
     of_lines = bundle.sums(weighted[:, :, None] * jacobian[:, None, :])
     information = of_lines.sum(axis=0)
     gradients = bundle.sums(weighted * straightness.residuals[:, None])
@@ -60,7 +53,7 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     spread = max(spread, shared_error(problem, fit))
     covariance = np.linalg.inv(information / spread + np.eye(count))
     # The fit weighs the priors more than this does: how far they pulled it is an error as well.
-    priors = (problem.prior_spread * problem.pixel) ** 2 * np.eye(count)
+    priors = problem.prior() * unit[:, None] * unit
     pulled = np.linalg.solve(information + priors, priors @ (problem.deviation(fit.lens) / unit))
     covariance = (covariance + np.outer(pulled, pulled)) * unit[:, None] * unit
     alone = np.diag(inverse)[-2:] * spread

@@ -33,10 +33,12 @@ pub fn heed_fisheye<L: Lens>(
     let is_contradicted =
         |warning: &Warning| matches!(warning, Warning::RelationContradicted { .. });
     // Planes that do not stand as they are said to explain all that does not fit.
-    // Nor is there more to explain where noise alone is left of a lens that bends as a pinhole's.
-    let is_explained = is_clean(calibration) && !bends_as_a_fisheye(calibration);
-    let is_suspect = shows(is_symptom) && !shows(is_contradicted) && !is_explained;
+    let is_suspect = shows(is_symptom) && !shows(is_contradicted);
     if !is_suspect || !may_be_another(options) {
+        return;
+    }
+    // There is nothing to explain where a lens that bends as a pinhole's leaves noise alone.
+    if is_clean(calibration) && !bends_as_a_fisheye(calibration) {
         return;
     }
     let some = telling(edges);

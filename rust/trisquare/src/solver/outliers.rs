@@ -167,11 +167,7 @@ fn without_false_plane<L: Lens>(
         let mut rest = planes.to_vec();
         rest.remove(left_out);
         let refined = match &all {
-            Ok(solution) if many => {
-                let mut before = solution.refined.clone();
-                before.view = before.view.without_plane(left_out);
-                problem.again(&rest, &before)?
-            }
+            Ok(solution) if many => again_without(problem, &rest, solution, left_out)?,
             _ => problem.tried(&rest)?,
         };
         Some((left_out, Trial::of(problem, rest, refined)))
@@ -190,6 +186,18 @@ fn without_false_plane<L: Lens>(
         Some(found) => Ok(with_its_straight_sides(problem, found, index)),
         None => all,
     }
+}
+
+/// The optimum of the planes that are left where one of a solution's is left out, from that of all.
+fn again_without<L: Lens>(
+    problem: &JointProblem<'_, L>,
+    rest: &[ObservedPlane],
+    all: &Solution<L>,
+    left_out: usize,
+) -> Option<Refined<L>> {
+    let mut before = all.refined.clone();
+    before.view = before.view.without_plane(left_out);
+    problem.again(rest, &before)
 }
 
 /// A plane of which one side alone is bent comes back with the others.
@@ -373,9 +381,7 @@ fn without_bent_plane<L: Lens>(
     let mut rest = solution.planes.clone();
     let plane = rest.remove(index);
     check_plane_count(rest.len(), &problem.free).ok()?;
-    let mut before = solution.refined.clone();
-    before.view = before.view.without_plane(index);
-    let refined = problem.again(&rest, &before)?;
+    let refined = again_without(problem, &rest, solution, index)?;
     let found = problem.converge(&rest, refined).ok()?;
     let found = problem.with_follower(&found, index, &plane)?;
     (!problem.is_ill_conditioned(&found)).then_some(found)
