@@ -51,21 +51,18 @@
 
 mod calibrate;
 mod error;
-mod family_selection;
-mod fisheye_cure;
 mod geometry;
 mod ill_conditioning;
 mod image;
 mod image_size;
 pub mod lens;
+mod lens_choice;
 mod linear;
 mod lines;
 mod localise;
-mod model_selection;
 mod noise;
 mod numeric;
 mod observations;
-mod opencv_cure;
 mod photometric;
 mod planning;
 mod refine;
@@ -83,8 +80,6 @@ pub use nalgebra;
 
 pub use calibrate::{calibrate, calibrate_photographs};
 pub use error::{Error, ErrorKind};
-pub use family_selection::{FamilyChoice, RejectedFamily, calibrate_by_family};
-pub use fisheye_cure::{heed_fisheye, or_fisheye};
 pub use geometry::{Line, Pose, camera_matrix_from_homographies, homography_from_lines};
 pub use ill_conditioning::{Cause, IllConditioning, Remedy};
 pub use image::{
@@ -98,17 +93,19 @@ pub use lens::{
     RationalModel, SeenAgain, Surface, ThinPrism, ThinPrismModel, TurnedLenses, UndistortedView,
     UndistortionMap,
 };
+pub use lens_choice::{
+    FamilyChoice, ModelAlternative, ModelChoice, RejectedFamily, calibrate_by_evidence,
+    calibrate_by_family, heed_fisheye, heed_opencv_lens, or_fisheye,
+};
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{
     ColourDisplacements, EdgeSpan, Localised, MotionBlur, NoEdge, PartDisplacement, PictureFaults,
     SpanEdges, ToneEstimate, localise, localise_with_unknown_tone,
 };
-pub use model_selection::{ModelAlternative, ModelChoice, calibrate_by_evidence};
 pub use observations::{
     CellSample, Chessboard, Fixed, Freedom, GridLineSamples, Method, Options, PlaneEdges, Polarity,
     Relation, relate_planes, remove_edge_shift,
 };
-pub use opencv_cure::heed_opencv_lens;
 pub use photometric::{Photographs, pixels_to_keep};
 pub use planning::{EdgeNoise, PlannedPlane, Prediction, predict};
 pub use result::{

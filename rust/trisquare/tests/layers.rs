@@ -6,10 +6,8 @@ use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
 /// From the top to the bottom; rooms of one row do not import each other.
-const ROWS: [&[&str]; 14] = [
-    &["fisheye_cure", "opencv_cure"],
-    &["family_selection"],
-    &["model_selection"],
+const ROWS: [&[&str]; 12] = [
+    &["lens_choice"],
     &["calibrate"],
     &["selection", "photometric", "lines"],
     &["solver", "planning"],

@@ -1,13 +1,13 @@
 //! Whether a fisheye explains edges of which a distorted pinhole leaves too much, or gives no answer.
 
+use super::family_odds::{
+    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, subsampled,
+};
+use super::models::WeighedModels;
 use crate::calibrate::{FirstFit, calibrate};
 use crate::error::{Error, ErrorKind};
-use crate::family_selection::{
-    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, telling,
-};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Fisheye, Lens};
-use crate::model_selection::Weighed;
 use crate::observations::{Fixed, Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 use crate::uncertainty::unlikely_camera;
@@ -41,7 +41,7 @@ pub fn heed_fisheye<L: Lens>(
     if is_clean(calibration) && !bends_as_a_fisheye(calibration) {
         return;
     }
-    let some = telling(edges);
+    let some = subsampled(edges);
     let wide_options = options.for_family::<Fisheye>();
     // Real boards are never quite flat, which a fisheye leaves as it is.
     let limit = WORTH_WEIGHING * calibration.rms;
@@ -49,8 +49,8 @@ pub fn heed_fisheye<L: Lens>(
     if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
         return;
     }
-    let wide = Weighed::of(&some, size, &wide_options);
-    let own = Weighed::of(&some, size, options);
+    let wide = WeighedModels::of(&some, size, &wide_options);
+    let own = WeighedModels::of(&some, size, options);
     // Sheets that rise explain such residuals as well, and a fisheye would follow them to a part.
     let rises = |warning: &Warning| {
         matches!(
@@ -117,7 +117,7 @@ pub fn or_fisheye<L: Lens>(
     if !may_be_the_lens(&error) || !may_be_another(options) {
         return error;
     }
-    let some = telling(edges);
+    let some = subsampled(edges);
     explaining_fisheye(&some, size, options).unwrap_or(error)
 }
 
@@ -136,8 +136,8 @@ fn explaining_fisheye<L: Lens>(
     options: &Options<L>,
 ) -> Option<Error> {
     let wide_options = options.for_family::<Fisheye>();
-    let wide = Weighed::of(edges, size, &wide_options)?;
-    let own = Weighed::of(edges, size, options);
+    let wide = WeighedModels::of(edges, size, &wide_options)?;
+    let own = WeighedModels::of(edges, size, options);
     let (model, fit) = match &own {
         Some(own) => {
             let best = best_standing(edges, &wide, own);

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::family_odds::{may_be_another, subsampled};
 use crate::calibrate::{calibrate, calibrate_agreeing};
-use crate::family_selection::{may_be_another, telling};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens, Rational, RationalModel, ThinPrism, ThinPrismModel};
 use crate::numeric::chi_square_tail;
@@ -33,7 +33,7 @@ pub fn heed_opencv_lens<L: Lens>(
     if !is_suspect || !may_be_another(options) {
         return;
     }
-    let some = telling(edges);
+    let some = subsampled(edges);
     let asked = (options, &calibration.parameters[..]);
     let cure = ThinPrismModel::TANGENTIAL
         .into_iter()

@@ -3,14 +3,15 @@
 use std::rc::Rc;
 use std::slice;
 
+use super::comparison::Comparison;
 use crate::error::{Error, ErrorKind};
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::lines::add_lines;
 use crate::noise::check_drift_count;
 use crate::observations::{
-    Method, ObservedPlane, Options, PlaneEdges, View, check_relations, lines_of_scene,
-    relations_of, samples_outside, sort_by_plane,
+    Method, ObservedPlane, Options, PlaneEdges, check_relations, lines_of_scene, relations_of,
+    samples_outside, sort_by_plane,
 };
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
@@ -22,216 +23,8 @@ use crate::uncertainty::{
     held_skew, poorly_known, unchecked_targets, unlikely_camera,
 };
 
-/// Calibrates a camera from edge samples of planes with known lines.
-///
-/// The paper's three steps (Zhou et al. 2013) and, unless `options.method` is linear, joint
-/// maximum likelihood over all of them. Pixels; standard deviations are one sigma.
-///
-/// Two planes in different directions are the least that determine focal lengths and principal point,
-/// three tell them well; one does where the principal point or the focal length is held. Figures in
-/// several pictures of one camera, all of one size, have the index of theirs as
-/// [`image`](PlaneEdges::image).
-///
-/// ```
-/// use nalgebra::{Rotation3, Vector2, Vector3};
-/// use trisquare::{Brown, ImageSize, Lens, Options, PlaneEdges, Pose, calibrate};
-///
-/// // What a camera sees of three squares that are tilted in different directions.
-/// let camera = Brown::new([900.0, 900.0, 630.0, 475.0, -0.1, 0.0, 0.0, 0.0, 0.0]);
-/// let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(Vector2::from);
-/// let mut edges = Vec::new();
-/// let squares = [
-///     ([0.6, 0.0, 0.1], -0.8, -0.5),
-///     ([-0.3, 0.5, 0.0], 0.8, -0.5),
-///     ([-0.3, -0.5, 0.2], 0.0, 0.7),
-/// ];
-/// for (tilt, x, y) in squares {
-///     let pose = Pose {
-///         rotation: *Rotation3::new(Vector3::from(tilt)).matrix(),
-///         translation: Vector3::new(x, y, 3.0),
-///     };
-///     let seen = |side: usize, part: f64| {
-///         let point = corners[side].lerp(&corners[(side + 1) % 4], part);
-///         camera.project(&pose.transform(&point)).unwrap()
-///     };
-///     let side = |side| (1..20).map(|i| seen(side, f64::from(i) / 20.0)).collect();
-///     edges.push(PlaneEdges::square((0..4).map(side).collect())?);
-/// }
-///
-/// let size = ImageSize { width: 1280, height: 960 };
-/// let found = calibrate(&edges, size, &Options::default())?;
-/// for (found, truth) in found.camera.parameters().iter().zip(camera.parameters()) {
-///     assert!((found - truth).abs() < 1e-6 * truth.abs().max(1.0));
-/// }
-/// # Ok::<(), trisquare::Error>(())
-/// ```
-///
-/// # Errors
-/// Every variant of [`Error`] says what is wrong and what would help. Where the geometry is refused
-/// and a figure lies wholly outside the picture, that is said instead: its size is mistaken.
-pub fn calibrate<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-) -> Result<Calibration<L>, Error> {
-    calibrate_photographs(edges, size, options, None)
-}
-
-/// As [`calibrate`], with the photographs themselves: the refined model is then fitted to the
-/// pixels around the edges, corners included, and taken where that improves the answer.
-///
-/// It needs maximum likelihood, and figures that are all outlines of four sides with their
-/// [`polarity`](PlaneEdges::polarity); otherwise the answer is that of the edges
-/// ([`Calibration::stage`] says which it is).
-///
-/// ```
-/// use trisquare::{
-///     Calibration, EdgeSpan, ImageSize, Options, Photographs, Picture, PlaneEdges, Polarity,
-///     calibrate_photographs, localise_with_unknown_tone, pixels_to_keep,
-/// };
-///
-/// /// From the sides of dark squares, four spans each in order round it.
-/// fn camera_of(
-///     picture: &Picture,
-///     spans: &[EdgeSpan],
-///     size: ImageSize,
-/// ) -> Result<Calibration, Box<dyn std::error::Error>> {
-///     let (sides, tone, faults) = localise_with_unknown_tone(picture, spans);
-///     if let Some(mended) = faults.mended(picture) {
-///         return camera_of(&mended, spans, size);
-///     }
-///     let sides: Vec<_> = sides.into_iter().collect::<Result<_, _>>()?;
-///     let mut edges = Vec::new();
-///     for sides in sides.chunks(4) {
-///         let points = sides.iter().map(|side| side.points.clone()).collect();
-///         let mut square = PlaneEdges::square(points)?;
-///         square.std = Some(sides.iter().map(|side| side.std.clone()).collect());
-///         square.tone_drift = Some(sides.iter().map(|side| side.tone_drift.clone()).collect());
-///         square.side_error = faults.side_error;
-///         square.polarity = Some(Polarity::DarkInside);
-///         edges.push(square);
-///     }
-///     let blur = sides.iter().map(|side| side.blur).fold(0.0, f64::max);
-///     let photographs = Photographs {
-///         pictures: &[&pixels_to_keep(picture, &edges, blur)],
-///         tones: &[tone.picture_tone()],
-///     };
-///     Ok(calibrate_photographs(&edges, size, &Options::default(), Some(&photographs))?)
-/// }
-/// ```
-///
-/// # Errors
-/// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs are not those of the figures:
-/// fewer than the figures name, not one tone for each, or another size.
-pub fn calibrate_photographs<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    photographs: Option<&Photographs<'_>>,
-) -> Result<Calibration<L>, Error> {
-    calibrate_beside(edges, size, options, photographs, NestedOptima::default())
-}
-
-/// The same where models nested in each other were compared before, and optima of theirs are known.
-pub(crate) fn calibrate_beside<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    photographs: Option<&Photographs<'_>>,
-    nested: NestedOptima<L>,
-) -> Result<Calibration<L>, Error> {
-    let given = CheckedInput::check(edges, size, options, photographs)?;
-    given.answer(nested).map_err(|error| given.cause_of(error))
-}
-
-/// As [`calibrate`], without a judgement of the geometry: to compare models, the richest first, of
-/// which the chosen one is judged. They share their work, which the first one bounds.
-pub(crate) fn calibrate_unjudged<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-    shared: &mut Comparison<L>,
-) -> Result<Calibration<L>, Error> {
-    CheckedInput::check(edges, size, options, None)?.compared(shared)
-}
-
-/// As [`calibrate`], if no plane or side has to be rejected; `None` where one has, or there is no
-/// answer. What would help is not looked for, which takes longer than to see that they disagree.
-pub(crate) fn calibrate_agreeing<L: Lens>(
-    edges: &[PlaneEdges],
-    size: ImageSize,
-    options: &Options<L>,
-) -> Option<Calibration<L>> {
-    let given = CheckedInput::check(edges, size, options, None).ok()?;
-    let problem = given.problem(&given.work(), &mut NestedOptima::default());
-    let problem = problem.ok()?;
-    let found = agreed_by_all(&problem, &given.planes)?;
-    problem.judge(&found.0).ok()?;
-    given.judged(&problem, found).ok()
-}
-
-/// What one fit of a lens to all planes leaves.
-pub(crate) struct FirstFit {
-    /// Whether the planes agree.
-    pub agrees: bool,
-    /// Of the residuals, in pixels.
-    pub rms: f64,
-}
-
-impl FirstFit {
-    /// Without the search for false planes; `None` where the fit fails, which that search may mend.
-    pub(crate) fn of<L: Lens>(
-        edges: &[PlaneEdges],
-        size: ImageSize,
-        options: &Options<L>,
-    ) -> Option<Self> {
-        let planes = sort_by_plane(edges).ok()?;
-        let work = Rc::new(Work::for_planes(&planes));
-        let nested = &mut NestedOptima::default();
-        let problem = JointProblem::of_planes(&planes, size, options, &work, nested);
-        let found = problem.solve(&planes).ok()?;
-        Some(Self {
-            agrees: found.agrees(&problem),
-            rms: found.refined.rms(),
-        })
-    }
-}
-
-/// What models that are compared share, and tell beside their calibration.
-pub(crate) struct Comparison<L: Lens> {
-    work: Option<Rc<Work>>,
-    nested: NestedOptima<L>,
-    /// Column and standard deviation of what the last one was held near zero by.
-    pub priors: Vec<(usize, f64)>,
-    /// The planes with the outliers of the first one, and the view of the last one. Models that are
-    /// too poor would reject what they do not describe, side by side.
-    richer: Option<(Vec<ObservedPlane>, View<L>)>,
-}
-
-impl<L: Lens> Default for Comparison<L> {
-    fn default() -> Self {
-        Self {
-            work: None,
-            nested: NestedOptima::default(),
-            priors: Vec::new(),
-            richer: None,
-        }
-    }
-}
-
-impl<L: Lens> Comparison<L> {
-    /// Optima that were found, unless work ran out before they were found as they are without
-    /// others.
-    pub fn into_nested(self) -> NestedOptima<L> {
-        match self.work {
-            Some(work) if !work.is_spent() => self.nested,
-            _ => NestedOptima::default(),
-        }
-    }
-}
-
 /// The checked input of a calibration, sorted by plane.
-struct CheckedInput<'a, L: Lens> {
+pub(super) struct CheckedInput<'a, L: Lens> {
     edges: &'a [PlaneEdges],
     planes: Vec<ObservedPlane>,
     lines: Vec<ObservedPlane>,
@@ -244,7 +37,7 @@ struct CheckedInput<'a, L: Lens> {
 type Solved<L> = (Solution<L>, Vec<Warning>);
 
 impl<'a, L: Lens> CheckedInput<'a, L> {
-    fn check(
+    pub(super) fn check(
         edges: &'a [PlaneEdges],
         size: ImageSize,
         options: &'a Options<L>,
@@ -285,7 +78,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
     }
 
     /// The calibration with a judgement of the geometry; some optima of nested models may be known.
-    fn answer(&self, mut nested: NestedOptima<L>) -> Result<Calibration<L>, Error> {
+    pub(super) fn answer(&self, mut nested: NestedOptima<L>) -> Result<Calibration<L>, Error> {
         let problem = self.problem(&self.work(), &mut nested)?;
         let advised = |failure| problem.advised(&self.planes, failure);
         let found = self.solve(&problem).map_err(advised)?;
@@ -294,7 +87,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
     }
 
     /// The calibration without a judgement, beside richer models that were fitted before.
-    fn compared(&self, shared: &mut Comparison<L>) -> Result<Calibration<L>, Error> {
+    pub(super) fn compared(&self, shared: &mut Comparison<L>) -> Result<Calibration<L>, Error> {
         let work = Rc::clone(shared.work.get_or_insert_with(|| self.work()));
         let problem = self.problem(&work, &mut shared.nested)?;
         let found = match (&shared.richer, self.options.method) {
@@ -318,6 +111,26 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         self.join_lines(&problem, (&solution, None), &mut calibration)?;
         calibration.sort_warnings();
         Ok(calibration)
+    }
+
+    /// The calibration of edges without a judgement, beside none.
+    fn alone(
+        edges: &[PlaneEdges],
+        size: ImageSize,
+        options: &Options<L>,
+    ) -> Result<Calibration<L>, Error> {
+        let given = CheckedInput::check(edges, size, options, None)?;
+        given.compared(&mut Comparison::default())
+    }
+
+    /// The calibration if no plane or side has to be rejected; `None` where one has, or there is no
+    /// answer.
+    pub(super) fn agreeing(&self) -> Option<Calibration<L>> {
+        let problem = self.problem(&self.work(), &mut NestedOptima::default());
+        let problem = problem.ok()?;
+        let found = agreed_by_all(&problem, &self.planes)?;
+        problem.judge(&found.0).ok()?;
+        self.judged(&problem, found).ok()
     }
 
     fn solve(&self, problem: &JointProblem<'_, L>) -> Result<Solved<L>, Failure<L>> {
@@ -409,7 +222,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let options = self.options;
         let compared = |edges: &[PlaneEdges], fixed| {
             let options = Options { fixed, ..*options };
-            calibrate_unjudged(edges, self.size, &options, &mut Comparison::default()).ok()
+            CheckedInput::alone(edges, self.size, &options).ok()
         };
         let focal = |edges: &[PlaneEdges], fixed| Some(compared(edges, fixed)?.camera.focal().x);
         let refined = &solution.refined;
@@ -455,7 +268,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
 
     /// The error to report: one of the geometry is replaced by what causes it, a mistaken size of the
     /// picture or a relation that the planes contradict.
-    fn cause_of(&self, error: Error) -> Error {
+    pub(super) fn cause_of(&self, error: Error) -> Error {
         if !matches!(
             error.kind(),
             ErrorKind::DegenerateGeometry | ErrorKind::Convergence
@@ -496,8 +309,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             ..edges.clone()
         });
         let unrelated: Vec<PlaneEdges> = unrelated.collect();
-        let shared = &mut Comparison::default();
-        match calibrate_unjudged(&unrelated, self.size, self.options, shared) {
+        match CheckedInput::alone(&unrelated, self.size, self.options) {
             Ok(free) => contradicted_relations(&free, &relations),
             Err(_) => Vec::new(),
         }

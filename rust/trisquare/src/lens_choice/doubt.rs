@@ -1,0 +1,109 @@
+//! What the doubt about the model adds to the covariance of the chosen one.
+//!
+//! What could not be told from zero may still not be zero. The other models' answers therefore
+//! stay in the covariance of the chosen one, by their probabilities, all models being equally
+//! likely beforehand (J. A. Hoeting et al., Statistical Science 14 (1999) 382-417). What the chosen
+//! model leaves out is taken to be small rather than nothing.
+
+use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
+
+use super::evidence::WeighedModel;
+use crate::lens::{DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
+use crate::observations::FreeParameters;
+use crate::result::Calibration;
+
+/// What a coefficient that was left out may be all the same, as a part of what lenses have.
+const SMALL: f64 = 0.03;
+
+/// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
+const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
+
+/// What the doubt about the model adds to the covariance of the chosen one, over its free
+/// parameters.
+///
+/// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
+/// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
+/// differences only what raises it, and none of simpler models, whose certainty is that of
+/// their assumption. To that comes, whatever the probabilities, what coefficients may do that were
+/// left out and are [`SMALL`].
+pub(super) fn doubt<L: Lens>(
+    models: &[WeighedModel<L>],
+    chosen: usize,
+    free: &FreeParameters,
+) -> Option<DMatrix<f64>> {
+    let reference = &models[chosen];
+    let weight = |c: &WeighedModel<L>| (c.log_evidence - reference.log_evidence).exp();
+    let total: f64 = models.iter().map(weight).sum();
+    let mut doubt = DMatrix::zeros(free.len(), free.len());
+    if free.len() == 0 {
+        return Some(doubt); // everything else is held, and the simplest model was chosen
+    }
+    for (i, other) in models.iter().enumerate() {
+        if i == chosen {
+            continue;
+        }
+        let difference = free.difference(&other.fit.camera, &reference.fit.camera);
+        let mut own = &difference * difference.transpose();
+        if i > chosen {
+            let shared = shared(&other.fit.covariance, &other.fit, &reference.fit)?;
+            own += raising_part(shared, &reference.fit.covariance)?;
+        }
+        doubt += own * (weight(other) / total);
+    }
+    if let Some(richest) = models.last().filter(|_| chosen + 1 < models.len()) {
+        let shared = with_small_coefficients(reference, richest)?;
+        doubt += raising_part(shared, &reference.fit.covariance)?;
+    }
+    doubt.iter().all(|v| v.is_finite()).then_some(doubt)
+}
+
+/// The covariance of a richer fit, in the free parameters of `simpler`, once the coefficients that
+/// this one leaves out are held to zero with a standard deviation of [`SMALL`].
+fn with_small_coefficients<L: Lens>(
+    simpler: &WeighedModel<L>,
+    richer: &WeighedModel<L>,
+) -> Option<DMatrix<f64>> {
+    let fit = &richer.fit;
+    let usual = fit.camera.coefficient_priors(fit.image_size);
+    let kept = simpler.model.columns();
+    let left_out: Vec<usize> = (richer.model.columns().iter())
+        .filter(|column| !kept.contains(*column))
+        .collect();
+    let place = |column: &usize| fit.position(L::parameter_names()[*column]);
+    let places: Vec<usize> = left_out.iter().map(place).collect::<Option<_>>()?;
+    let across = fit.covariance.select_columns(&places);
+    let mut own = across.select_rows(&places);
+    for (i, column) in left_out.iter().enumerate() {
+        own[(i, i)] += (SMALL * usual[column - INTRINSICS]).powi(2);
+    }
+    let held = &fit.covariance - &across * Cholesky::new(own)?.solve(&across.transpose());
+    shared(&held, fit, &simpler.fit)
+}
+
+/// A covariance of the free parameters of a richer fit, in those of `reference`.
+fn shared<L: Lens>(
+    covariance: &DMatrix<f64>,
+    richer: &Calibration<L>,
+    reference: &Calibration<L>,
+) -> Option<DMatrix<f64>> {
+    let names = reference.parameters.iter();
+    let places: Option<Vec<usize>> = names.map(|name| richer.position(name)).collect();
+    let places = places?;
+    Some(covariance.select_rows(&places).select_columns(&places))
+}
+
+/// What raises one covariance to another: their difference without its negative eigenvalues, in units
+/// of the first one's standard deviations.
+pub(super) fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let size = to.nrows();
+    let unit = from.diagonal().map(|d| d.sqrt().max(f64::MIN_POSITIVE));
+    let by = to - from;
+    let scaled = DMatrix::from_fn(size, size, |i, j| by[(i, j)] / (unit[i] * unit[j]));
+    let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_EIGEN_ITERATIONS)?;
+    let values = eigen.eigenvalues.map(|v| v.max(0.0));
+    let vectors = &eigen.eigenvectors;
+    let raised = vectors * DMatrix::from_diagonal(&values) * vectors.transpose();
+    Some(DMatrix::from_fn(size, size, |i, j| {
+        0.5 * (raised[(i, j)] + raised[(j, i)]) * unit[i] * unit[j]
+    }))
+}

@@ -1,0 +1,168 @@
+//! Which family of lenses the data ask for.
+//!
+//! The models of each family are weighed among themselves, and the best of each against the other by
+//! their [odds](super::family_odds).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::doubt::raising_part;
+use super::family_odds::{FittedModel, bends_as_a_fisheye, best_standing, is_clean, subsampled};
+use super::models::{ModelChoice, WeighedModels, check_comparable};
+
+use crate::calibrate::{FirstFit, calibrate_photographs};
+use crate::error::Error;
+use crate::image_size::ImageSize;
+use crate::lens::{DefaultLens, DistortionModel, Fisheye, Lens, SKEW};
+use crate::observations::{Options, PlaneEdges};
+use crate::photometric::Photographs;
+use crate::result::Calibration;
+use crate::uncertainty::widen;
+
+/// What a fisheye may leave of the residuals of a distorted pinhole that leaves nothing but noise: with
+/// more it has no odds.
+const AS_GOOD: f64 = 1.1;
+
+/// A calibration with a lens of the family that the data ask for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FamilyChoice {
+    /// A distorted pinhole.
+    Pinhole(ModelChoice<DefaultLens>),
+    /// A fisheye.
+    Fisheye(ModelChoice<Fisheye>),
+}
+
+/// The best model of a family that was not chosen.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct RejectedFamily {
+    /// Its name.
+    pub model: String,
+    /// Natural logarithm of its odds against what was chosen; not positive.
+    pub log_evidence: f64,
+    /// Root mean square distance of the edge samples with it, in pixels.
+    pub rms: f64,
+}
+
+/// Calibrates with the lens, of any family, that has the largest evidence.
+///
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
+/// asked about where a distorted pinhole leaves sides that err together, or bends a wide field as a
+/// fisheye does. What the other family says of focal length and principal point stays, by its
+/// probability, in the covariance.
+///
+/// ```
+/// use trisquare::{Error, FamilyChoice, ImageSize, Options, PlaneEdges, calibrate_by_family};
+///
+/// fn tell(edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
+///     match calibrate_by_family(edges, size, &Options::default(), None)?.0 {
+///         FamilyChoice::Pinhole(found) => println!("{:?}", found.calibration.camera),
+///         FamilyChoice::Fisheye(found) => println!("{:?}", found.calibration.camera),
+///     }
+///     Ok(())
+/// }
+/// ```
+///
+/// # Errors
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
+// Compiled by its callers alone, as all that is generic: here it would be the one function that
+// compiles a calibration with each lens in this crate, too.
+#[inline]
+pub fn calibrate_by_family(
+    edges: &[PlaneEdges],
+    size: ImageSize,
+    options: &Options<DefaultLens>,
+    photographs: Option<&Photographs<'_>>,
+) -> Result<(FamilyChoice, Option<RejectedFamily>), Error> {
+    check_comparable(options)?;
+    let wide_options = options.for_family::<Fisheye>();
+    let plain = WeighedModels::of(edges, size, options);
+    let may_be_wide = |fit: &Calibration<_>| {
+        let limit = AS_GOOD * fit.rms;
+        bends_as_a_fisheye(fit)
+            && FirstFit::of(&subsampled(edges), size, &wide_options)
+                .is_none_or(|wide| wide.rms < limit)
+    };
+    let is_enough = |fit: &Calibration<_>| is_clean(fit) && !may_be_wide(fit);
+    if let Some(plain) = plain.as_ref().filter(|plain| is_enough(plain.chosen().1)) {
+        let choice = plain.answer(edges, size, options, photographs)?;
+        return Ok((FamilyChoice::Pinhole(choice), None));
+    }
+    let wide = WeighedModels::of(edges, size, &wide_options);
+    let (plain, wide) = match (plain, wide) {
+        (Some(plain), Some(wide)) => (plain, wide),
+        (None, Some(wide)) => {
+            let choice = wide.answer(edges, size, &wide_options, photographs)?;
+            return Ok((FamilyChoice::Fisheye(choice), None));
+        }
+        (Some(plain), None) => {
+            let choice = plain.answer(edges, size, options, photographs)?;
+            return Ok((FamilyChoice::Pinhole(choice), None));
+        }
+        (None, None) => {
+            // No model converges: the error of the one that was asked for tells why.
+            let calibration = calibrate_photographs(edges, size, options, photographs)?;
+            let choice = ModelChoice::without_alternatives(options.model, calibration);
+            return Ok((FamilyChoice::Pinhole(choice), None));
+        }
+    };
+    let best = best_standing(edges, &wide, &plain);
+    if best.odds > 0.0 {
+        let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
+        let found = &mut choice.calibration;
+        add_doubt(found, best.plain.1, (&plain, options), -best.odds);
+        let rejected = rejected(best.plain, -best.odds);
+        return Ok((FamilyChoice::Fisheye(choice), Some(rejected)));
+    }
+    let mut choice = plain.answer(edges, size, options, photographs)?;
+    let found = &mut choice.calibration;
+    add_doubt(found, best.wide.1, (&wide, &wide_options), best.odds);
+    let rejected = rejected(best.wide, best.odds);
+    Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
+}
+
+/// Parameters that mean the same in both families.
+const SHARED: [&str; 5] = ["fx", "fy", "cx", "cy", SKEW];
+
+/// Adds to a covariance what another family's answer is off by, and by how much it is less certain,
+/// times that one's probability. How certain it is, the model says that its family chose.
+fn add_doubt<A: Lens, B: Lens>(
+    found: &mut Calibration<A>,
+    other: &Calibration<B>,
+    (family, options): (&WeighedModels<B>, &Options<B>),
+    odds: f64,
+) {
+    let probability = 1.0 / (1.0 + (-odds).exp());
+    let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
+    let entries = [apart.m11, apart.m22, apart.m13, apart.m23, apart.m12];
+    let chosen = family.chosen().1;
+    let mut difference = DVector::zeros(found.parameters.len());
+    let (mut own, mut others) = (Vec::new(), Vec::new());
+    for (name, entry) in SHARED.into_iter().zip(entries) {
+        let Some(place) = found.position(name) else {
+            continue;
+        };
+        difference[place] = entry;
+        if let Some(same) = chosen.position(name) {
+            own.push(place);
+            others.push(same);
+        }
+    }
+    let mut doubt = &difference * difference.transpose();
+    let part =
+        |all: &DMatrix<f64>, places: &[usize]| all.select_rows(places).select_columns(places);
+    let (to, from) = (family.covariance(options), &found.covariance);
+    if let Some(raised) = raising_part(part(&to, &others), &part(from, &own)) {
+        let size = difference.len();
+        let spread = DMatrix::<f64>::identity(size, size).select_columns(&own);
+        doubt += &spread * raised * spread.transpose();
+    }
+    widen(found, doubt * probability, options.fixed);
+}
+
+fn rejected<L: Lens>((model, fit): FittedModel<'_, L>, log_evidence: f64) -> RejectedFamily {
+    RejectedFamily {
+        model: model.name(),
+        log_evidence,
+        rms: fit.rms,
+    }
+}
