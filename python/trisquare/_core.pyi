@@ -17,6 +17,7 @@ __all__ = [
     "ResidualCorrelation",
     "SideSamples",
     "Solution",
+    "SolutionWarning",
     "SolvedPlane",
     "ToneEstimate",
     "ToneFit",
@@ -250,6 +251,21 @@ class FigureResiduals:
     def normals(self) -> list[NDArray[np.float64]]: ...
 
 @final
+class SolutionWarning:
+    """What may make a calibration wrong, and the plane or the picture that it is about."""
+
+    @property
+    def text(self) -> str: ...
+    @property
+    def code(self) -> str: ...
+    @property
+    def severity(self) -> str: ...
+    @property
+    def plane(self) -> int | None: ...
+    @property
+    def picture(self) -> int | None: ...
+
+@final
 class ResidualCorrelation:
     """How far the residuals are from independent noise."""
 
@@ -291,7 +307,7 @@ class Solution:
     @property
     def noise_scale(self) -> float: ...
     @property
-    def warnings(self) -> list[tuple[str, str, str, int | None, int | None]]: ...
+    def warnings(self) -> list[SolutionWarning]: ...
     @property
     def stage(self) -> str: ...
     @property

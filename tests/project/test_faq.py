@@ -13,9 +13,9 @@ from shown import CHECKOUT, page
 
 import trisquare as ts
 from trisquare import errors
+from trisquare.calibration.fault_warnings import _ADVICE
 from trisquare.cli.app import EXIT_CODES
 from trisquare.errors import HTTP_STATUSES, code_members, error_members, help_of, http_status
-from trisquare.images.faults import _ADVICE
 from trisquare.results.calibration_warning import SEVERITIES
 from trisquare.results.partial_detection import PartialDetection
 

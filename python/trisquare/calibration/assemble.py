@@ -147,7 +147,7 @@ def _planes(
     """Return the planes in order, `sides` being the lengths of their units."""
     figures = gathered.edges
     images = gathered.images
-    outliers = {plane for _, code, _, plane, _ in found.warnings if code == "plane_rejected"}
+    outliers = {own.plane for own in found.warnings if own.code == "plane_rejected"}
     side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]
     return tuple(
         _plane(

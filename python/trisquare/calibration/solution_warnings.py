@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 import trisquare._core as _core
 from trisquare._support.number_text import listed
+from trisquare.calibration.fault_warnings import SPOILT, fault_warnings
 from trisquare.calibration.gather import Gathered
-from trisquare.images.faults import SPOILT, PictureFaults, fault_warnings
+from trisquare.images.faults import PictureFaults
 from trisquare.images.tone import (
     PictureTone,
     contradicting_pictures,
@@ -32,25 +33,26 @@ def solution_warnings(
     """Warn of what may make the solution wrong; `tones` are those of the pictures, by index."""
     contradicting = contradicting_pictures(tones, gathered.names)
     # Where the fit to the pixels contradicts the tone curve, it says what that makes of the camera.
-    if contradicting and not any(code == "tone_contradicted" for _, code, *_ in found.warnings):
+    codes = {own.code for own in found.warnings}
+    if contradicting and "tone_contradicted" not in codes:
         text = contradiction_text(contradicting)
         yield CalibrationWarning(text, "tone_contradicted", "high")
     faults = _faults(gathered)
     of_faults = fault_warnings(faults, tones, gathered.names)
-    for text, code, severity in of_faults:
-        yield CalibrationWarning(text, code, severity)
+    yield from of_faults
     yield from _shift_warnings(found, gathered, tones, faults)
-    spoilt = [SPOILT[code] for _, code, _ in of_faults if code in SPOILT]
-    hints = _contradiction_hints(gathered, spoilt, {code for _, code, *_ in found.warnings})
+    spoilt = [SPOILT[own.code] for own in of_faults if own.code in SPOILT]
+    hints = _contradiction_hints(gathered, spoilt, codes)
     if any(tone.shift is not None for tone in tones.values()):
         hints += NO_CURVE_HINT
-    for text, code, severity, plane, picture in found.warnings:
-        if code == "planes_contradict":
+    for own in found.warnings:
+        text = own.text
+        if own.code == "planes_contradict":
             text += hints
-        if picture is not None:
-            name = gathered.names[gathered.images[picture]]
+        if own.picture is not None:
+            name = gathered.names[gathered.images[own.picture]]
             text = contradiction_text(contradicting or name, text)
-        yield CalibrationWarning(text, code, severity, plane)
+        yield CalibrationWarning(text, own.code, own.severity, own.plane)
 
 
 def _faults(gathered: Gathered) -> dict[int, PictureFaults]:

@@ -70,8 +70,7 @@ pub struct Solution {
     residuals: Vec<Py<FigureResiduals>>,
     rms: f64,
     noise_scale: f64,
-    /// Text, code, severity, and the plane or the picture that it is about.
-    warnings: Vec<WarningMembers>,
+    warnings: Vec<Py<SolutionWarning>>,
     stage: &'static str,
     /// Model, logarithm of its evidence, and rms of those that were not chosen.
     alternatives: Vec<(String, f64, f64)>,
@@ -80,13 +79,17 @@ pub struct Solution {
     tone_growth: Option<f64>,
 }
 
-type WarningMembers = (
-    String,
-    &'static str,
-    &'static str,
-    Option<usize>,
-    Option<usize>,
-);
+/// What may make a calibration wrong.
+#[pyclass(frozen, get_all, module = "trisquare._core")]
+pub struct SolutionWarning {
+    text: String,
+    code: &'static str,
+    severity: &'static str,
+    /// The plane that it is about.
+    plane: Option<usize>,
+    /// The picture that it is about, counted among those that were given.
+    picture: Option<usize>,
+}
 
 /// Covariance of a pose for a given camera, (6, 6), and its change by the camera's parameters,
 /// (6, n).
@@ -449,7 +452,7 @@ fn solution<L: Lens>(
         residuals: each(py, &found.residuals, figure_residuals)?,
         rms: found.rms,
         noise_scale: found.noise_scale,
-        warnings: found.warnings.iter().map(warning).collect(),
+        warnings: each(py, &found.warnings, |_, warning| solution_warning(warning))?,
         stage: match found.stage {
             Stage::Linear => "linear",
             Stage::Edges => "edges",
@@ -473,19 +476,19 @@ fn solution<L: Lens>(
     })
 }
 
-fn warning(warning: &Warning) -> WarningMembers {
+fn solution_warning(warning: &Warning) -> SolutionWarning {
     let severity = match warning.severity() {
         Severity::Low => "low",
         Severity::Medium => "medium",
         Severity::High => "high",
     };
-    (
-        message(warning),
-        warning.code(),
+    SolutionWarning {
+        text: message(warning),
+        code: warning.code(),
         severity,
-        warning.plane(),
-        warning.picture(),
-    )
+        plane: warning.plane(),
+        picture: warning.picture(),
+    }
 }
 
 /// The message of a warning, which advises the keywords of the Python function.

@@ -20,8 +20,8 @@ pub mod _core {
 
     #[pymodule_export]
     use crate::calibration::{
-        FigureResiduals, Outcome, ResidualCorrelation, Solution, SolvedPlane, ToneFit, Verdict,
-        calibrate,
+        FigureResiduals, Outcome, ResidualCorrelation, Solution, SolutionWarning, SolvedPlane,
+        ToneFit, Verdict, calibrate,
     };
     #[pymodule_export]
     use crate::errors::provoke_panic;
