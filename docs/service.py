@@ -29,14 +29,14 @@ CORES = len(os.sched_getaffinity(0)) if HAS_AFFINITY else os.cpu_count()
 PROCESSES = int(os.environ.get("SERVICE_PROCESSES") or CORES or 1)
 """Calibrations at a time, each in a process of its own."""
 
-MOST_WAITING = 8 * PROCESSES
+MAX_WAITING = 8 * PROCESSES
 """Photographs accepted at a time; whoever comes next is told to come again."""
 
-MOST_BYTES = 32 << 20
+MAX_BYTES = 32 << 20
 """Of a photograph's file."""
 
 LIMITS: dict[str, Any] = {
-    "max_bytes": MOST_BYTES,
+    "max_bytes": MAX_BYTES,
     "max_pixels": 50_000_000,  # by the header, before anything is decoded
     "max_seconds": 20.0,  # then the process is killed
     "max_memory": 1e9,  # bytes beside the 80 MB that a process has from the start; on Linux
@@ -117,7 +117,7 @@ async def calibrations(
     if targets.lower().endswith(".json"):
         raise RefusedError("ValueError", "a layout's file is the server's: name a board")
     state = request.app.state
-    if state.accepted >= MOST_WAITING:
+    if state.accepted >= MAX_WAITING:
         raise RefusedError("BusyError", "too many photographs at a time: come again")
     state.accepted += 1
     try:
@@ -141,8 +141,8 @@ async def _body(request: Request) -> bytes:
     try:
         async for part in request.stream():
             received += part
-            if len(received) > MOST_BYTES:
-                raise RefusedError("TooLargeError", f"a photograph may have {MOST_BYTES >> 20} MB")
+            if len(received) > MAX_BYTES:
+                raise RefusedError("TooLargeError", f"a photograph may have {MAX_BYTES >> 20} MB")
     except ClientDisconnect as error:
         raise RefusedError("AbandonedError", "the client left") from error
     return bytes(received)

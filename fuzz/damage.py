@@ -13,10 +13,10 @@ from typing import Any
 
 import yaml
 
-MOST_BYTES = 1_000_000
+MAX_BYTES = 1_000_000
 """Of a damaged file."""
 
-MOST_YAML = 10_000
+MAX_YAML = 10_000
 """Characters that are parsed as YAML, which takes long."""
 
 NUMBER = re.compile(rb"\d+(\.\d+)?")
@@ -48,7 +48,7 @@ def damaged(whole: bytes, name: str, rng: random.Random) -> bytes:
     for _ in range(rng.randint(1, 3)):
         with suppress(RecursionError):  # a text that is nested too deep stays as it is
             text = rng.choice((_other_tree, _other_tree, _other_value, _other_lines))(text, rng)
-    return text.encode("utf-8", "surrogatepass")[:MOST_BYTES]
+    return text.encode("utf-8", "surrogatepass")[:MAX_BYTES]
 
 
 def _damaged_bytes(whole: bytes, rng: random.Random) -> bytes:
@@ -77,7 +77,7 @@ def _damaged_bytes(whole: bytes, rng: random.Random) -> bytes:
         else:
             other = rng.randrange(len(file) + 1)
             file[other : other + end - at] = file[at:end]
-        del file[MOST_BYTES:]
+        del file[MAX_BYTES:]
     return bytes(file)
 
 
@@ -85,7 +85,7 @@ def _other_tree(text: str, rng: random.Random) -> str:
     """Change a JSON or YAML text, or a line of JSON, at one place of its tree."""
     before, after = "", ""
     try:
-        is_yaml = text.startswith(("image", "cam")) and len(text) < MOST_YAML
+        is_yaml = text.startswith(("image", "cam")) and len(text) < MAX_YAML
         tree = yaml.safe_load(text) if is_yaml else json.loads(text)
     except (ValueError, RecursionError, yaml.YAMLError):
         lines = text.split("\n")
@@ -118,7 +118,7 @@ def _other_tree(text: str, rng: random.Random) -> str:
     elif isinstance(parent[key], int | float):
         with suppress(OverflowError):  # of an integer of many digits
             parent[key] *= rng.choice((-1, 0, 1e-9, 1e9, 1e300))
-    return before + json.dumps(tree)[:MOST_BYTES] + after
+    return before + json.dumps(tree)[:MAX_BYTES] + after
 
 
 def _times(value: Any, rng: random.Random) -> int:
@@ -158,7 +158,7 @@ def _other_value(text: str, rng: random.Random) -> str:
         value = opening * depth + value + closing * depth
     else:
         value = value[:-1] + value[-1] * int(2 ** rng.uniform(0, 18))
-    return (text[: match.start()] + value + text[match.end() :])[:MOST_BYTES]
+    return (text[: match.start()] + value + text[match.end() :])[:MAX_BYTES]
 
 
 def _other_lines(text: str, rng: random.Random) -> str:
@@ -170,4 +170,4 @@ def _other_lines(text: str, rng: random.Random) -> str:
         del lines[start : start + len(moved)]
     at = rng.randrange(len(lines) + 1)
     lines[at:at] = moved * (1 + _times("".join(moved), rng))
-    return "".join(lines)[:MOST_BYTES]
+    return "".join(lines)[:MAX_BYTES]

@@ -18,10 +18,10 @@ EVIDENT = 4.0
 NEGLIGIBLE = 0.003
 """... and by more than this part of the focal length."""
 
-MOST_SILENT = 0.01
-MOST_SILENT_OF_A_KIND = 3
-MOST_FALSE_ALARMS = 0.02
-MOST_WRONG_CAUSES = 2
+MAX_SILENT = 0.01
+MAX_SILENT_OF_A_KIND = 3
+MAX_FALSE_ALARMS = 0.02
+MAX_WRONG_CAUSES = 2
 
 UNCERTAIN = ("correlated_residuals",)
 """Warnings that leave the cause open."""
@@ -67,26 +67,26 @@ def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row
         Row(
             f"{name}: wrong without a warning of the cause",
             f"{100 * share:.1f} %",
-            f"<= {100 * MOST_SILENT:.0f} %",
-            share <= MOST_SILENT,
+            f"<= {100 * MAX_SILENT:.0f} %",
+            share <= MAX_SILENT,
         ),
         Row(
             f"the same, in the worst kind that can be told ({worst})",
             f"{silent[worst]} of {SCENES}",
-            f"<= {MOST_SILENT_OF_A_KIND}",
-            silent[worst] <= MOST_SILENT_OF_A_KIND,
+            f"<= {MAX_SILENT_OF_A_KIND}",
+            silent[worst] <= MAX_SILENT_OF_A_KIND,
         ),
         Row(
             f"the same: wrong cause named first, worst kind ({falsest})",
             f"{misnamed[falsest]} of {SCENES}",
-            f"<= {MOST_WRONG_CAUSES}",
-            misnamed[falsest] <= MOST_WRONG_CAUSES,
+            f"<= {MAX_WRONG_CAUSES}",
+            misnamed[falsest] <= MAX_WRONG_CAUSES,
         ),
         Row(
             "the same scenes undamaged: warned; refused",
             f"{100 * warned / count:.1f} %; {refused}",
-            f"<= {100 * MOST_FALSE_ALARMS:.0f} %; 0",
-            warned <= MOST_FALSE_ALARMS * count and refused == 0,
+            f"<= {100 * MAX_FALSE_ALARMS:.0f} %; 0",
+            warned <= MAX_FALSE_ALARMS * count and refused == 0,
         ),
     ]
 

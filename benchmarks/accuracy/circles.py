@@ -14,7 +14,7 @@ SCENES = 200
 SEED = 79
 RADII = (0.5, 0.3)
 NOISE = 0.1  # pixels
-MOST_OVER_BOUND = 1.10
+MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
 # A 95 % interval of a normal distribution.
 HALF_WIDTH = 1.959964
@@ -30,7 +30,7 @@ def measure() -> list[Row]:
                 f"three planes of two concentric circles of {name} radii, {SCENES} scenes: "
                 "error / bound",
                 ratio,
-                MOST_OVER_BOUND,
+                MAX_OVER_BOUND,
             ),
             coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
         ]

@@ -17,9 +17,9 @@ FIELDS = (100, 130, 160, 190, 220)  # degrees across the picture's width
 NOISE = 0.1  # pixels
 SPACING = 6.0  # pixels of edge per sample
 NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
-MOST_OVER_BOUND = 1.10
+MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
-MOST_COST = 1.5
+MAX_COST = 1.5
 # A 95 % interval of a normal distribution.
 HALF_WIDTH = 1.959964
 # Two searches that end this close, in standard deviations, have found the same optimum.
@@ -63,13 +63,13 @@ def measure() -> list[Row]:
             f"{total}",
             reached == total,
         ),
-        bound_row("the same: error / Cramer-Rao bound", ratio, MOST_OVER_BOUND),
+        bound_row("the same: error / Cramer-Rao bound", ratio, MAX_OVER_BOUND),
         coverage_row("the same: coverage of the 95 % intervals", held_share, COVERAGE),
         Row(
             "cost of a solve with fisheye / with radial2, each on scenes of its own",
             f"{cost:.2f}",
-            f"<= {MOST_COST}",
-            cost <= MOST_COST,
+            f"<= {MAX_COST}",
+            cost <= MAX_COST,
         ),
     ]
 

@@ -20,8 +20,8 @@ FIELD_RANGE = (100.0, 190.0)  # degrees across the picture's width
 NOISE_RANGE = (1.0, 4.0)  # grey levels
 BLUR_RANGE = (0.5, 1.2)  # pixels
 CONTRAST = 175.0  # grey levels
-LEAST_FOUND = 58
-MOST_OVER_BOUND = 1.15
+MIN_FOUND = 58
+MAX_OVER_BOUND = 1.15
 COVERAGE = (0.92, 0.98)
 # What is wrong without a warning: an error beyond both.
 WRONG_STDS = 4.0
@@ -49,14 +49,14 @@ def measure() -> list[Row]:
             f"fisheye pictures of {FIELD_RANGE[0]:.0f}-{FIELD_RANGE[1]:.0f} degrees: all squares "
             "found without options",
             f"{len(ratios)} of {SCENES}",
-            f">= {LEAST_FOUND}",
-            len(ratios) >= LEAST_FOUND,
+            f">= {MIN_FOUND}",
+            len(ratios) >= MIN_FOUND,
         ),
         Row(
             "the same: error / bound of the pixels",
             f"{ratio:.2f}",
-            f"<= {MOST_OVER_BOUND}",
-            ratio <= MOST_OVER_BOUND,
+            f"<= {MAX_OVER_BOUND}",
+            ratio <= MAX_OVER_BOUND,
         ),
         coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
         Row(

@@ -22,7 +22,7 @@ CELLS = (8, 6)
 RELIEF_RANGE = (0.005, 0.02)  # of the target's extent
 MARGIN = 4.0  # pixels from the border
 PLACES = np.array([(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)])
-MOST_DRAWS = 200
+MAX_DRAWS = 200
 WIDEST_ANGLE = 1.4  # radians from the axis
 
 LENS_CODES = ("lens_beyond_model",)
@@ -36,7 +36,7 @@ BOARD_CODES = (
 WRONG_STD, WRONG_PART = 4.0, 0.003
 """An answer is wrong where fx is off by so many standard deviations and by this part of it."""
 
-MOST_SILENT, LEAST_RIGHT, MOST_WRONG_CAUSES = 3, 25, 2
+MAX_SILENT, MIN_RIGHT, MAX_WRONG_CAUSES = 3, 25, 2
 
 Law = Callable[[Array], Array]
 Heights = Callable[[Array], Array]
@@ -183,7 +183,7 @@ def _figure(
     """Draw a figure about a place of the picture until all of it is seen."""
     place, direction, tilts, sizes = pose
     half = np.array(cells) / 2.0
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         at = place + rng.normal(0.0, 0.02, 2)
         ray = _ray(lens, at * SIZE)
         towards = _turned_to(ray) @ tilted(rng.uniform(*tilts), direction, rng.uniform(0.0, 360.0))
@@ -284,14 +284,14 @@ def measure(scenes: int = SCENES, seed: int = SEED) -> list[Row]:
         Row(
             f"lenses beyond radial2, bent targets, {total}: wrong without the cause, worst class",
             f"{silent}",
-            f"<= {MOST_SILENT}",
-            silent <= MOST_SILENT,
+            f"<= {MAX_SILENT}",
+            silent <= MAX_SILENT,
         ),
         Row(
             f"the same: wrong cause named first, worst class ({total})",
             f"{misnamed}",
-            f"<= {MOST_WRONG_CAUSES}",
-            misnamed <= MOST_WRONG_CAUSES,
+            f"<= {MAX_WRONG_CAUSES}",
+            misnamed <= MAX_WRONG_CAUSES,
         ),
         Row(
             f"clean scenes beside them, {2 * scenes}: warned; refused",

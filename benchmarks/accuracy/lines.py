@@ -24,7 +24,7 @@ SPACING = 4.0
 LINES = 12
 BENT = (2, 5, 9)
 SAGITTA_RANGE = (1.0, 5.0)  # pixels
-MOST_OVER_BOUND = 1.10
+MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
 # A 95 % interval of a normal distribution.
 HALF_WIDTH = 1.959964
@@ -69,7 +69,7 @@ def measure() -> list[Row]:
         bound_row(
             f"{scenes}: error / bound",
             ratio,
-            MOST_OVER_BOUND,
+            MAX_OVER_BOUND,
             f" (squares alone {_ratio(runs['without']):.3f})",
         ),
         coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),

@@ -25,11 +25,11 @@ COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
 KINDS = [model for model, coefficients in LENS_MODELS.items() if coefficients == BROWN]
 COUNT = dict(zip(KINDS, (0, 1, 2, 3, 5), strict=True))
 FISHEYE_FIELD_RANGE = (80.0, 200.0)  # degrees across the picture's width
-MOST_WRONG_FAMILY = 0.03
+MAX_WRONG_FAMILY = 0.03
 # A coefficient this many standard deviations from zero is there to be found.
 DETECTABLE = 4.0
-MOST_WRONGLY_RICHER = 0.03
-LEAST_FOUND = 0.97
+MAX_WRONGLY_RICHER = 0.03
+MIN_FOUND = 0.97
 # A 95 % interval of a normal distribution.
 HALF_WIDTH = 1.959964
 COVERAGE = (0.93, 0.97)
@@ -74,14 +74,14 @@ def measure() -> list[Row]:
         Row(
             f"model too rich, {scenes} lenses of {len(KINDS)} kinds",
             f"{100 * richer:.1f} %",
-            f"<= {100 * MOST_WRONGLY_RICHER:.0f} %",
-            richer <= MOST_WRONGLY_RICHER,
+            f"<= {100 * MAX_WRONGLY_RICHER:.0f} %",
+            richer <= MAX_WRONGLY_RICHER,
         ),
         Row(
             f"true model or richer, where its coefficients are beyond {DETECTABLE:.0f} std",
             f"{100 * found:.0f} %",
-            f">= {100 * LEAST_FOUND:.0f} %",
-            found >= LEAST_FOUND,
+            f">= {100 * MIN_FOUND:.0f} %",
+            found >= MIN_FOUND,
         ),
         Row(
             "rms error of fx, chosen model / always radial2, all lenses",
@@ -99,8 +99,8 @@ def measure() -> list[Row]:
             f"{SCENES} fisheyes of {FISHEYE_FIELD_RANGE[0]:.0f}-{FISHEYE_FIELD_RANGE[1]:.0f} "
             "degrees taken for a distorted pinhole, fx more than 4 std off",
             f"{missed}",
-            f"<= {MOST_WRONG_FAMILY * SCENES:.0f}",
-            missed <= MOST_WRONG_FAMILY * SCENES,
+            f"<= {MAX_WRONG_FAMILY * SCENES:.0f}",
+            missed <= MAX_WRONG_FAMILY * SCENES,
         ),
         Row(
             "95 % intervals of fx of all of these",

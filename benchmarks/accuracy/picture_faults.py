@@ -32,7 +32,7 @@ SCENES = 30  # of each class
 NOISE_RANGE = (1.0, 3.0)  # grey levels
 BLUR_RANGE = (0.5, 1.2)  # pixels
 SILENT_STD, SILENT_SHARE = 4.0, 0.003
-MOST_SILENT = 3
+MAX_SILENT = 3
 UNDAMAGED_WARNED = 0.02
 
 EXPOSURES = (1.15, 1.3, 1.6)
@@ -194,8 +194,8 @@ def measure() -> list[Row]:
             row = Row(
                 f"{name}, {SCENES} scenes: silent (4 std and .3 % off, cause not named)",
                 f"{tally.silent}",
-                f"<= {MOST_SILENT}",
-                tally.silent <= MOST_SILENT,
+                f"<= {MAX_SILENT}",
+                tally.silent <= MAX_SILENT,
             )
         else:
             row = Row(

@@ -12,7 +12,7 @@ PLACES = np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
 PLACE_JITTER = 0.03  # of the picture
 SIDE_RANGE = (0.2, 0.42)  # of the height
 MARGIN = 12.0  # pixels to the border
-MOST_DRAWS = 5000
+MAX_DRAWS = 5000
 
 
 def alike_scene(
@@ -28,7 +28,7 @@ def alike_scene(
     """
     # Normals at this angle from the common one, 120 degrees round it, are `apart` from each other.
     opening = np.degrees(np.arcsin(np.sin(np.radians(apart / 2.0)) / np.sin(np.radians(60.0))))
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         camera = simulate.random_camera(rng)
         first = rng.uniform(0.0, 360.0)
         common = simulate.tilted(rng.uniform(*tilt), rng.uniform(0.0, 360.0), 0.0)

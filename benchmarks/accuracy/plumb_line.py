@@ -15,7 +15,7 @@ from trisquare.images.pixels import Image, picture_size
 from trisquare.straightening.bundle import Bundle, CentredLens
 from trisquare.straightening.edges import find_arcs
 from trisquare.straightening.fit import (
-    MOST_POINTS,
+    MAX_POINTS,
     ROUND_SCALES,
     Fit,
     Problem,
@@ -189,7 +189,7 @@ def _held_out() -> list[Row]:
         problem, fit = _fitted(DATA / "ortho-corner" / name)
         lines = _long_lines((problem, fit))
         for part in (0, 1):
-            bundle = Bundle.of(lines[part::2], problem.radius, MOST_POINTS)
+            bundle = Bundle.of(lines[part::2], problem.radius, MAX_POINTS)
             lens = refine(problem, bundle, fit.lens, ROUND_SCALES[-1] * problem.pixel)
             lenses = lens, _one_parameter(problem, bundle)
             rms.append([_rms(lines[1 - part :: 2], lens, problem) for lens in lenses])
@@ -238,7 +238,7 @@ def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
 
 
 def _rms(lines: list[Array], lens: CentredLens, problem: Problem) -> float:
-    bundle = Bundle.of(lines, problem.radius, MOST_POINTS)
+    bundle = Bundle.of(lines, problem.radius, MAX_POINTS)
     return float(np.sqrt(np.mean(bundle.measure(lens).rms ** 2)))
 
 

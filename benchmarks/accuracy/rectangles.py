@@ -23,9 +23,9 @@ ASPECT_RANGE = (1.0, 2.0)
 FACADE = (4, 3)
 NOISE = 0.1  # pixels
 SPACING = 4.0  # pixels of edge per sample
-LEAST_FOUND = 55
-MOST_ERROR = 0.0002
-MOST_OVER_BOUND = 1.10
+MIN_FOUND = 55
+MAX_ERROR = 0.0002
+MAX_OVER_BOUND = 1.10
 # What is wrong without a warning: an error beyond both.
 WRONG_STDS = 4.0
 WRONG_PART = 0.003
@@ -58,20 +58,20 @@ def measure() -> list[Row]:
         f"from edges, {EDGE_SCENES} scenes, aspect held"
     )
     return [
-        Row(f"{name}: found", f"{found}", f">= {LEAST_FOUND}", found >= LEAST_FOUND),
+        Row(f"{name}: found", f"{found}", f">= {MIN_FOUND}", found >= MIN_FOUND),
         Row(
             "the same: fx, median error",
             f"{100 * error:.4f} %",
-            f"<= {100 * MOST_ERROR:.2f} %",
-            error <= MOST_ERROR,
+            f"<= {100 * MAX_ERROR:.2f} %",
+            error <= MAX_ERROR,
         ),
         Row("the same: silently wrong", f"{silent}", "0", silent == 0),
-        Row(f"{bare}: found", f"{bare_found}", f">= {LEAST_FOUND}", bare_found >= LEAST_FOUND),
+        Row(f"{bare}: found", f"{bare_found}", f">= {MIN_FOUND}", bare_found >= MIN_FOUND),
         Row(
             "the same: fx, median error",
             f"{100 * bare_error:.4f} %",
-            f"<= {100 * MOST_ERROR:.2f} %",
-            bare_error <= MOST_ERROR,
+            f"<= {100 * MAX_ERROR:.2f} %",
+            bare_error <= MAX_ERROR,
         ),
         Row("the same: silently wrong", f"{bare_silent}", "0", bare_silent == 0),
         *_bound_rows(edges, ratio, share),
@@ -85,7 +85,7 @@ def _bound_rows(name: str, ratio: float, share: float) -> list[Row]:
     """Return the rows of an error over its bound, and of the coverage of the intervals."""
     coverage = "the same, aspects included: coverage of the 95 % intervals"
     return [
-        bound_row(f"{name}: error / bound", ratio, MOST_OVER_BOUND),
+        bound_row(f"{name}: error / bound", ratio, MAX_OVER_BOUND),
         coverage_row(coverage, share, COVERAGE),
     ]
 

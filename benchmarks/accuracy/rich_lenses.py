@@ -22,7 +22,7 @@ BOARDS = 3
 NOISE = 0.05  # pixels
 WRONG_STDS = 4.0
 LARGEST_RATIO = 1.2  # of errors to stated standard deviations, root mean square
-MOST_LEFT = 1.1  # residuals, as a part of the noise
+MAX_LEFT = 1.1  # residuals, as a part of the noise
 
 
 def measure() -> list[Row]:
@@ -65,8 +65,8 @@ def measure() -> list[Row]:
             Row(
                 "the same: residuals / noise, largest rms of a lens",
                 f"{max(left):.2f}",
-                f"<= {MOST_LEFT}",
-                max(left) <= MOST_LEFT,
+                f"<= {MAX_LEFT}",
+                max(left) <= MAX_LEFT,
             ),
         ]
     return rows

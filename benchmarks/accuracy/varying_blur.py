@@ -17,8 +17,8 @@ BLURS = ((0.6, 0.6), (0.6, 0.85), (0.6, 1.2), (1.0, 2.0))
 DISC_BLUR = 0.6
 DISCS = ((0.8, None), (1.6, None), (2.4, None), (1.6, 95), (1.6, 88))
 """Radii of the disc over which a lens out of focus spreads light, pixels; quality of JPEG."""
-MOST_STDS = 1.3
-MOST_ERROR = 0.01  # percent
+MAX_STDS = 1.3
+MAX_ERROR = 0.01  # percent
 
 
 def measure() -> list[Row]:
@@ -56,6 +56,6 @@ def _row(name: str, fault: PictureFault, blur: float) -> Row:
         f"sRGB, {name}, {SCENES} pictures: error / std rms, worst parameter; median error of fx; "
         "warned",
         f"{rms.max():.2f}; {median:.4f} %; {warned}",
-        f"<= {MOST_STDS}; <= {MOST_ERROR} %; 0",
-        bool(rms.max() <= MOST_STDS and median <= MOST_ERROR and warned == 0),
+        f"<= {MAX_STDS}; <= {MAX_ERROR} %; 0",
+        bool(rms.max() <= MAX_STDS and median <= MAX_ERROR and warned == 0),
     )

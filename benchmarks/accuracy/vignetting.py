@@ -15,7 +15,7 @@ PARTS = (0.0, 0.25, 0.45)
 """Of the light, taken away in the corners."""
 
 NOISE, BLUR = 2.0, 1.2
-MOST_STDS = 1.2
+MAX_STDS = 1.2
 
 
 def measure() -> list[Row]:
@@ -34,8 +34,8 @@ def measure() -> list[Row]:
                 f"corners darkened by {100 * part:.0f} %, {SCENES} pictures of three squares or "
                 "frames: error / std rms, worst parameter; mean error of fx",
                 f"{rms.max():.2f}; {100 * np.mean(focal):+.4f} %",
-                f"<= {MOST_STDS}",
-                bool(rms.max() <= MOST_STDS),
+                f"<= {MAX_STDS}",
+                bool(rms.max() <= MAX_STDS),
             )
         )
     return rows

@@ -29,7 +29,7 @@ FOCAL = 1100.0  # pixels, of all sweeps but that of the field of view
 K1, K2 = -0.15, 0.03  # at that focal length
 FIELD = 60.4  # degrees, its horizontal field of view
 
-MOST_GREY = 21.0
+MAX_GREY = 21.0
 """Grey levels of noise: with more, pictures of that contrast would be clipped."""
 
 
@@ -121,7 +121,7 @@ def errors_of(job: Job) -> dict[str, Error]:
         "linear": lambda: ts.calibrate_edges(edges, size, method="linear"),
         "edges": lambda: ts.calibrate_edges(edges, size),
     }
-    if setting.grey < MOST_GREY:
+    if setting.grey < MAX_GREY:
         photo = {"noise": setting.grey, "blur": BLUR}
         if job.picture:
             picture = simulate.render(scene, noise, contrast=CONTRAST, tone="linear", **photo)

@@ -26,7 +26,7 @@ CAMERAS = 60
 """Each calibrated from three boards of one kind."""
 LARGE_CELLS = (30.0, 90.0)
 """Pixels; three boards of smaller ones hardly tell a camera."""
-MOST_SIGMAS = 4.0
+MAX_SIGMAS = 4.0
 RMS_RANGE = (0.7, 1.3)
 
 
@@ -88,7 +88,7 @@ def _calibrated() -> Row:
             for name in names
         ]
         sigmas.append(off)
-        if np.abs(off).max() > MOST_SIGMAS:
+        if np.abs(off).max() > MAX_SIGMAS:
             print(
                 f"    camera {index}, gap {gap:.2f} px, cells of {cell:.0f} px: {np.round(off, 1)}"
             )
@@ -97,8 +97,8 @@ def _calibrated() -> Row:
     return Row(
         f"{CAMERAS} cameras from three such boards each: error / std of fx, fy, cx, cy, rms; worst",
         f"{rms:.2f}; {worst:.1f} ({refused} refused)",
-        f"{RMS_RANGE[0]}-{RMS_RANGE[1]}; < {MOST_SIGMAS:.0f}",
-        RMS_RANGE[0] <= rms <= RMS_RANGE[1] and worst < MOST_SIGMAS,
+        f"{RMS_RANGE[0]}-{RMS_RANGE[1]}; < {MAX_SIGMAS:.0f}",
+        RMS_RANGE[0] <= rms <= RMS_RANGE[1] and worst < MAX_SIGMAS,
     )
 
 

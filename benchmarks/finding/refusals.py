@@ -23,7 +23,7 @@ STRONG_NOISE = (0.5, 1.5)
 RENDERED_NOISE = (1.0, 4.0)  # grey levels
 RENDERED_BLUR = (0.5, 1.2)  # pixels
 # A right answer errs by at most so many of its own standard deviations.
-MOST_SIGMAS = 4.0
+MAX_SIGMAS = 4.0
 
 Outcome = tuple[str, float]
 
@@ -59,7 +59,7 @@ def measure() -> list[Row]:
             "the same, aspect held as well: right",
             f"{SCENES - _wrong(both) - Counter(k for k, _ in both)['DegenerateGeometryError']}",
             str(SCENES),
-            all(kind == "answered" and sigmas <= MOST_SIGMAS for kind, sigmas in both),
+            all(kind == "answered" and sigmas <= MAX_SIGMAS for kind, sigmas in both),
         ),
     ]
 
@@ -114,7 +114,7 @@ def _small(rng: np.random.Generator) -> simulate.Scene:
 
 
 def _wrong(outcomes: list[Outcome]) -> int:
-    return sum(sigmas > MOST_SIGMAS for _, sigmas in outcomes)
+    return sum(sigmas > MAX_SIGMAS for _, sigmas in outcomes)
 
 
 def _print(name: str, outcomes: list[Outcome]) -> None:

@@ -46,7 +46,7 @@ FAR_SEED = 43
 FAR_SIDES = (20.0, 60.0)
 """Pixels, before foreshortening."""
 FAR_TARGET = 0.9
-LEAST_FAR_SIDE = 20.0
+MIN_FAR_SIDE = 20.0
 """Pixels of a tag's shortest side: in smaller ones a cell is two or three."""
 
 BOUND_TARGET = 1.3
@@ -143,13 +143,13 @@ def _far_tags() -> Row:
         for target, number in enumerate(numbers):
             corners = scene.image_points(target, rectangle(0.5, 0.5))
             sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
-            if sides.min() >= LEAST_FAR_SIDE:
+            if sides.min() >= MIN_FAR_SIDE:
                 large += 1
                 found += number in seen
     return Row(
         f"three single tags of {FAR_SIDES[0]:.0f} to {FAR_SIDES[1]:.0f} px, no dictionary given, "
         f"{FAR_PICTURES} pictures, JPEG {JPEG_QUALITY}: of those whose sides are longer than "
-        f"{LEAST_FAR_SIDE:.0f} px",
+        f"{MIN_FAR_SIDE:.0f} px",
         f"{found} of {large}, {false} false",
         f">= {FAR_TARGET:.0%}, none false",
         found >= FAR_TARGET * large and false == 0,

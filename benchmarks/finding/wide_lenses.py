@@ -28,12 +28,12 @@ FIELD_RANGE = (100.0, 190.0)  # degrees across the picture's width
 NOISE_RANGE = (1.0, 4.0)  # grey levels
 BLUR_RANGE = (0.5, 1.2)  # pixels
 CONTRAST = 175.0  # grey levels
-LEAST_FOUND = 38
+MIN_FOUND = 38
 RATIO = (0.7, 1.3)
 NAMES = ("4X4_50", "5X5_250", "6X6_250", "7X7_1000", "APRILTAG_16H5", "APRILTAG_36H11")
-MOST_BEND = 0.1
+MAX_BEND = 0.1
 """Of a tag's side, over its chord."""
-LEAST_READ = 0.97
+MIN_READ = 0.97
 GRID_SCENES = 20
 
 
@@ -63,8 +63,8 @@ def _boards() -> list[Row]:
             f"{SCENES} fisheye pictures of {FIELD_RANGE[0]:.0f}-{FIELD_RANGE[1]:.0f} degrees: "
             "three boards of 8 x 6 corners, each one plane",
             f"{whole} of {SCENES}",
-            f">= {LEAST_FOUND}",
-            whole >= LEAST_FOUND,
+            f">= {MIN_FOUND}",
+            whole >= MIN_FOUND,
         ),
         Row(
             "the same: fx, error / std, rms",
@@ -85,7 +85,7 @@ def _tags() -> Row:
         found = search(_picture(scene, rng), TargetKinds.parse("auto")).found
         seen = [one.outline.tag for one in found if isinstance(one, Square)]
         seen_numbers = [tag.number for tag in seen if tag is not None]
-        counted = [own for i, own in enumerate(numbers) if _bend(scene, i) <= MOST_BEND]
+        counted = [own for i, own in enumerate(numbers) if _bend(scene, i) <= MAX_BEND]
         missed = [own for own in counted if own not in seen_numbers]
         if missed:
             print(f"  tags {index}, {name}: missed {missed}")
@@ -96,8 +96,8 @@ def _tags() -> Row:
         f"{SCENES} such pictures of three tags, no dictionary given: of those whose sides bend by "
         "up to a tenth",
         f"{read} of {tags}, {false} false",
-        f">= {LEAST_READ:.0%}, none false",
-        read >= LEAST_READ * tags and false == 0,
+        f">= {MIN_READ:.0%}, none false",
+        read >= MIN_READ * tags and false == 0,
     )
 
 
@@ -120,8 +120,8 @@ def _aprilgrids() -> Row:
         f"{GRID_SCENES} such pictures of three AprilGrids of 6 x 6 tags: tags on their grids; fx, "
         "error / std, rms",
         f"{read} of {every}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
-        f">= {LEAST_READ:.0%}; {RATIO[0]}-{RATIO[1]}",
-        read >= LEAST_READ * every and RATIO[0] <= ratio <= RATIO[1],
+        f">= {MIN_READ:.0%}; {RATIO[0]}-{RATIO[1]}",
+        read >= MIN_READ * every and RATIO[0] <= ratio <= RATIO[1],
     )
 
 
@@ -147,8 +147,8 @@ def _among_rectangles() -> Row:
         f'{SCENES} such pictures of three frames and up to three rectangles, model="auto": '
         "answered without a warning; fx, error / std, rms of these",
         f"{clean} of {SCENES}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
-        f">= {LEAST_FOUND}; {RATIO[0]}-{RATIO[1]}",
-        clean >= LEAST_FOUND and RATIO[0] <= ratio <= RATIO[1],
+        f">= {MIN_FOUND}; {RATIO[0]}-{RATIO[1]}",
+        clean >= MIN_FOUND and RATIO[0] <= ratio <= RATIO[1],
     )
 
 

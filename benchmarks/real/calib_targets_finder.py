@@ -10,7 +10,7 @@ import numpy as np
 
 from trisquare.detection.candidates import Lattice
 
-MOST_BOARDS = 6
+MAX_BOARDS = 6
 """It looks for three at most unless told."""
 
 Finder = Callable[[np.ndarray], list[Lattice]]
@@ -21,7 +21,7 @@ def _finder() -> Finder | None:
         package = import_module("calib_targets")
     except ImportError:
         return None
-    settings = package.ChessboardParams(max_components=MOST_BOARDS)
+    settings = package.ChessboardParams(max_components=MAX_BOARDS)
 
     def find(picture: np.ndarray) -> list[Lattice]:
         boards = package.detect_chessboard_all(np.ascontiguousarray(picture), params=settings)

@@ -15,7 +15,7 @@ from real.real_pictures import DATA
 import trisquare as ts
 
 SETS = {"opencv-chess": "left*.jpg", "charuco-cube/cam0": "*.jpg"}
-LEAST_PICTURES = 10
+MIN_PICTURES = 10
 SPLITS = 10
 SEED = 17
 RANGE = (0.7, 1.3)
@@ -31,7 +31,7 @@ def measure() -> list[Row]:
     for folder, pattern in SETS.items():
         paths = sorted((DATA / folder).glob(pattern))
         pictures = list(_boards(paths))
-        if len(pictures) < LEAST_PICTURES:
+        if len(pictures) < MIN_PICTURES:
             continue
         height, width = cv2.imread(str(paths[0]), cv2.IMREAD_GRAYSCALE).shape
         if folder == CHOSEN_ON:

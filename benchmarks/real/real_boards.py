@@ -21,8 +21,8 @@ FOLDS = 3
 SEED = 12
 TRIPLES = 10
 NEAR = 0.25  # cells from a crossing within which another detector's corner is the same
-LEAST_LINES = 2  # of a direction, to learn from: four lines place a plane
-LEAST_CORNERS = 6  # to learn from: OpenCV asks for as many
+MIN_LINES = 2  # of a direction, to learn from: four lines place a plane
+MIN_CORNERS = 6  # to learn from: OpenCV asks for as many
 DRAWS = 100  # of thirds; a board that none of them leaves enough of is left out
 SQUARE_CORNERS = ("ortho left", "ortho right", "cube cam0/7.jpg", "cube cam0/8.jpg")
 """Whose three planes meet at right angles."""
@@ -71,8 +71,8 @@ class Board(NamedTuple):
 
     def _teaches(self, thirds: Thirds, fold: int) -> bool:
         kept = self.is_row[thirds.lines != fold]
-        enough = min(kept.sum(), (~kept).sum()) >= LEAST_LINES
-        return bool(enough and (~thirds.held_corners(fold)).sum() >= LEAST_CORNERS)
+        enough = min(kept.sum(), (~kept).sum()) >= MIN_LINES
+        return bool(enough and (~thirds.held_corners(fold)).sum() >= MIN_CORNERS)
 
     def with_lines(self, chosen: npt.NDArray[np.bool_]) -> ts.PlaneEdges:
         """Return the board with some of its lines only."""

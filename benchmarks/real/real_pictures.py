@@ -17,7 +17,7 @@ CHESS = DATA / "opencv-chess"
 BLOCK = 8
 CALM_QUANTILE = 0.25
 # Rounding to whole grey levels makes less noise than this look like none at all.
-LEAST_NOISE = 0.5
+MIN_NOISE = 0.5
 
 # Blur is read from the strongest edges, three pixels in a thousand.
 EDGE_QUANTILE = 0.997
@@ -45,7 +45,7 @@ def noise_of(grey: Grey) -> float:
     left = pixels - (pixels @ basis) @ basis.T
     deviation = np.sqrt(np.sum(left**2, axis=1) / (pixels.shape[1] - basis.shape[1]))
     unclipped = (pixels.min(axis=1) > 0) & (pixels.max(axis=1) < 255)
-    return max(float(np.quantile(deviation[unclipped], CALM_QUANTILE)), LEAST_NOISE)
+    return max(float(np.quantile(deviation[unclipped], CALM_QUANTILE)), MIN_NOISE)
 
 
 def blur_of(grey: Grey) -> float:

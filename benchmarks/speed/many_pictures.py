@@ -21,8 +21,8 @@ PICTURES = 100
 # Rendered; the others are these with other noise, which is fast.
 SCENES = 4
 THREADS = 2
-LEAST_RATIO = 1.85
-MOST_GROWTH = 30.0  # MB
+MIN_RATIO = 1.85
+MAX_GROWTH = 30.0  # MB
 
 # In a process of its own: OpenCV has one thread, and the peak is that of one calibration.
 PROGRAM = """
@@ -86,8 +86,8 @@ def measure() -> list[Row]:
             Row(
                 f"{size}, {what}: {THREADS} threads / one",
                 f"{ratio:.2f}",
-                f">= {LEAST_RATIO}",
-                ratio >= LEAST_RATIO,
+                f">= {MIN_RATIO}",
+                ratio >= MIN_RATIO,
             )
             for what, ratio in ratios.items()
         ),
@@ -95,8 +95,8 @@ def measure() -> list[Row]:
             Row(
                 f"the same in one thread, {what}: peak memory above that of one picture",
                 f"{growth:.0f} MB",
-                f"<= {MOST_GROWTH:.0f} MB",
-                growth <= MOST_GROWTH,
+                f"<= {MAX_GROWTH:.0f} MB",
+                growth <= MAX_GROWTH,
             )
             for what, growth in growths.items()
         ),

@@ -39,7 +39,7 @@ from trisquare.simulate.scene import (
     rectangle,
     sides_of,
 )
-from trisquare_scenes.tagged import BOX_MARGIN, MOST_DRAWS, PLACES, box_faces, in_picture, marker
+from trisquare_scenes.tagged import BOX_MARGIN, MAX_DRAWS, PLACES, box_faces, in_picture, marker
 
 SAMPLES = 4
 """Parts of a pixel's side."""
@@ -124,7 +124,7 @@ def aprilgrid_box_scene(
     """Draw a box's corner with a grid on each of its faces; grid f is numbered from f M on."""
     half = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent
     unit = (1.0 - 2.0 * BOX_MARGIN) / (2.0 * max(half))
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         own = camera or random_camera(rng)
         faces = [
             AprilGridTarget(
@@ -155,7 +155,7 @@ def aprilgrid_poses_scene(
     first, upright = rng.uniform(0.0, 360.0, 2)
     targets: list[Target] = []
     for i, place in enumerate(PLACES):
-        for _ in range(MOST_DRAWS):
+        for _ in range(MAX_DRAWS):
             rotation = tilted(
                 rng.uniform(*POSE_TILTS),
                 first + 120.0 * i + rng.uniform(-20.0, 20.0),

@@ -48,7 +48,7 @@ SKIN_RANGE = (0.15, 0.5)
 FINGER_LENGTHS = (60.0, 6.0, 4.0, 2.5, 1.6)
 """Lengths tried, in finger widths: out of the picture if nothing else is hidden by that."""
 
-MOST_DRAWS = 400
+MAX_DRAWS = 400
 """Placements are drawn by rejection; one in a few is good."""
 
 
@@ -240,7 +240,7 @@ def _hidden_stretch(
 ) -> tuple[Overlay, Damage]:
     """Hide a stretch of one side and nothing else but what lies behind it in the same frame."""
     sides = [sample_sides(scene.camera, target, 1.0) for target in scene.targets]
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         side = int(rng.integers(4))
         place = _draw_place(sides[plane][side], rng)
         for overlay in _overlays(kind, place, scene, rng, settings):

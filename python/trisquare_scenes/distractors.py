@@ -49,8 +49,8 @@ FREE_TILTS = (0.0, 60.0)
 EDGE = 0.04
 """Centres keep this part of the picture away from its border."""
 
-MOST_SCENES = 60
-MOST_PLACES = 400
+MAX_SCENES = 60
+MAX_PLACES = 400
 """Scenes, and places within one, are drawn by rejection."""
 
 
@@ -87,7 +87,7 @@ def mixed_scene(
     -------
     MixedScene
     """
-    for _ in range(MOST_SCENES):
+    for _ in range(MAX_SCENES):
         drawn = camera or random_camera(rng, image_size)
         targets = _true_squares(drawn, rng, squares)
         if targets is not None and _add_rectangles(drawn, rng, targets, squares + rectangles):
@@ -114,7 +114,7 @@ def _true_squares(camera: TrueCamera, rng: np.random.Generator, count: int) -> l
     sides = TRUE_SIDES if count < 4 else MORE_TRUE_SIDES
     for i in range(count):
         direction = first + 360.0 * i / count
-        for _ in range(MOST_PLACES):
+        for _ in range(MAX_PLACES):
             rotation = tilted(
                 rng.uniform(*TRUE_TILTS),
                 direction + rng.uniform(-TRUE_JITTER, TRUE_JITTER),
@@ -134,7 +134,7 @@ def _add_rectangles(
     camera: TrueCamera, rng: np.random.Generator, targets: list[Target], total: int
 ) -> bool:
     """Add rectangles until there are `total` targets; False if they do not fit."""
-    for _ in range(MOST_PLACES):
+    for _ in range(MAX_PLACES):
         if len(targets) == total:
             return True
         rotation = _stance(rng, targets)

@@ -15,7 +15,7 @@ from trisquare.simulate.scenes import faces_camera, inside
 CELLS = (15.0, 90.0)
 """Sides of cells, pixels, before the board is tilted."""
 
-MOST_TILTED = 45.0  # degrees
+MAX_TILTED = 45.0  # degrees
 
 FEWEST, MOST = (4, 4), (13, 10)
 """Inner corners of a board: columns and rows."""
@@ -23,7 +23,7 @@ FEWEST, MOST = (4, 4), (13, 10)
 FILLED = 0.85
 """Part of the picture's height that a board takes at most, before it is tilted."""
 
-MOST_DRAWS = 5000
+MAX_DRAWS = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,12 +76,12 @@ def gapped_scene(
     most = [
         min(m, int(FILLED * size / cell) - 1) for m, size in zip(MOST, (width, height), strict=True)
     ]
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         columns, rows = (
             int(rng.integers(low, high + 1)) for low, high in zip(FEWEST, most, strict=True)
         )
         rotation = tilted(
-            rng.uniform(0.0, MOST_TILTED), rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0)
+            rng.uniform(0.0, MAX_TILTED), rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0)
         )
         pixel = rng.uniform(0.2, 0.8, 2) * [width, height]
         centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / cell

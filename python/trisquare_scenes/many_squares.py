@@ -24,10 +24,10 @@ ASPECTS = (0.5, 0.9)
 ANGLES = (60.0, 82.0)
 """Acute angles of those that are rhombi, degrees."""
 
-MOST_SHIFT = 0.15
+MAX_SHIFT = 0.15
 """Of each corner of those that are other quadrilaterals, of the side."""
 
-MOST_DRAWS = 100
+MAX_DRAWS = 100
 """Poses of one square, drawn by rejection."""
 
 FalseShape = Literal["rectangle", "rhombus", "quadrilateral"]
@@ -83,7 +83,7 @@ def _drawn(
     cell: float,
     shape: FalseShape | None,
 ) -> Target:
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         rotation = tilted(rng.uniform(*TILTS), rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0))
         side = cell * rng.uniform(*SIDES)
         centre = np.append(camera.undistort(middle[None])[0], 1.0) * camera.fx / side
@@ -103,5 +103,5 @@ def _corners(rng: np.random.Generator, shape: FalseShape | None) -> Array | None
         half = 0.5 * np.deg2rad(rng.uniform(*ANGLES))
         corners = rectangle(1.0, 1.0) * np.tile([[np.cos(half)], [np.sin(half)]], (2, 1))
     else:
-        corners = rectangle(0.5, 0.5) + rng.uniform(-MOST_SHIFT, MOST_SHIFT, (4, 2))
+        corners = rectangle(0.5, 0.5) + rng.uniform(-MAX_SHIFT, MAX_SHIFT, (4, 2))
     return np.asarray(corners * np.sqrt(0.5) / np.linalg.norm(corners, axis=1).max())

@@ -77,7 +77,7 @@ SQUARE_SIDES = (0.2, 0.3)
 SHOWN = (0.6, 0.95)
 """Share of all crossings that the border, or an arm, leaves in sight."""
 
-LEAST_SHOWN = 9
+MIN_SHOWN = 9
 """Crossings that each board shows at least."""
 
 ARM_WIDTHS = (0.03, 0.09)
@@ -115,7 +115,7 @@ BOUND_SPACING = 8.0
 BORDER_MARGIN = 2.0
 """Pixels that a point in sight is away from the border."""
 
-MOST_DRAWS = 20_000
+MAX_DRAWS = 20_000
 """Scenes are drawn by rejection; of some kinds one in a hundred is good."""
 
 
@@ -187,7 +187,7 @@ def real_picture(
     """
     settings = _settings(rng)
     sigma = pixel_sigma(settings["noise"], settings["contrast"], settings["blur"])
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         scene = _scene(rng, kind, _camera(rng, image_size))
         if scene is None:
             continue
@@ -417,7 +417,7 @@ def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
         crossings = scene.image_points(number, target.board_corners())
         shown.append(_in_sight(scene.camera, overlays, crossings))
     share = float(np.concatenate(shown).mean())
-    return SHOWN[0] <= share <= SHOWN[1] and min(part.sum() for part in shown) >= LEAST_SHOWN
+    return SHOWN[0] <= share <= SHOWN[1] and min(part.sum() for part in shown) >= MIN_SHOWN
 
 
 def _smallest_cell(scene: Scene) -> float:

@@ -18,7 +18,7 @@ LENGTH_RANGE = (0.3, 0.9)
 SPACING = 8.0
 """Pixels between samples."""
 ARC_CHORDS = 400
-MOST_DRAWS = 1000
+MAX_DRAWS = 1000
 
 
 class ImagedLine(NamedTuple):
@@ -46,7 +46,7 @@ def imaged_lines(camera: TrueCamera, rng: np.random.Generator, count: int) -> li
     """Draw straight lines of any direction all over the picture."""
     size = np.array(camera.image_size)
     lines: list[ImagedLine] = []
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         angle = rng.uniform(0.0, np.pi)
         half = 0.5 * size[0] * rng.uniform(*LENGTH_RANGE)
         middle = rng.uniform(0.0, size)

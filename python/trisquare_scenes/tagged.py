@@ -31,7 +31,7 @@ BOX_MARGIN = 0.08
 """Of a face, between its sheet and the box's edges."""
 
 PICTURE_MARGIN = 12.0  # pixels
-MOST_DRAWS = 5000
+MAX_DRAWS = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +101,7 @@ def tag_scene(
     first = rng.uniform(0.0, 360.0)
     targets = []
     for i, (place, number) in enumerate(zip(PLACES, numbers, strict=True)):
-        for _ in range(MOST_DRAWS):
+        for _ in range(MAX_DRAWS):
             direction = first + 120.0 * i + rng.uniform(-1.0, 1.0) * TILT_DIRECTION_JITTER
             rotation = tilted(rng.uniform(*TAG_TILTS), direction, rng.uniform(0.0, 360.0))
             centre = np.append(camera.undistort((place * camera.image_size)[None])[0], 1.0)
@@ -131,7 +131,7 @@ def charuco_box_scene(
     """
     codes = dictionary(name).codes
     half = squares**2 // 2
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         own = camera or random_camera(rng)
         faces = [
             _board(face, squares, ratio, codes[i * half : (i + 1) * half])

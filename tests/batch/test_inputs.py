@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import trisquare as ts
 from trisquare.batch.jobs import LONGEST_FILE_NAME, safe_file_name
-from trisquare.batch.manifest import MOST_FAULTS, manifest_jobs
+from trisquare.batch.manifest import MAX_FAULTS, manifest_jobs
 
 HEAD = "name,photographs\n"
 
@@ -317,14 +317,14 @@ def test_a_manifest_is_not_read_beyond_ten_thousand_wrong_records(
     tmp_path, name, head, wrong, right
 ):
     path = tmp_path / name
-    path.write_text(head + wrong * MOST_FAULTS + right)
+    path.write_text(head + wrong * MAX_FAULTS + right)
     jobs = list(ts.find_jobs([path]))
-    assert [len(jobs), jobs[-1].name, jobs[-1].fault] == [MOST_FAULTS + 1, "a", None]
-    path.write_text(head + wrong * (MOST_FAULTS + 1) + right)
+    assert [len(jobs), jobs[-1].name, jobs[-1].fault] == [MAX_FAULTS + 1, "a", None]
+    path.write_text(head + wrong * (MAX_FAULTS + 1) + right)
     *before, last = ts.find_jobs([path])
-    assert len(before) == MOST_FAULTS
-    assert last.origin == f"{path}:{MOST_FAULTS + 1 + bool(head)}"
-    assert last.fault.startswith(f"{MOST_FAULTS} records before are wrong: the rest is not read")
+    assert len(before) == MAX_FAULTS
+    assert last.origin == f"{path}:{MAX_FAULTS + 1 + bool(head)}"
+    assert last.fault.startswith(f"{MAX_FAULTS} records before are wrong: the rest is not read")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from batches import record_of
 
 import trisquare as ts
 from trisquare.batch.fleet import Distribution, Fleet, most_by_chance, verdict
-from trisquare.batch.page import MOST_SHOWN, summary_page
+from trisquare.batch.page import MAX_SHOWN, summary_page
 from trisquare.batch.requirements import Requirement, WarningRequirement
 from trisquare.batch.summary import columns, rows, write_csv, write_parquet
 
@@ -235,8 +235,8 @@ def test_the_page_of_a_thousand_failures_can_be_opened():
     cameras = [failed(f"c{number}") for number in range(1000)]
     fleet = Fleet.of(cameras)
     page = summary_page(rows(cameras, fleet, []), fleet, count(cameras, fleet), []).decode()
-    assert page.count("<tr>") == MOST_SHOWN + 1
-    assert f"{1000 - MOST_SHOWN} more are in summary.csv" in page
+    assert page.count("<tr>") == MAX_SHOWN + 1
+    assert f"{1000 - MAX_SHOWN} more are in summary.csv" in page
 
 
 def test_the_page_tells_mistakes_apart_from_photographs_to_take_again():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
+from trisquare.detection.sheets.smooth_surface import MIN_POINTS, SmoothSurface
 
 
 def test_a_surface_follows_a_bent_sheet_and_no_wrong_points():
@@ -14,6 +14,6 @@ def test_a_surface_follows_a_bent_sheet_and_no_wrong_points():
     wrong = seen.copy()
     wrong[[7, 20]] += [[9.0, -4.0], [-6.0, 8.0]]
     surface = SmoothSurface.of(grid, wrong)
-    assert len(grid) >= LEAST_POINTS
+    assert len(grid) >= MIN_POINTS
     assert np.abs(surface.at(grid) - seen).max() < 0.2
     assert surface.at(grid.reshape(5, 6, 2)).shape == (5, 6, 2)

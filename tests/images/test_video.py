@@ -206,7 +206,7 @@ def test_frames_that_hide_larger_ones_are_refused(tmp_path, monkeypatch):
     path = tmp_path / "clip.flv"
     write_frames(path, moving(6, (64, 48)))
     path.write_bytes(with_larger_frames(path.read_bytes(), (4000, 3000), 10_000))
-    monkeypatch.setattr(trisquare.images.video, "MOST_SECONDS_MORE", 0.5)
+    monkeypatch.setattr(trisquare.images.video, "MAX_SECONDS_MORE", 0.5)
     with Video(path) as video, pytest.raises(ImageError, match=r"64 x 48 pixels .* far larger"):
         list(map(np.shape, video.frames()))
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from damage import MOST_BYTES, damaged
+from damage import MAX_BYTES, damaged
 
 FUZZ = Path(__file__).parents[2] / "fuzz"
 
@@ -30,7 +30,7 @@ def test_a_case_is_always_the_same_and_never_too_large(name):
         for count in (300, 50)
     )
     assert first[:50] == again
-    assert max(map(len, first)) <= MOST_BYTES
+    assert max(map(len, first)) <= MAX_BYTES
     assert sum(file == whole for file in first) < 30
 
 

@@ -135,7 +135,7 @@ def test_a_fault_of_the_service_is_an_error_like_the_others():
 
 
 def test_a_photograph_that_is_too_large_is_not_even_received(client, service):
-    answer = client.post("/calibrations", content=bytes(service["MOST_BYTES"] + 1))
+    answer = client.post("/calibrations", content=bytes(service["MAX_BYTES"] + 1))
     assert (answer.status_code, answer.json()["error"]["code"]) == (413, "TooLargeError")
 
 
@@ -212,7 +212,7 @@ def test_a_client_that_leaves_before_its_turn_is_not_computed_for(leaves):
 
 def test_a_full_service_says_when_to_come_again(client, service):
     state = service["app"].state
-    state.accepted = service["MOST_WAITING"]
+    state.accepted = service["MAX_WAITING"]
     try:
         answer = client.post("/calibrations", content=DEMO)
     finally:

@@ -118,7 +118,7 @@ def test_sides_and_tilts_may_be_given(count):
 
 
 def test_squares_that_do_not_fit_are_refused(monkeypatch):
-    monkeypatch.setattr("trisquare.simulate.scenes.MOST_DRAWS", 100)
+    monkeypatch.setattr("trisquare.simulate.scenes.MAX_DRAWS", 100)
     with pytest.raises(ValueError, match="no 3 squares fit"):
         random_scene(np.random.default_rng(0), sides=(2.0, 2.0))
 

@@ -13,7 +13,7 @@ from trisquare._support.terminal_text import printable
 File: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A name, or what is open as text or binary."""
 
-MOST_CHARACTERS = 600
+MAX_CHARACTERS = 600
 """Of a message: it may cite what a file holds, and that may be anything."""
 
 
@@ -103,6 +103,6 @@ def naming(path: File) -> Iterator[None]:
         yield
     except ValueError as error:
         message = printable(str(error))  # it may have names that the file holds
-        if len(message) > MOST_CHARACTERS:
-            message = f"{message[:MOST_CHARACTERS]} ..."
+        if len(message) > MAX_CHARACTERS:
+            message = f"{message[:MAX_CHARACTERS]} ..."
         raise ValueError(f"{shown(path)}: {message}") from error

@@ -43,11 +43,11 @@ round as much away."""
 REMARKABLE = 2.0
 """Standard deviations that a single place seldom exceeds."""
 
-MOST_EXPECTED = 0.01
+MAX_EXPECTED = 0.01
 """Of the picture's width: expected rms from which on agreement tells nothing. A focal length wrong
 by 2.8 % moves a picture of 4:3 by no more (rms)."""
 
-LEAST_STATED = 1e-6
+MIN_STATED = 1e-6
 """Probabilities below it are not told apart: no noise is normal so far out."""
 
 
@@ -246,7 +246,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def _most_expected(self) -> float:
-        return MOST_EXPECTED * self.first.image_size[0]
+        return MAX_EXPECTED * self.first.image_size[0]
 
     @property
     def verdict(self) -> str:
@@ -270,7 +270,7 @@ class Comparison(RebuiltByConstructor):
             )
         if self.worst <= AGREEING:
             return f"the same within their uncertainty: {apart}; {usual}"
-        p = f"p = {p_value:.2g}" if p_value > LEAST_STATED else f"p < {LEAST_STATED:g}"
+        p = f"p = {p_value:.2g}" if p_value > MIN_STATED else f"p < {MIN_STATED:g}"
         if self.same:
             return f"the same within their uncertainty: {apart}; {usual}, {p}"
         size = f"up to {two_digits(stds)} standard deviations"

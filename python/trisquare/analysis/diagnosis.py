@@ -20,7 +20,7 @@ from trisquare.results.calibration import Calibration
 # Correlations and gains that are worth a word.
 STRONG_CORRELATION = 0.8
 WORTHWHILE_GAIN = 0.95
-MOST_REMEDIES = 2
+MAX_REMEDIES = 2
 
 UNCHECKED = "targets_unchecked"
 
@@ -175,9 +175,9 @@ def _diagnose(
     samples = sum(plane.samples for plane in calibration.planes if plane.is_used)
     limits.append(f"noise of {calibration.rms:.2g} px in {samples} edge samples")
     unit = " px" if name in ("fx", "fy", "cx", "cy", "skew") else ""
-    shown = helpful[:MOST_REMEDIES]
+    shown = helpful[:MAX_REMEDIES]
     if "aspect" not in calibration.fixed:
-        shown += [one for one in helpful[MOST_REMEDIES:] if "aspect" in one[1].fixed]
+        shown += [one for one in helpful[MAX_REMEDIES:] if "aspect" in one[1].fixed]
     remedies = [
         f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
         for ratio, what_if in shown

@@ -21,16 +21,16 @@ Verdict: TypeAlias = Literal["ok", "not ok", "cannot tell"]
 SURE = 3.0
 """Standard deviations by which a number has to be on one side of its limit."""
 
-MOST_FOLD_ERROR = 2.0
+MAX_FOLD_ERROR = 2.0
 """Degrees. A calibration assumes no right angles: folded 20 degrees off, its focal lengths are as
 good. But three square faces that are closed at the cut and the tab can only stand at right angles:
 2 degrees are a gap of 3.7 mm at the cut's end on A4, so that nothing holds the faces flat. And
 ``orthogonal=`` takes them for right."""
 
-MOST_BOW = 0.001
+MAX_BOW = 0.001
 """Of a frame's side: on one face of three it shifts fx by 0.3 % and fy by 0.4 % (rms, 30 views)."""
 
-MOST_BOW_OF_BOARD = 0.01
+MAX_BOW_OF_BOARD = 0.01
 """Of a board's side. A board's many lines tell its bow from the lens, and the calibration takes it
 out: on one face of three it shifts fx and fy by 0.04 % at most (rms, 5 views). Beyond, what is
 second order in the bow is left."""
@@ -39,17 +39,17 @@ BENT = 0.01
 """Bow, of the side, from which angles and stretch are not judged: they then err by what is second
 order in the bow (at 2 %, by up to 1.3 degrees and 0.4 %)."""
 
-MOST_STRETCH = 0.003
+MAX_STRETCH = 0.003
 """Of one axis of the paper against the other: it shifts fx or fy by up to 0.3 % (30 views)."""
 
-MOST_SCALE_ERROR = 0.01
+MAX_SCALE_ERROR = 0.01
 """Printers that print at 100 % are nearer, those that fit the page to their margins are 3 % and
 more off. The camera does not depend on it; lengths by the nominal side are off by as much."""
 
 RULER_STD = 0.1
 """Millimetres that a reading of the printed ruler is off."""
 
-MOST_HIDDEN = 2
+MAX_HIDDEN = 2
 """Rows or columns of cells that even the board that shows best may lack, at the edge of the picture
 or behind something. What has fewer cells is another board."""
 
@@ -159,9 +159,9 @@ def check_sheet(
             "name the kind of sheet that it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
-    units, limit = 1.0, MOST_BOW
+    units, limit = 1.0, MAX_BOW
     if isinstance(figure, PrintedBoard):
-        units, limit = figure.cells, MOST_BOW_OF_BOARD
+        units, limit = figure.cells, MAX_BOW_OF_BOARD
         _check_cells([_cells_of(calibration, face) for face in faces], figure.cells)
     found = departures(calibration, faces, units, is_corner=kind != "flat")
     findings = [
@@ -207,7 +207,7 @@ def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
 def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
     """Refuse boards that are none of the sheet's, of which some may be found in part."""
     most = max(max(cells) for cells in found)
-    if not expected - MOST_HIDDEN <= most <= expected:
+    if not expected - MAX_HIDDEN <= most <= expected:
         shown = listed([f"{across} x {down}" for across, down in found])
         raise NotEnoughPlanesError(
             f"the photograph shows chessboards of {shown} cells, which are not the sheet's: these "
@@ -233,7 +233,7 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
     offs = {pair: Estimate(abs(value - 90.0), std) for pair, (value, std) in found.angles.items()}
     bent = _bent_faces(found, faces)
     for pair, angle in found.angles.items():
-        verdict: Verdict = "cannot tell" if bent else _verdict([offs[pair]], MOST_FOLD_ERROR)
+        verdict: Verdict = "cannot tell" if bent else _verdict([offs[pair]], MAX_FOLD_ERROR)
         text = f"faces {pair[0]} and {pair[1]} meet at {plus_minus(*angle)} degrees"
         advice = {
             "ok": "",
@@ -241,9 +241,9 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
             "calibration stays right unless it is told orthogonal",
             "cannot tell": _flatten_first(bent),
         }[verdict]
-        if verdict == "not ok" and min(offs.values()).value > MOST_FOLD_ERROR:
+        if verdict == "not ok" and min(offs.values()).value > MAX_FOLD_ERROR:
             advice = "is it the folded corner? Of the three flat sheets say --kind flat"
-        yield Finding("folded", pair, verdict, *angle, MOST_FOLD_ERROR, "degrees", text, advice)
+        yield Finding("folded", pair, verdict, *angle, MAX_FOLD_ERROR, "degrees", text, advice)
 
 
 def _flat(
@@ -266,7 +266,7 @@ def _flat(
 
 def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
     bent = _bent_faces(found, faces)
-    verdict: Verdict = "cannot tell" if bent else _verdict(found.stretches, MOST_STRETCH)
+    verdict: Verdict = "cannot tell" if bent else _verdict(found.stretches, MAX_STRETCH)
     best = Estimate(*(100.0 * number for number in found.stretches[0]))
     text = f"the print is stretched along one axis of the paper by {plus_minus(*best)} %"
     advice = {
@@ -274,7 +274,7 @@ def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
         "not ok": "print at 100 %, without fitting to the page, or on another printer",
         "cannot tell": _flatten_first(bent),
     }[verdict]
-    limit = 100.0 * MOST_STRETCH
+    limit = 100.0 * MAX_STRETCH
     return Finding("stretched", tuple(faces), verdict, *best, limit, "%", text, advice)
 
 
@@ -287,13 +287,13 @@ def _flatten_first(bent: Sequence[int]) -> str:
 
 
 def _size(side: float, ruler: float | None) -> Finding:
-    limit = 100.0 * MOST_SCALE_ERROR
+    limit = 100.0 * MAX_SCALE_ERROR
     if ruler is None:
         text = "no photograph tells the size without a known length"
         advice = f"measure the printed ruler of {RULER:g} mm and say --ruler 99.5mm"
         return Finding("size", (), "cannot tell", None, None, limit, "%", text, advice)
     scale = Estimate(ruler / RULER, RULER_STD / RULER)
-    verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MOST_SCALE_ERROR)
+    verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MAX_SCALE_ERROR)
     true = Estimate(side * scale.value, side * scale.std)
     per_cent = Estimate(100.0 * scale.value, 100.0 * scale.std)
     text = (

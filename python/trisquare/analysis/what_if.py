@@ -37,7 +37,7 @@ LARGER = 1.25
 ENOUGH_SPAN = 1.0 / 3.0
 NEARER = 0.1  # of the picture's size
 # A plane tilted less than this (degrees) shows no direction to tilt it further in.
-LEAST_TILT = 1.0
+MIN_TILT = 1.0
 ADDED_TILT = 35.0  # degrees, of a square that is added
 # Places for a square that is added, parts of the picture.
 ADDED_PLACES = {
@@ -205,7 +205,7 @@ def _collide(camera: Camera, planes: tuple[PosedPlane, ...]) -> bool:
 def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
     """Tilt a plane further in its own direction, or, if it has none, in the given one."""
     x, y, z = plane.rotation[:, 2]
-    if np.hypot(x, y) >= np.sin(np.radians(LEAST_TILT)) * abs(z):
+    if np.hypot(x, y) >= np.sin(np.radians(MIN_TILT)) * abs(z):
         direction = float(np.degrees(np.arctan2(x, -y)))
     return plane._replace(rotation=tilted(MORE_TILT, direction, 0.0) @ plane.rotation)
 

@@ -20,7 +20,7 @@ SEVERAL = ("fix", "free", "orthogonal", "parallel")
 LONGEST_LINE = 1 << 20
 """Characters: a longer line is no record."""
 
-MOST_FAULTS = 10_000
+MAX_FAULTS = 10_000
 """Wrong records after which the rest of a manifest is not read: each becomes a record of the batch,
 and a small file may hold hundreds of thousands."""
 
@@ -28,7 +28,7 @@ and a small file may hold hundreds of thousands."""
 def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
     """Read the jobs of a manifest one after another; a wrong record is a job with a fault.
 
-    After `MOST_FAULTS` of these the rest is one more.
+    After `MAX_FAULTS` of these the rest is one more.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
             try:
                 yield _job(record, folder, options, origin)
             except (TypeError, ValueError) as error:
-                if faults == MOST_FAULTS:
+                if faults == MAX_FAULTS:
                     text = f"{faults} records before are wrong: the rest is not read from here on"
                     yield faulty_job(path, text, origin)
                     return

@@ -16,7 +16,7 @@ from trisquare.batch.fleet import CHANCE, FEWEST, Distribution, Fleet
 from trisquare.batch.requirements import PARAMETERS, AnyRequirement
 from trisquare.batch.summary import Counts
 
-MOST_SHOWN = 200
+MAX_SHOWN = 200
 """Cameras in each list: a page of thousands would not open. The table has all."""
 
 BARS = 31
@@ -57,11 +57,11 @@ def summary_page(
     mistakes = 0
     for row in rows:
         for kept, column in ((beyond, "beyond_limits"), (outlying, "outlying"), (retake, "retake")):
-            if row.get(column) and len(kept) < MOST_SHOWN:
+            if row.get(column) and len(kept) < MAX_SHOWN:
                 kept.append(row)
         if row.get("failure") and not row["retake"]:
             mistakes += 1
-            if len(mistaken) < MOST_SHOWN:
+            if len(mistaken) < MAX_SHOWN:
                 mistaken.append(row)
     environment = page_environment("trisquare.batch")
     style = (resources.files("trisquare.report") / "report.css").read_text("utf-8")

@@ -27,7 +27,7 @@ WARNINGS = "warnings"
 NO_WARNING = "none"
 SEVERITIES_ALLOWED = (*SEVERITIES, NO_WARNING)
 
-MOST_CHARACTERS = 10_000
+MAX_CHARACTERS = 10_000
 """Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory
 by the square of its length."""
 
@@ -142,8 +142,8 @@ def read_requirements(path: PathLike) -> list[AnyRequirement]:
         import tomli as tomllib  # type: ignore[import-not-found, no-redef, unused-ignore]
     text = read_text(path)
     with naming(path):
-        if len(text) > MOST_CHARACTERS:
-            raise ValueError(f"has more than the {MOST_CHARACTERS} characters that limits may have")
+        if len(text) > MAX_CHARACTERS:
+            raise ValueError(f"has more than the {MAX_CHARACTERS} characters that limits may have")
         try:
             document = tomllib.loads(text)
         except RecursionError as error:

@@ -20,7 +20,7 @@ INTERLACED = (
     "photograph without interlacing"
 )
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Groups, and places in each, that a message names; the error's attributes hold all."""
 
 
@@ -72,10 +72,10 @@ def _named(candidates: Sequence[PartialDetection | Rejected], pictures: Sequence
         group = groups.setdefault((candidate.kind, reason, candidate.image), [])
         group.append(f"({x:.0f}, {y:.0f})")
     texts = []
-    for (kind, reason, image), places in list(groups.items())[:MOST_NAMED]:
+    for (kind, reason, image), places in list(groups.items())[:MAX_NAMED]:
         article = "an" if kind[:1] in "aeiou" else "a"
         name = f"{article} {kind}" if len(places) == 1 else f"{kind}s"
         picture = f" of {pictures[image]}" if len(pictures) > 1 else ""
-        texts.append(f"{name} around {listed(places, MOST_NAMED)}{picture}{reason}")
-    unnamed = sum(len(places) for places in list(groups.values())[MOST_NAMED:])
+        texts.append(f"{name} around {listed(places, MAX_NAMED)}{picture}{reason}")
+    unnamed = sum(len(places) for places in list(groups.values())[MAX_NAMED:])
     return listed([*texts, f"{unnamed} more"] if unnamed else texts)

@@ -32,7 +32,7 @@ from trisquare.results.rejected import Rejected
 if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
     from trisquare.measurement.find import Search
 
-MOST_EXPLAINED = 4
+MAX_EXPLAINED = 4
 """Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
 hundred pictures it must not take twice as long."""
 
@@ -168,7 +168,7 @@ class Gathered:
 
     def forget_richest_search(self) -> None:
         """Forget the search of the photograph with the most targets, of as many the last."""
-        if len(self.searches) > MOST_EXPLAINED:
+        if len(self.searches) > MAX_EXPLAINED:
             counts = {index: len(search.targets) for index, search in self.searches.items()}
             del self.searches[max(counts, key=lambda index: (counts[index], index))]
 

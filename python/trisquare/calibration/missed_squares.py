@@ -14,14 +14,14 @@ from trisquare.detection.square_views import square_columns
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import CUT_BY_BORDER, Rejected
 
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """Area over that of the smallest plane used: smaller shapes are mostly clutter."""
 
-MOST_OBLIQUE = 0.15
+MAX_OBLIQUE = 0.15
 """Cosine of the angle between a shape's sides, and logarithm of their ratio, as this camera sees
 them: a square with a finger over a side has rough corners."""
 
-LEAST_CUT_SHARE, MOST_OBLIQUE_BY_FEW = 0.35, 0.6
+MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW = 0.35, 0.6
 """The same where fewer squares are used than a calibration asks for, and somebody looks for the
 others: of one that the border cuts a half may be left; glare over a corner moves it by a fifth of a
 side, and the camera is known less well."""
@@ -41,14 +41,14 @@ def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list
     """
     used = [float(quad_areas(plane.corners)) for plane in calibration.planes if plane.is_used]
     smallest = min(used, default=0.0)
-    least_cut, most_oblique = LEAST_SHARE, MOST_OBLIQUE
+    least_cut, most_oblique = MIN_SHARE, MAX_OBLIQUE
     if len(used) < ENOUGH:
-        least_cut, most_oblique = LEAST_CUT_SHARE, MOST_OBLIQUE_BY_FEW
+        least_cut, most_oblique = MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW
     missed: list[Rejected] = []
     for shape in sorted(shapes, key=lambda shape: shape.reason == CUT_BY_BORDER):
         is_cut = shape.reason == CUT_BY_BORDER
         if (
-            quad_areas(shape.corners) >= (least_cut if is_cut else LEAST_SHARE) * smallest
+            quad_areas(shape.corners) >= (least_cut if is_cut else MIN_SHARE) * smallest
             and (is_cut or _may_be_square(shape.corners, calibration.camera, most_oblique))
             and not any(
                 _holds(shape, other) or _holds(other, shape)

@@ -14,7 +14,7 @@ SAME_NOISE = 0.3
 were saved again as JPEG, quality 95 to 40, it was 0.92 to 1; of rendered squares, quality 95 and
 90, 0.24 to 0.97; of rendered ones that differ in their noise up to 0.08."""
 
-LEAST_SAMPLES = 400
+MIN_SAMPLES = 400
 """Of fewer samples a correlation may be chance."""
 
 TREND = 3
@@ -53,7 +53,7 @@ def _are_same(view: Sequence[PlaneEdges], other: Sequence[PlaneEdges]) -> bool:
             products += _products_of_noise(side, again)
     own, its, both = products
     count = sum(len(side) for figure in view for side in figure.points)
-    return count >= LEAST_SAMPLES and bool(both > SAME_NOISE * np.sqrt(own * its))
+    return count >= MIN_SAMPLES and bool(both > SAME_NOISE * np.sqrt(own * its))
 
 
 def _products_of_noise(side: FloatArray, other: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ OTHER_SHAPE = 0.01
 PLAIN = {"square", "frame"}
 """What many things look like. Boards and tags are no chance finds, ..."""
 
-LEAST_SURE = 3
+MIN_SURE = 3
 """... and so many of them that agree leave no doubt about plain squares that do not."""
 
 
@@ -70,7 +70,7 @@ def chosen_by(
             f"the answer is wrong{_or_zoom(figures)}"
         )
         sure = {figure.plane for figure in kept if figure.kind not in PLAIN}
-        are_outvoted = len(sure) >= LEAST_SURE and {one.kind for one in larger} <= PLAIN
+        are_outvoted = len(sure) >= MIN_SURE and {one.kind for one in larger} <= PLAIN
         is_harmless = are_outvoted or all(map(_has_other_shape, larger))
         severity = "low" if is_harmless else "medium"
         warnings.append(CalibrationWarning(text, "larger_rejected", severity))

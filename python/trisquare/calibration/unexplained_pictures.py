@@ -11,10 +11,10 @@ from trisquare.results.rejected import Rejected
 BOARDS = ("chessboard", "charuco", "sheet")
 """Kinds that nothing else is taken for."""
 
-LEAST_PLANES = 3
+MIN_PLANES = 3
 """One or two squares may be false ones; more that do not fit have a common cause, ..."""
 
-LEAST_BOARDS = 2
+MIN_BOARDS = 2
 """... as have two boards."""
 
 BENT = 10.0
@@ -40,7 +40,7 @@ def unexplained_pictures(
     kinds += [(one.image, one.kind) for one in rejected if one.reason == FALSE_PLANE]
     others = [(image, kind) for image, kind in kinds if image not in fitting]
     boards = sum(kind in BOARDS for _, kind in others)
-    if len(others) < LEAST_PLANES and boards < LEAST_BOARDS:
+    if len(others) < MIN_PLANES and boards < MIN_BOARDS:
         return []
     return sorted({image for image, _ in others})
 

@@ -25,7 +25,7 @@ ROTATIONS = ("fitted", "held")
 """What becomes of a rotation of the camera, which a shifted principal point nearly is."""
 
 # Places of a grid, more than any picture has pixels.
-MOST_PLACES = 10**9
+MAX_PLACES = 10**9
 
 
 CELLS = 100
@@ -136,7 +136,7 @@ def checked_spacing(image_size: tuple[int, int], step: float) -> float:
     spacing = real_number(step, "step")
     if spacing <= 0:
         raise ValueError(f"step must be positive, not {spacing}")
-    if (width / spacing + 1) * (height / spacing + 1) > MOST_PLACES:
+    if (width / spacing + 1) * (height / spacing + 1) > MAX_PLACES:
         raise ValueError(f"step {spacing} is too small: the grid would have above 10^9 places")
     return spacing
 

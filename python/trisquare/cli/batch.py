@@ -66,7 +66,7 @@ LOG_SECONDS = 60.0
 DASK_SECONDS = 10
 """Within which a scheduler answers."""
 
-MOST_FAILED = 10
+MAX_FAILED = 10
 """Lines on cameras that failed or did not pass: the summary has all."""
 
 
@@ -168,7 +168,7 @@ def batch_command(
         fleet, counts, notes = _write_summary(output, store, requirements, parquet)
         judged = rows(store.records(), fleet, requirements)
         unfit = (row for row in judged if row["status"] not in ("passed", "earlier"))
-        failed = list(islice(unfit, MOST_FAILED))
+        failed = list(islice(unfit, MAX_FAILED))
     members = {
         "format": FORMAT,
         "output": str(output),

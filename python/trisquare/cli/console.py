@@ -18,7 +18,7 @@ from trisquare._support.terminal_text import printable
 from trisquare.cli.options import as_options
 from trisquare.results.calibration_warning import CalibrationWarning
 
-LEAST_WIDTH = 80
+MIN_WIDTH = 80
 """Columns: tables cut numbers to get into fewer, where a terminal goes on in the next line."""
 
 BLANK_END = re.compile(" +$", re.MULTILINE)
@@ -42,7 +42,7 @@ def answer(
         print(members)
     elif not quiet:
         console = Console()
-        console.width = max(console.width, LEAST_WIDTH)
+        console.width = max(console.width, MIN_WIDTH)
         with nullcontext() if console.is_terminal else _without_blank_ends(console):
             for part in parts:
                 line = line_of(as_options(part)) if isinstance(part, str) else part

@@ -47,7 +47,7 @@ RECTANGLE = "rectangle"
 NEARLY_AS_NEAR = 2.0
 """Ratio of the extrapolations up to which points may be on either of two planes."""
 
-LEAST_SHOWN = 64
+MIN_SHOWN = 64
 """Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
 
 EXAMPLES = (
@@ -239,7 +239,7 @@ def _view_line(view: TopView, length: Length) -> str:
 
 def _doubts_of_view(view: TopView, length: Length, path: Path) -> Iterator[CalibrationWarning]:
     width, height = view.image.shape[1::-1]
-    if max(width, height) < LEAST_SHOWN:
+    if max(width, height) < MIN_SHOWN:
         per = length.unit or "side of the square, as no side is known (--side)"
         text = f"{path}: is {width} x {height} pixels only: --resolution is in pixels per {per}"
         yield CalibrationWarning(text, "small_view")

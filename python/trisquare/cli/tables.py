@@ -23,11 +23,11 @@ from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.model_alternative import evidence_text
 from trisquare.results.rejected import Rejected, is_reported
 
-MOST_REJECTED = 10
+MAX_REJECTED = 10
 """Lines on candidates that were not used: the results are to be read first."""
 
 
-MOST_WARNINGS = 5
+MAX_WARNINGS = 5
 """Warnings that are shown unless all are asked for: they are to be read."""
 
 
@@ -140,19 +140,19 @@ def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text
         for candidate in (*calibration.rejected, *missed)
         if not any(is_reported(warning, [candidate]) for warning in calibration.warnings)
     ]
-    for candidate in unreported[:MOST_REJECTED]:
+    for candidate in unreported[:MAX_REJECTED]:
         x, y = candidate.corners.mean(axis=0).tolist()
         residual = "" if candidate.residual is None else f", {candidate.residual:.3g} px"
         place = f"({x:.0f}, {y:.0f}) of picture {_picture(calibration, candidate.image)}"
         lines.append(f"not used: {candidate.kind} around {place}: {candidate.reason}{residual}")
-    if len(unreported) > MOST_REJECTED:
-        lines.append(f"not used: {len(unreported) - MOST_REJECTED} more")
+    if len(unreported) > MAX_REJECTED:
+        lines.append(f"not used: {len(unreported) - MAX_REJECTED} more")
     return [line_of(as_options(line), "dim") for line in lines]
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
     """Return a line with severity and code of each warning, unless `verbose` the most severe."""
-    most = None if verbose else MOST_WARNINGS
+    most = None if verbose else MAX_WARNINGS
     told = calibration.warnings[:most]
     lines = [
         f"warning ({warning.severity}): {warning} [{_about(calibration, warning)}]"

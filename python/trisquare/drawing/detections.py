@@ -30,7 +30,7 @@ REJECTED_COLOUR: Colour = (70, 120, 255)
 READABLE_SIZE = 1200
 """Longest side, in pixels, below which the picture is enlarged lest its labels cover it."""
 
-MOST_ENLARGED = 8
+MAX_ENLARGED = 8
 
 LABEL_WIDTH = 26
 """Characters in a line of a label."""
@@ -71,7 +71,7 @@ def draw_detections(
     ndarray of uint8, shape (k H, k W, 3)
         BGR; k is 1 except for pictures so small that labels would cover them.
     """
-    scale = int(np.clip(np.ceil(READABLE_SIZE / max(image.shape[:2])), 1, MOST_ENLARGED))
+    scale = int(np.clip(np.ceil(READABLE_SIZE / max(image.shape[:2])), 1, MAX_ENLARGED))
     canvas = np.repeat(np.repeat(dimmed_grey(image), scale, axis=0), scale, axis=1)
     labels = []
     for number, target in enumerate(found):

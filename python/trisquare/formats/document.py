@@ -11,7 +11,7 @@ from trisquare._support.json_members import JsonFields, parse_json
 from trisquare._support.paths import File, read_bytes, shown
 from trisquare.formats.yaml_text import parse_yaml
 
-MOST_BYTES = 64 << 20
+MAX_BYTES = 64 << 20
 """No camera file comes near, but one that lists ten thousand pictures."""
 
 BINARY_FILES = {
@@ -48,9 +48,9 @@ class Document:
             If it is too large, or no text.
         """
         named = shown(path)
-        content = read_bytes(path, MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise ValueError(f"{named}: larger than {MOST_BYTES >> 20} MB, which no camera file is")
+        content = read_bytes(path, MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"{named}: larger than {MAX_BYTES >> 20} MB, which no camera file is")
         name = PurePath(path).name.lower() if isinstance(path, str | os.PathLike) else ""
         not_text = f"{named}: not a text file{BINARY_FILES.get(name, ', as camera files are')}"
         if b"\0" in content:

@@ -19,7 +19,7 @@ from trisquare.formats.base import Cameras, Format, ImageSize
 from trisquare.formats.document import Document
 from trisquare.formats.registry import format_called, format_of_document, format_of_name
 
-MOST_NAMES = 5
+MAX_NAMES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,9 +118,9 @@ def _extraction(path: File, name: str) -> str:
 
 
 def _listed(cameras: Cameras) -> str:
-    shown = list(cameras)[:MOST_NAMES]
+    shown = list(cameras)[:MAX_NAMES]
     return ", ".join(shown) + (
-        f" and {len(cameras) - MOST_NAMES} more" if len(cameras) > MOST_NAMES else ""
+        f" and {len(cameras) - MAX_NAMES} more" if len(cameras) > MAX_NAMES else ""
     )
 
 

@@ -29,7 +29,7 @@ from trisquare.formats.base import SAY_THE_SIZE, Cameras, Format, ImageSize, onl
 from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import check_opencv_matrix, fisheye_of, opencv_lens
 from trisquare.formats.xml_text import parse_xml
-from trisquare.formats.yaml_text import MOST_CHARACTERS
+from trisquare.formats.yaml_text import MAX_CHARACTERS
 
 MATRIX_NAMES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "mtx")
 DISTORTION_NAMES = (
@@ -59,7 +59,7 @@ def recognises(document: Document) -> bool:
 def _has_lists(document: Document) -> bool:
     if not document.starts_with("{"):
         # A longer text is no YAML that is read, and may be another program's.
-        return AS_LISTS.search(document.text[:MOST_CHARACTERS]) is not None
+        return AS_LISTS.search(document.text[:MAX_CHARACTERS]) is not None
     try:
         members = document.json
     except ValueError:

@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 from trisquare._support.arrays import real_number
 
-MOST_LEVELS = 32
+MAX_LEVELS = 32
 """No camera file has half as many."""
 
 
@@ -27,8 +27,8 @@ def parse_xml(text: str) -> ElementTree.Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal levels
         levels += 1
-        if levels > MOST_LEVELS:
-            raise ValueError(f"the XML text is nested more than {MOST_LEVELS} levels deep")
+        if levels > MAX_LEVELS:
+            raise ValueError(f"the XML text is nested more than {MAX_LEVELS} levels deep")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:

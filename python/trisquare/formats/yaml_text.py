@@ -8,17 +8,17 @@ from typing import Any
 
 import yaml
 
-MOST_CHARACTERS = 1 << 20
+MAX_CHARACTERS = 1 << 20
 """Of a text; calibrations of a hundred views have half."""
 
-MOST_VALUES = 100_000
+MAX_VALUES = 100_000
 """Keys, numbers and texts; calibrations of a hundred views have a third. They are read in a second,
 and take 50 MB."""
 
-MOST_LEVELS = 32
+MAX_LEVELS = 32
 """Of nesting, of which camera files have six. Parsers take time by the product with the length."""
 
-MOST_DIGITS = 400
+MAX_DIGITS = 400
 """Of a number: all that Python writes of the largest float are 309."""
 
 OPENCV_TAG = "tag:yaml.org,2002:opencv-"
@@ -37,8 +37,8 @@ def _number(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """Let a constructor refuse long numbers: those to the base of 60 take a quadratic time."""
 
     def constructed(loader: Any, node: Any) -> Any:
-        if len(node.value) > MOST_DIGITS:
-            raise ValueError(f"a number of more than {MOST_DIGITS} digits")
+        if len(node.value) > MAX_DIGITS:
+            raise ValueError(f"a number of more than {MAX_DIGITS} digits")
         return construct(loader, node)
 
     return constructed
@@ -77,8 +77,8 @@ def parse_yaml(text: str) -> Any:
         If it is not YAML, or beyond the limits above; if it holds aliases or tags other than
         OpenCV's.
     """
-    if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"the YAML text is longer than {MOST_CHARACTERS} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"the YAML text is longer than {MAX_CHARACTERS} characters")
     # OpenCV's header is none that YAML knows.
     plain = OPENCV_HEADER.sub("", text)
     try:
@@ -106,7 +106,7 @@ def _check_events(events: Iterable[Any]) -> None:
             # With these, a small file unfolds into a large one.
             raise yaml.YAMLError("it holds an alias (*name), which camera files do without")
         values += isinstance(event, yaml.NodeEvent)
-        if levels > MOST_LEVELS:
-            raise _LimitError(f"the YAML text is nested more than {MOST_LEVELS} levels deep")
-        if values > MOST_VALUES:
-            raise _LimitError(f"the YAML text has more than {MOST_VALUES} values")
+        if levels > MAX_LEVELS:
+            raise _LimitError(f"the YAML text is nested more than {MAX_LEVELS} levels deep")
+        if values > MAX_VALUES:
+            raise _LimitError(f"the YAML text has more than {MAX_VALUES} values")

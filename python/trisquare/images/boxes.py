@@ -8,7 +8,7 @@ from collections.abc import Iterator
 FILE_TYPE = b"ftyp"
 """The first box of ISO 14496-12: after its length, before the brands."""
 
-MOST_BOXES, MOST_ITEMS = 1024, 65535
+MAX_BOXES, MAX_ITEMS = 1024, 65535
 """More than any camera writes; a hostile file must not take long."""
 
 FULL_BOX = 4
@@ -64,7 +64,7 @@ def _places(encoded: bytes, at: int, end: int) -> dict[bytes, tuple[int, int]]:
 
 def _boxes(encoded: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]]:
     """Yield the kind of each box between two places, and where its content begins and ends."""
-    for _ in range(MOST_BOXES):
+    for _ in range(MAX_BOXES):
         if at + 8 > end:
             return
         length, kind = struct.unpack_from(">I4s", encoded, at)
@@ -84,7 +84,7 @@ def _associations(encoded: bytes, at: int, item: int) -> Iterator[int]:
     version, is_wide = encoded[at], encoded[at + 3] & 1
     (count,) = struct.unpack_from(">I", encoded, at + FULL_BOX)
     at += FULL_BOX + 4
-    for _ in range(min(count, MOST_ITEMS)):
+    for _ in range(min(count, MAX_ITEMS)):
         (name,) = struct.unpack_from(">I" if version else ">H", encoded, at)
         at += 4 if version else 2
         kind, mask = ("H", 0x7FFF) if is_wide else ("B", 0x7F)  # the first bit: is it essential

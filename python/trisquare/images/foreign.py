@@ -27,7 +27,7 @@ HEIF_BRANDS = frozenset(
 )
 AVIF_BRANDS = frozenset((b"avif", b"avis"))
 CANON_BRAND = b"crx "
-MOST_BRANDS = 32
+MAX_BRANDS = 32
 
 RAW_STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FOVb", b"\0MRM")
 RAW_SUFFIXES = frozenset((".arw", ".cr2", ".dcr", ".dng", ".kdc", ".nef", ".pef", ".srw", ".3fr"))
@@ -35,7 +35,7 @@ RAW_SUFFIXES = frozenset((".arw", ".cr2", ".dcr", ".dng", ".kdc", ".nef", ".pef"
 DNG_VERSION, SUBFILE_TYPE, SUBDIRECTORIES = 50706, 254, 330
 REDUCED = 1
 """Bit of the subfile's type: a smaller version of another picture in the file (TIFF 6.0)."""
-MOST_ENTRIES = 512
+MAX_ENTRIES = 512
 
 ORIENTATION_OF_FLIP = (1, 2, 4, 3, 5, 8, 6, 7)
 """By LibRaw's number: 1 mirrors left to right, 2 top to bottom, then 4 exchanges x and y."""
@@ -52,7 +52,7 @@ def foreign_kind(encoded: bytes, name: str = "") -> str | None:
     """
     if encoded[4:8] == FILE_TYPE:
         (length,) = struct.unpack_from(">I", encoded)
-        brands = encoded[8 : min(length, 8 + 4 * MOST_BRANDS)]
+        brands = encoded[8 : min(length, 8 + 4 * MAX_BRANDS)]
         known = {brands[at : at + 4] for at in range(0, len(brands), 4)}
         if known & AVIF_BRANDS:
             return None
@@ -76,7 +76,7 @@ def _is_raw_tiff(encoded: bytes) -> bool:
     try:
         (directory,) = struct.unpack_from(f"{order}I", encoded, 4)
         (count,) = struct.unpack_from(f"{order}H", encoded, directory)
-        for index in range(min(count, MOST_ENTRIES)):
+        for index in range(min(count, MAX_ENTRIES)):
             at = directory + 2 + 12 * index
             tag, _, _, value = struct.unpack_from(f"{order}HHII", encoded, at)
             values[tag] = value

@@ -27,7 +27,7 @@ SLOWEST_PIXELS = 2e6
 """Of a video, decoded in a second of the processor. The slowest coding on the slowest machine takes
 less; a frame that hides a far larger one, which OpenCV scales to the size that was stated, more."""
 
-MOST_SECONDS_MORE = 3.0
+MAX_SECONDS_MORE = 3.0
 """Of the processor, that decoding a video may take beyond this: it has to begin."""
 
 AMOUNT = re.compile(r"(\d+(?:\.\d+)?(?:e\d+)?)([kMG]?)", re.ASCII)

@@ -16,7 +16,7 @@ from trisquare._support.paths import shown
 from trisquare._support.writing import PathLike
 from trisquare.errors import ImageError, MissingImageError, lacks_memory
 from trisquare.images.foreign import TRANSPORT_PACKET, VIDEO, foreign_kind
-from trisquare.images.limits import MOST_SECONDS_MORE, SLOWEST_PIXELS, PictureLimits
+from trisquare.images.limits import MAX_SECONDS_MORE, SLOWEST_PIXELS, PictureLimits
 from trisquare.images.pixels import Image
 
 ENCODERS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG"}
@@ -141,7 +141,7 @@ class Video:
         found, seconds, start = 0, 0.0, 0.0
         width, height = self.size
         while True:
-            if seconds > MOST_SECONDS_MORE + found * width * height / SLOWEST_PIXELS:
+            if seconds > MAX_SECONDS_MORE + found * width * height / SLOWEST_PIXELS:
                 raise ImageError(
                     f"{self.name}: damaged or hostile: decoding {found} frames of {width} x "
                     f"{height} pixels took {seconds:.1f} s, as if they were far larger"

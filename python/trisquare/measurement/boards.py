@@ -23,7 +23,7 @@ PROBES = np.array([0.12, 0.25, 0.4])
 """Distances from a grid line, in cells, at which a cell's shade is looked up: a dark cell is dark
 at all of them, and the black border of a ChArUco board's marker takes one or two."""
 
-LEAST_LINES = 2
+MIN_LINES = 2
 """Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
 
 
@@ -161,7 +161,7 @@ class Board:
             beside = self._cells(line, samples.points)
             lines.append((samples.points, samples.std, beside, self._contrast_sign_of_even(line)))
         rows = sum(line.is_row for line in seen)
-        if min(rows, len(seen) - rows) < LEAST_LINES:
+        if min(rows, len(seen) - rows) < MIN_LINES:
             return [], 0.0
         # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
         # do: there is no drift to account for.

@@ -23,7 +23,7 @@ from trisquare.detection.grey import (
     working_picture,
 )
 from trisquare.detection.kinds import TargetKinds
-from trisquare.detection.sheets.aprilgrids import LEAST_CROSSINGS
+from trisquare.detection.sheets.aprilgrids import MIN_CROSSINGS
 from trisquare.detection.sheets.find import SheetMatch, find_sheets, find_unknown_grids
 from trisquare.detection.squares.find import find_plain_rectangles, find_squares
 from trisquare.images.pixels import Image
@@ -116,7 +116,7 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     may_be_grids = targets.grids
     if targets.lattices:
         lattices, crossings_beside = search_lattices(grey)
-        may_be_grids = may_be_grids and crossings_beside >= LEAST_CROSSINGS
+        may_be_grids = may_be_grids and crossings_beside >= MIN_CROSSINGS
     boards = [Board.of(lattice, grey) for lattice in lattices]
     beside = _without(grey, lattices)
     grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if may_be_grids else []

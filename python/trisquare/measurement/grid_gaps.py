@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 
-LEAST_SAMPLES = 2
+MIN_SAMPLES = 2
 """Of an edge between two crossings, that tell where it runs."""
 
-LEAST_EDGES = 6
+MIN_EDGES = 6
 """Across a row: four numbers of the camera and the gap, and one to spare."""
 
 MANY_EDGES = 8
 """With as many, a lens may bend the row by a cubic."""
 
-LEAST_ROWS = 3
+MIN_ROWS = 3
 """Rows and columns whose median is the gap."""
 
 FIRST_STEP, STEPS = 0.01, 10
@@ -54,10 +54,10 @@ def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
         own = [line for line in lines if line.is_row == is_row]
         for cell in sorted({cell for line in own for cell in line.cells.tolist()}):
             numbers, places = _edges_across(own, cell)
-            best = _gap_of(numbers, places, gap) if len(numbers) >= LEAST_EDGES else None
+            best = _gap_of(numbers, places, gap) if len(numbers) >= MIN_EDGES else None
             if best is not None and abs(best - gap) < FARTHEST:
                 found.append(best)
-    if len(found) < LEAST_ROWS:
+    if len(found) < MIN_ROWS:
         return gap
     seen = float(np.median(found))
     usual = USUAL_GAPS * round(seen / USUAL_GAPS)
@@ -69,11 +69,11 @@ def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.i
     numbers, middles, ways = [], [], []
     for line in lines:
         points = line.points[line.cells == cell]
-        if len(points) >= LEAST_SAMPLES:
+        if len(points) >= MIN_SAMPLES:
             numbers.append(line.number)
             middles.append(points.mean(axis=0))
             ways.append(np.linalg.svd(points - middles[-1])[2][0])
-    if len(numbers) < LEAST_EDGES:
+    if len(numbers) < MIN_EDGES:
         return np.zeros(0, np.intp), np.zeros(0)
     middle, way = np.array(middles), np.array(ways)
     centre = middle.mean(axis=0)

@@ -29,7 +29,7 @@ ALONG = np.array([0.3, 0.4, 0.5, 0.6, 0.7])
 WIDEST = 0.4
 """Rim in cells: a marker would be a fifth of its cell, of which no camera reads anything."""
 
-LEAST_MARKERS = 3
+MIN_MARKERS = 3
 """Cells that must show one: stains and glare seldom come by threes."""
 
 FIRST_CELLS = 12
@@ -75,7 +75,7 @@ def marker_rims(
     corners = _cell_corners(lattice)
     light = light_cells((rows + 1, cols + 1), first_is_dark=first_is_dark)
     places = np.argwhere(light & np.isfinite(corners).all(axis=(2, 3)))
-    if len(places) < LEAST_MARKERS:
+    if len(places) < MIN_MARKERS:
         return None
     own = corners[places[:, 0], places[:, 1]]
     # Of the cells around, the outer corners are a guess.
@@ -94,7 +94,7 @@ def marker_rims(
         return None
     rim = float(np.median(seen[whole]))
     alike = np.abs(seen - rim) < SPREAD
-    if np.count_nonzero(alike) < LEAST_MARKERS or not (alike & whole).any():
+    if np.count_nonzero(alike) < MIN_MARKERS or not (alike & whole).any():
         return None
     rims = np.zeros((rows + 1, cols + 1))
     rims[places[alike, 0], places[alike, 1]] = _refined(profiles[alike & whole].mean(axis=0), rim)

@@ -17,7 +17,7 @@ DEGREES = ((12, 3), (6, 2), (4, 1))
 """So many markers allow polynomials of this degree over the sheet: they give two equations for each
 unknown or more."""
 
-LEAST_SINE = 1e-3
+MIN_SINE = 1e-3
 """Of the angle between two sides of a marker; no marker is seen that flat."""
 
 
@@ -45,7 +45,7 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
     outward = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     before = np.roll(outward, 1, axis=1)
     sines = before[..., 0] * outward[..., 1] - before[..., 1] * outward[..., 0]
-    if not (np.abs(sines) > LEAST_SINE).all():
+    if not (np.abs(sines) > MIN_SINE).all():
         return 0.0
     image_from_sheet, _ = cv2.findHomography(
         model.reshape(-1, 2), _corners(points, outward).reshape(-1, 2)

@@ -35,7 +35,7 @@ from trisquare.results.rejected import CUT_BY_BORDER, Rejected
 
 KIND = "quad"
 
-MOST_REPORTED = 8
+MAX_REPORTED = 8
 """Per picture, the largest: more would hide one another."""
 
 MIN_SIDE = 30.0
@@ -62,7 +62,7 @@ MAX_CUT_SHARE = 0.2
 def rejection_reasons(search: Search) -> list[Rejected]:
     """Return the four-sided shapes of a searched picture that are no targets, with the reasons.
 
-    The largest come first, at most `MOST_REPORTED`. Shapes within a target that was found are left
+    The largest come first, at most `MAX_REPORTED`. Shapes within a target that was found are left
     out, and so are the sheets and signs that targets lie on.
     """
     searched, scale = search.working_picture()
@@ -81,7 +81,7 @@ def rejection_reasons(search: Search) -> list[Rejected]:
     reported = [shape for i, shape in enumerate(shapes) if not _same(shape[0], outlines[:i]).any()]
     reported.sort(key=lambda shape: -float(quad_areas(shape[0])))
     return [
-        Rejected(KIND, 0, scale * corners, reason) for corners, reason in reported[:MOST_REPORTED]
+        Rejected(KIND, 0, scale * corners, reason) for corners, reason in reported[:MAX_REPORTED]
     ]
 
 

@@ -19,7 +19,7 @@ from trisquare.measurement.marker_margins import side_margins
 from trisquare.measurement.marker_shift import marker_shift
 from trisquare.measurement.side_spans import SideSpan
 
-LEAST_MARGIN = 3.0
+MIN_MARGIN = 3.0
 """Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
 and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
 
@@ -111,7 +111,7 @@ class Sheet:
     def _stands_apart(self, marker: int) -> bool:
         """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
         margins = side_margins(self.corners[marker], self.border, self.gap)
-        return min(min(sides) for sides in margins) >= LEAST_MARGIN
+        return min(min(sides) for sides in margins) >= MIN_MARGIN
 
 
 def _marker_edges(

@@ -47,7 +47,7 @@ UNPRINTABLE = 7.0
 CELLS = 18
 """Of a printed board, along a side. Even, so that it has no symmetry but the half turn."""
 
-LEAST_SIDE = 10.0
+MIN_SIDE = 10.0
 """Millimetres: the raggedness of a printed edge, some 0.05 mm, is then half a per cent."""
 
 SLIVER = 10.0
@@ -312,8 +312,8 @@ def _checked_side(side: float | None, room: float, margin: float, what: str) -> 
             f"the page is too small: {what} can be {largest:g} mm wide with its light margin, "
             f"not {side:g} mm"
         )
-    if side < LEAST_SIDE:
-        raise ValueError(f"side must be at least {LEAST_SIDE:g} mm, not {side:g} mm")
+    if side < MIN_SIDE:
+        raise ValueError(f"side must be at least {MIN_SIDE:g} mm, not {side:g} mm")
     return side
 
 

@@ -57,7 +57,7 @@ _OF_PINHOLE = {
 }
 
 
-MOST_ANGLED = 4
+MAX_ANGLED = 4
 """Planes whose angles are told: six pairs."""
 
 
@@ -125,7 +125,7 @@ def angles_between_planes(calibration: Calibration) -> str:
         for number, plane in enumerate(calibration.planes)
         if plane.is_used and plane.uncertainty is not None
     ]
-    if len(planes) > MOST_ANGLED or len({plane.image for _, plane in planes}) != 1:
+    if len(planes) > MAX_ANGLED or len({plane.image for _, plane in planes}) != 1:
         return ""
     angles = [
         f"{first} and {second}: {plane_angle(one, other, calibration)}"

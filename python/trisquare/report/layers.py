@@ -20,7 +20,7 @@ from trisquare.undistortion.undistort import Undistorter
 CURVE_POINTS = 25
 """Points of a drawn side: no lens bends one so much that a screen shows the chords."""
 
-MOST_NEEDLES = 3000
+MAX_NEEDLES = 3000
 """Residuals drawn in a picture: more would be one blot, and a file too large for a mail."""
 
 
@@ -60,7 +60,7 @@ def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -
     camera = calibration.camera
     sides = list(measured_sides(calibration, index))
     rms, exaggeration = drawn_residuals(sides, camera.image_size)
-    every = -(-sum(len(side.residuals) for side in sides) // MOST_NEEDLES) or 1
+    every = -(-sum(len(side.residuals) for side in sides) // MAX_NEEDLES) or 1
     pinhole, undistorted = _undistorted(camera, pixels)
     seen, straight = [], []
     for number, plane in enumerate(calibration.planes):

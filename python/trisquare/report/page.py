@@ -35,16 +35,16 @@ from trisquare.report.plots import (
 from trisquare.report.scene import scene_of
 from trisquare.results.calibration import Calibration
 
-MOST_PICTURES = 6
+MAX_PICTURES = 6
 """Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""
 
 DIGEST_LETTERS = 16
 """Of a file's SHA-256: enough to tell photographs apart."""
 
-MOST_OPEN = 3
+MAX_OPEN = 3
 """Photographs that are all shown; of more, those after the first are folded."""
 
-MOST_REJECTED = 30
+MAX_REJECTED = 30
 """Rows on candidates that were not used."""
 
 
@@ -79,8 +79,8 @@ def page_of(
         names=names,
         files=files,
         pictures=layers,
-        most_rejected=MOST_REJECTED,
-        most_open=MOST_OPEN,
+        most_rejected=MAX_REJECTED,
+        most_open=MAX_OPEN,
         copied=content.copied(calibration.camera),
         series=SERIES,
         command=command,
@@ -106,7 +106,7 @@ def _pictures(
     if not photographs.sources:
         indices = sorted({plane.image for plane in calibration.planes} or {0})
         names = {index: f"picture {index}" for index in indices}
-        layers = [picture_layers(calibration, index, None) for index in indices[:MOST_PICTURES]]
+        layers = [picture_layers(calibration, index, None) for index in indices[:MAX_PICTURES]]
     for photograph in photographs:
         index, path, pixels = photograph.index, photograph.path, photograph.pixels
         size, own = picture_size(pixels), calibration.camera.image_size
@@ -122,7 +122,7 @@ def _pictures(
             encoded = read_bytes(path)
             files.append((names[index], _digest(encoded)))
             stated += filter(None, [stated_focal_length(encoded, size)])
-        if len(layers) < MOST_PICTURES:
+        if len(layers) < MAX_PICTURES:
             shown = shown_pixels(pixels, linear=calibration.tone == "linear")
             layers.append(picture_layers(calibration, index, shown))
     lengths = [content.focal_length_text(calibration, each) for each in dict.fromkeys(stated)]

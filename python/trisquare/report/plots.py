@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from trisquare.camera.projection_uncertainty import ProjectionMap
     from trisquare.results.calibration import Calibration
 
-MOST_DOTS = 1500
+MAX_DOTS = 1500
 """Samples drawn one by one: more would only make the file larger, the means are of all."""
 
 RADIUS_BINS = 12
@@ -33,7 +33,7 @@ ACROSS = 0.5
 SHOWN_SPREAD = 5.0
 """Robust standard deviations of residuals on a plot; those beyond are counted instead."""
 
-MOST_TICKS = 12
+MAX_TICKS = 12
 """Planes named along an axis."""
 
 MAP_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
@@ -42,7 +42,7 @@ MAP_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
 FEWEST_LEVELS = 5
 """With fewer of those, levels are spread evenly."""
 
-MOST_LEVELS = 14
+MAX_LEVELS = 14
 """Shades that an eye can follow from the map to its scale."""
 
 NARROW = 8
@@ -68,7 +68,7 @@ def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:
     axes.vlines(places, means - spreads, means + spreads, colors=colours, linewidth=2.5, alpha=0.45)
     axes.scatter(places, means, s=16.0, c=colours, zorder=3)
     middles = [places[planes == number].mean() for number in numbers]
-    every = -(-len(numbers) // MOST_TICKS)
+    every = -(-len(numbers) // MAX_TICKS)
     axes.set_xticks(middles[::every], [str(number) for number in numbers[::every]])
     axes.grid(visible=False, axis="x")
     return figure
@@ -99,7 +99,7 @@ def residuals_by_radius(
     if len(radius) == 0:
         return None
     figure, axes = _figure("distance from the principal point, px", "outward residual, px")
-    shown = slice(None, None, -(-len(radius) // MOST_DOTS))
+    shown = slice(None, None, -(-len(radius) // MAX_DOTS))
     colours = [plane_colour(int(plane)) for plane in planes[shown]]
     axes.axhline(0.0, color=FAINT, linewidth=1.0)
     axes.scatter(radius[shown], outward[shown], s=5.0, c=colours, alpha=0.4, linewidths=0.0)
@@ -184,7 +184,7 @@ def _levels(low: float, high: float) -> FloatArray:
         levels = np.asarray(MaxNLocator(nbins=7).tick_values(low, high))
         levels = np.unique(levels[levels > 0.0])
         return levels if len(levels) > 1 else np.array([0.5, 1.0]) * high
-    return levels[:: -(-len(levels) // MOST_LEVELS)]
+    return levels[:: -(-len(levels) // MAX_LEVELS)]
 
 
 def _figure(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:

@@ -42,7 +42,7 @@ from trisquare.results.calibration_warning import warning_members
 from trisquare.results.partial_detection import partial_detections
 from trisquare.results.rejected import Rejected
 from trisquare.serve.guidance import SIGMA, OutlinedSquare, guide
-from trisquare.serve.limits import MOST_PICTURES
+from trisquare.serve.limits import MAX_PICTURES
 from trisquare.serve.tasks import CALIBRATION_OPTIONS, Task
 from trisquare.undistortion.undistort import Undistorter
 
@@ -247,8 +247,8 @@ def _preview(task: Task, limits: JobLimits) -> Made:
 def _frames(task: Task, limits: JobLimits) -> Made:
     """Return frames of a video as a form, as `calibrate` is sent one."""
     count = whole_number(task.options.get("frames", FRAMES), "frames")
-    if not 1 <= count <= MOST_PICTURES:
-        raise ValueError(f"frames must be from 1 to {MOST_PICTURES}, not {count}")
+    if not 1 <= count <= MAX_PICTURES:
+        raise ValueError(f"frames must be from 1 to {MAX_PICTURES}, not {count}")
     chosen = choose_frames(_only(task), count, limits.of_pictures)
     # RFC 7578; the boundary occurs in no picture.
     boundary = secrets.token_hex(16)

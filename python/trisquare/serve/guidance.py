@@ -49,7 +49,7 @@ FOCAL_RANGE = (0.3, 4.0)
 """Of the picture's width: what the outlines say beyond is noise."""
 
 MORE_TILT = 12.0  # degrees
-MOST_TILT = 60.0
+MAX_TILT = 60.0
 """Degrees, beyond which a square is too foreshortened to be found."""
 
 LARGER = 1.25
@@ -264,7 +264,7 @@ def _changes(
     for number, (name, plane) in enumerate(zip(names, planes, strict=True)):
         for direction, edge in AWAY.items():
             rotation = tilted(MORE_TILT, direction, 0.0) @ plane.rotation
-            if rotation[2, 2] < math.cos(math.radians(MOST_TILT)):
+            if rotation[2, 2] < math.cos(math.radians(MAX_TILT)):
                 continue
             turned = PlannedSquare(rotation, plane.translation, plane.inner)
             words = f"Tilt the {name} square: move its {edge} edge away from the camera"

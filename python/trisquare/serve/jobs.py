@@ -19,7 +19,7 @@ from trisquare.batch.workers import Workers
 from trisquare.serve.tasks import Task
 from trisquare.serve.work import perform
 
-MOST_ACCEPTED = 64
+MAX_ACCEPTED = 64
 """Requests that are received, wait or are done at a time; whoever comes next is told so."""
 
 
@@ -54,7 +54,7 @@ class Jobs:
     """
 
     def __init__(
-        self, limits: JobLimits, processes: int, most_accepted: int = MOST_ACCEPTED
+        self, limits: JobLimits, processes: int, most_accepted: int = MAX_ACCEPTED
     ) -> None:
         self.limits = limits
         self._workers = Workers(limits, perform)

@@ -16,7 +16,7 @@ MAX_SECONDS = 60.0
 MAX_MEMORY = 2e9
 """Bytes that a request may take beside the program."""
 
-MOST_PICTURES = 100
+MAX_PICTURES = 100
 """Of a request."""
 
 REQUEST_LIMITS = JobLimits(MAX_PIXELS, MAX_BYTES, MAX_SECONDS, MAX_MEMORY)

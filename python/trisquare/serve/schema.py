@@ -7,7 +7,7 @@ from typing import Any
 from trisquare._core import __version__
 from trisquare.batch.limits import JobLimits
 from trisquare.formats.registry import FORMAT_NAMES
-from trisquare.serve.limits import MOST_PICTURES
+from trisquare.serve.limits import MAX_PICTURES
 from trisquare.serve.tasks import FILES, TASKS
 
 POINTS = {
@@ -40,7 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "balance": {"type": "number", "minimum": 0, "maximum": 1},
     "shown": FLAG,
     "approximate": FLAG,
-    "frames": {"type": "integer", "minimum": 1, "maximum": MOST_PICTURES},
+    "frames": {"type": "integer", "minimum": 1, "maximum": MAX_PICTURES},
 }
 
 

@@ -15,9 +15,9 @@ from starlette.requests import Request
 
 from trisquare._support.suggestions import unknown
 from trisquare.batch.jobs import safe_file_name
-from trisquare.serve.limits import MOST_PICTURES
+from trisquare.serve.limits import MAX_PICTURES
 
-MOST_FIELDS = 10
+MAX_FIELDS = 10
 LARGEST_FIELD = 1 << 20
 """Bytes of options: they are parsed where all requests are answered, and take ten times as many."""
 
@@ -65,7 +65,7 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
     files: dict[str, str] = {}
     options: dict[str, Any] | None = None
     async with request.form(
-        max_files=MOST_PICTURES + MOST_FIELDS, max_fields=MOST_FIELDS, max_part_size=LARGEST_FIELD
+        max_files=MAX_PICTURES + MAX_FIELDS, max_fields=MAX_FIELDS, max_part_size=LARGEST_FIELD
     ) as form:
         for field, value in form.multi_items():
             if field not in fields:
@@ -77,8 +77,8 @@ async def received(request: Request, folder: Path, known: Sequence[str]) -> Uplo
             elif not isinstance(value, UploadFile):
                 raise ValueError(f"the field {field!r} must be a file")
             elif field == "picture":
-                if len(photographs) == MOST_PICTURES:
-                    raise ValueError(f"more than {MOST_PICTURES} pictures")
+                if len(photographs) == MAX_PICTURES:
+                    raise ValueError(f"more than {MAX_PICTURES} pictures")
                 photographs.append(await _kept(value, folder, photographs))
             else:
                 files[field] = await _kept(value, folder, (*photographs, *files.values()), field)

@@ -15,7 +15,7 @@ from trisquare.simulate.render import SHEET_RIM
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import (
     CENTRE_JITTER,
-    MOST_DRAWS,
+    MAX_DRAWS,
     PICTURE_MARGIN,
     PLACES,
     SIDE_RANGE,
@@ -32,7 +32,7 @@ _MISSED = 1e-9
 _OUTLINE_POINTS = 16
 _COARSENESS = 4
 # Part of the valid angle up to which targets are placed: beyond, a picture hardly changes.
-_MOST_OF_VALID = 0.97
+_MAX_OF_VALID = 0.97
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,7 +180,7 @@ def wide_scene(
         If that many do not fit.
     """
     width, height = camera.image_size
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         first = rng.uniform(0.0, 360.0)
         targets: list[Target] = []
         for i, place in enumerate(PLACES[count]):
@@ -223,7 +223,7 @@ def _is_inside(camera: TrueFisheye, target: Target) -> bool:
     """Whether the figure stays clear of the picture's border and of the lens's rim."""
     points = target.to_camera(_outline(rectangle(*target.extent)))
     angle = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
-    if np.any(angle > _MOST_OF_VALID * camera.valid_angle):
+    if np.any(angle > _MAX_OF_VALID * camera.valid_angle):
         return False
     pixels = camera.project(points)
     low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN

@@ -10,7 +10,7 @@ from trisquare._support.rotations import tilted
 from trisquare.printing.folding import FOLDS, LOOK_ALONG_DIAGONAL
 from trisquare.printing.layout import PrintedBoard, TargetPage, corner_page
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
-from trisquare.simulate.scenes import MOST_DRAWS, placed, random_camera
+from trisquare.simulate.scenes import MAX_DRAWS, placed, random_camera
 
 # A corner is photographed from within this angle of its diagonal; at 20 degrees off, one of its
 # faces is tilted by 75 and the two others by 50 at most.
@@ -70,7 +70,7 @@ def corner_scene(
     """
     sheet = corner_page("A4", None) if page is None else page
     camera = camera or random_camera(rng, image_size)
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         off = OFF_DIAGONAL * np.sqrt(rng.random())
         turned = tilted(off, rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0))
         jitter = JITTER * camera.image_size[1] / camera.fx * rng.standard_normal(2)

@@ -32,7 +32,7 @@ PICTURE_MARGIN = 12.0  # pixels between any square and the border
 # A plane closer to edge-on than this shows a sliver whose sides merge under blur.
 STEEPEST_SIGHT = 75.0  # degrees
 # Scenes are drawn by rejection; one in a few is good, so this never runs out by chance.
-MOST_DRAWS = 5000
+MAX_DRAWS = 5000
 
 
 def random_camera(
@@ -43,7 +43,7 @@ def random_camera(
     fx = width * rng.uniform(*FOCAL_RANGE)
     fy = fx * (1.0 + rng.uniform(-ASPECT_RANGE, ASPECT_RANGE))
     cx, cy = rng.normal([0.5 * (width - 1), 0.5 * (height - 1)], PRINCIPAL_POINT_STD * width)
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         k1 = rng.uniform(*K1_RANGE)
         k2 = abs(k1) * rng.uniform(*K2_RANGE)
         camera = TrueCamera(fx, fy, cx, cy, np.array([k1, k2, 0.0, 0.0, 0.0]), image_size)
@@ -109,7 +109,7 @@ def random_scene(
     if sides is None:
         shrink = min(1.0, np.sqrt(3.0 / count))
         sides = (shrink * SIDE_RANGE[0], shrink * SIDE_RANGE[1])
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         first = rng.uniform(0.0, 360.0)
         targets: list[Target] = []
         for i, place in enumerate(places):
@@ -147,7 +147,7 @@ def chessboard_scene(
 ) -> Scene:
     """Draw one picture of a chessboard session: one tilted board, well inside the picture."""
     width, height = camera.image_size
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         rotation = tilted(rng.uniform(5.0, 45.0), rng.uniform(0.0, 360.0), rng.uniform(-20.0, 20.0))
         pixel = rng.uniform(0.25, 0.75, 2) * [width, height]
         cell = rng.uniform(0.45, 0.85) * width / (inner_corners[0] + 1)

@@ -23,7 +23,7 @@ from trisquare.straightening.radial import FAMILIES, RadialLens
 
 COEFFICIENT_COUNTS = (2, 3)
 
-MOST_MODEL_ERROR = 0.5
+MAX_MODEL_ERROR = 0.5
 """Pixels by which a `Camera` may differ from the lens that it stands for."""
 
 COMPARED_RADII = 200
@@ -313,13 +313,13 @@ class UnscaledCamera(RebuiltByConstructor):
             _fitted(model, radii, seen) for model, radii in _radii_of_models(ideal).items()
         ]
         errors = [np.abs(off) * focal for _, _, off in candidates]
-        close = [i for i, error in enumerate(errors) if error.max() <= MOST_MODEL_ERROR]
+        close = [i for i, error in enumerate(errors) if error.max() <= MAX_MODEL_ERROR]
         best = close[0] if close else int(np.argmin([error.max() for error in errors]))
         model, k, _ = candidates[best]
         distortion = k if model == "fisheye" else np.array([k[0], k[1], 0, 0, k[2]])
         nearest = Camera(K, distortion, self.image_size, model)
         worst = float(errors[best].max())
-        if worst > MOST_MODEL_ERROR:
+        if worst > MAX_MODEL_ERROR:
             raise LensModelError(
                 f"no lens model has this distortion at a focal length of {focal:.6g} px: the "
                 f"nearest, {model}, is {worst:.2g} px off",

@@ -41,12 +41,12 @@ BORDER = 0.012
 """Part of the longest side: an edge within it along the picture's border is a frame's or a scan's,
 and was straight before the lens."""
 
-MOST_ARCS = 1200
+MAX_ARCS = 1200
 """The longest are taken: time goes with the square of their number."""
 
-MOST_POINTS = 40
+MAX_POINTS = 40
 """Points that a line is reduced to; neighbouring edge points err together."""
-LEAST_MEAN = 3
+MIN_MEAN = 3
 """Edge points that one of them is the mean of, at least."""
 
 
@@ -88,7 +88,7 @@ def find_arcs(picture: Image) -> Arcs:
         SMALLEST_RADIUS * half_diagonal,
     )
     inner = [arc for arc in arcs if not _is_along_border(arc, size)]
-    longest = sorted(inner, key=len, reverse=True)[:MOST_ARCS]
+    longest = sorted(inner, key=len, reverse=True)[:MAX_ARCS]
     ratio = np.array([width / size[0], height / size[1]])
     curves = tuple((binned(arc) + 0.5) * ratio - 0.5 for arc in longest)
     return Arcs(curves, float(np.sqrt(ratio.prod())))
@@ -101,8 +101,8 @@ def _is_along_border(arc: FloatArray, size: tuple[int, int]) -> bool:
 
 
 def binned(arc: FloatArray) -> FloatArray:
-    """Return at most `MOST_POINTS` means of neighbouring points of an arc, in its order."""
-    count = max(2, min(MOST_POINTS, len(arc) // LEAST_MEAN))
+    """Return at most `MAX_POINTS` means of neighbouring points of an arc, in its order."""
+    count = max(2, min(MAX_POINTS, len(arc) // MIN_MEAN))
     starts = np.arange(count) * len(arc) // count
     numbers = np.diff(np.append(starts, len(arc)))
     return np.asarray(np.add.reduceat(arc, starts, axis=0) / numbers[:, None])
@@ -114,7 +114,7 @@ def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
     From the median of second differences, which few edges move (J. Immerkaer, Computer Vision and
     Image Understanding 64 (1996) 300-302).
     """
-    if min(grey.shape) < LEAST_MEAN:
+    if min(grey.shape) < MIN_MEAN:
         return 0.0
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(grey.astype(np.float32), -1, kernel)[1:-1, 1:-1]

@@ -21,7 +21,7 @@ ROUND_SCALES = (0.8, 0.4, 0.2, 0.1, 0.05, 0.05)
 merging and fitting. The last is below that of most real lines, which then weigh by the inverse of
 their mean square: a few straight walls more than all the grain of a floor."""
 
-MOST_POINTS = 40
+MAX_POINTS = 40
 """A longer line counts as one of so many points."""
 
 HELD_STD = 1e-6
@@ -38,7 +38,7 @@ FIRST_SPREAD = 1.0
 SHARED_ERRORS = 40.0
 """over a point's error, afterwards: the 40 points of a line err together, and so do the lines of
 a plane that is not flat, as if some 40 of them were one."""
-LEAST_RMS = 0.02
+MIN_RMS = 0.02
 """Working pixels: lines may be straighter by chance."""
 
 SHARED_POINTS = 12.0
@@ -49,10 +49,10 @@ CLEARLY_BETTER = 4.0
 polynomial: where the lines hardly tell, chance would choose, and the polynomial is what most lenses
 are described by."""
 
-MOST_STEPS = 30
+MAX_STEPS = 30
 LAST_DECREASE = 1e-7
 """Relative decrease of the cost with which a fit ends."""
-MOST_DAMPING = 1e8
+MAX_DAMPING = 1e8
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def _point_error(problem: Problem, fit: Fit) -> float:
     counts = straightness.bundle.sums(straightness.bundle.weights)
     squares = counts @ (weights * straightness.rms) ** 2
     error = float(np.sqrt(squares / max(float(counts @ weights), 1e-12)))
-    return max(error, LEAST_RMS * problem.pixel)
+    return max(error, MIN_RMS * problem.pixel)
 
 
 def with_third_free(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -156,7 +156,7 @@ class Problem:
 
     def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
         """Put together the lines that groups of curves make."""
-        return Bundle.of(joined(self.curves, groups), self.radius, MOST_POINTS)
+        return Bundle.of(joined(self.curves, groups), self.radius, MAX_POINTS)
 
     def prior(self) -> FloatArray:
         """Information of the weak priors, in the unit of the squared residuals."""
@@ -232,11 +232,11 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, scale: float) ->
     prior = problem.prior()
     straightness = bundle.measure(lens)
     cost, damping = problem.cost(lens, straightness, scale), 1e-3
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         information, gradient = normal_equations(straightness, scale)
         information = information + prior
         gradient = gradient + prior @ problem.deviation(lens)
-        while damping < MOST_DAMPING:
+        while damping < MAX_DAMPING:
             damped = information + damping * np.diag(np.diag(information))
             step = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
             moved = lens.moved(step)

@@ -12,9 +12,9 @@ from trisquare.edges import PlaneEdges
 from trisquare.images.pixels import Image, picture_size
 from trisquare.straightening.edges import find_arcs
 from trisquare.straightening.fit import Problem, fit_lens
-from trisquare.straightening.straighten import LEAST_LINES, LONG
+from trisquare.straightening.straighten import LONG, MIN_LINES
 
-MOST_LINES = 60
+MAX_LINES = 60
 """The longest are taken: the core's time goes with the square of their number."""
 
 ECHO = 0.015
@@ -25,7 +25,7 @@ MARGIN, BOARD_MARGIN = 1.1, 1.5
 """Extent of what belongs to a figure over that of its samples: of a board more, whose outermost
 cells lie beyond its grid lines' crossings."""
 
-MOST_INSIDE = 0.1
+MAX_INSIDE = 0.1
 """Part of an arc that may lie there."""
 
 
@@ -46,7 +46,7 @@ def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdg
     hulls = [_hull(figure) for figure in figures]
     curves = tuple(curve for curve in arcs.curves if not _belongs(curve, hulls))
     lines = list(curves)
-    if len(curves) >= LEAST_LINES:
+    if len(curves) >= MIN_LINES:
         middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
         lines = fit_lens(Problem(curves, middle, radius, arcs.pixel)).lines()
     long = [line for line in lines if _length(line) >= LONG * radius]
@@ -54,7 +54,7 @@ def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdg
     for line in sorted(long, key=_length, reverse=True):
         if not any(_is_echo(line, longer, ECHO * radius) for longer in kept):
             kept.append(line)
-    return [PlaneEdges.line(line) for line in kept[:MOST_LINES]]
+    return [PlaneEdges.line(line) for line in kept[:MAX_LINES]]
 
 
 def _length(line: FloatArray) -> float:
@@ -84,6 +84,6 @@ def _belongs(curve: FloatArray, hulls: Sequence[FloatArray]) -> bool:
     """Whether more than a few points of a curve lie in one of the hulls."""
     for hull in hulls:
         inside = [cv2.pointPolygonTest(hull, point, False) >= 0 for point in curve.tolist()]
-        if np.mean(inside) > MOST_INSIDE:
+        if np.mean(inside) > MAX_INSIDE:
             return True
     return False

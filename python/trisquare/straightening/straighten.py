@@ -29,21 +29,21 @@ STRAIGHT = 0.5
 LONG = 0.15
 """Length of a long line, half diagonals; shorter ones hardly bend."""
 
-LEAST_LINES = 5
+MIN_LINES = 5
 """Long lines at least: two tell the coefficients, two the centre, one whether they agree."""
 
-LEAST_STRAIGHT = 0.6
+MIN_STRAIGHT = 0.6
 """Part of the long edges' length that must be images of straight lines: a lens can be found under
 which half of a picture's circles are."""
 CLEARLY_STRAIGHT = 0.8
 """Part from which that is not chance. Below, as many must be straight, or nearly,"""
-LEAST_STRAIGHT_HELD = 0.65
+MIN_STRAIGHT_HELD = 0.65
 """with the centre held: a true lens's centre is near the picture's, that of a chance one anywhere.
 """
 
 JUDGED_RADIUS = 0.85
 """Where the displacement must be known, half diagonals: near the corners,"""
-MOST_STD = 0.01
+MAX_STD = 0.01
 """and to which standard deviation, half diagonals."""
 
 
@@ -177,7 +177,7 @@ def straighten(image: ImageSource) -> Straightened:
     middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
     problem = Problem(arcs.curves, middle, radius, arcs.pixel)
     lengths = _spans(arcs.curves) / radius
-    if len(lengths) < LEAST_LINES:
+    if len(lengths) < MIN_LINES:
         _check_count(lengths, "edges")
     fit = fit_lens(problem)
     _check_count(_seen_lengths(fit, lengths), "edges")
@@ -230,9 +230,9 @@ def _seen_lengths(fit: Fit, lengths: FloatArray) -> FloatArray:
 
 def _check_count(lengths: FloatArray, what: str) -> None:
     long = int((lengths >= LONG).sum())
-    if long < LEAST_LINES:
+    if long < MIN_LINES:
         raise NotEnoughDataError(
-            f"{long} long {what} in the picture, but {LEAST_LINES} are needed, of {LONG:.0%} of "
+            f"{long} long {what} in the picture, but {MIN_LINES} are needed, of {LONG:.0%} of "
             "half the diagonal or more, and curved no more than a lens bends a straight line: take "
             "a picture with long straight edges, near its border too"
         )
@@ -240,9 +240,9 @@ def _check_count(lengths: FloatArray, what: str) -> None:
 
 def _check_curves(problem: Problem, fit: Fit) -> None:
     """Refuse a picture of curved edges, whatever lens makes some of them straight."""
-    straight, least = _straight_part(problem, fit), LEAST_STRAIGHT
+    straight, least = _straight_part(problem, fit), MIN_STRAIGHT
     if least <= straight < CLEARLY_STRAIGHT:
-        least = LEAST_STRAIGHT_HELD
+        least = MIN_STRAIGHT_HELD
         straight = _straight_part(problem, with_centre_held(problem, fit))
     if straight < least:
         raise DegenerateGeometryError(
@@ -264,7 +264,7 @@ def _check_known(camera: UnscaledCamera) -> None:
     divisor, _, by_coefficients = camera.radial.divisor(square)
     slope = by_coefficients[0] * JUDGED_RADIUS / divisor[0]
     std = float(np.sqrt(slope @ camera.covariance[:-2, :-2] @ slope))
-    if std > MOST_STD:
+    if std > MAX_STD:
         raise DegenerateGeometryError(
             "the lines determine the distortion near the corners only to "
             f"{std * camera.radius:.1f} px: they are too central, too short, or run through the "

@@ -18,7 +18,7 @@ from trisquare.detection.annotations.formats import (
 from trisquare.detection.annotations.outlines import AnnotatedOutline, AnnotatedSquare
 from trisquare.images.pixels import ImageSource, Outlines
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Pictures that a message names."""
 
 
@@ -153,4 +153,4 @@ def _places_of(picture: AnnotatedPicture, names: Sequence[str | None]) -> list[i
 
 
 def _named(names: Sequence[str | None]) -> str:
-    return listed(["an array" if name is None else name for name in names], MOST_NAMED)
+    return listed(["an array" if name is None else name for name in names], MAX_NAMED)

@@ -14,7 +14,7 @@ from trisquare._support.arrays import FloatArray, pixel_array
 SHORTEST_SIDE = 12.0
 """Pixels; what is left of a shorter side between its corners' blur cannot be measured."""
 
-MOST_POINTS = 200
+MAX_POINTS = 200
 """Points of a polygon among which its corners are looked for, which takes time by their cube;
 polygons of more are masks traced pixel by pixel, and lose nothing by being thinned."""
 
@@ -61,7 +61,7 @@ class AnnotatedOutline:
             polygon = polygon[:-1]  # closed by a repeated point
         if len(polygon) < 4:
             raise ValueError(f"{where} has {len(polygon)} points: a square needs its 4 corners")
-        if len(polygon) > MOST_POINTS:
+        if len(polygon) > MAX_POINTS:
             polygon = polygon[_spread(len(polygon))]
         _refuse_crossings(polygon, where)
         polygon = _clockwise(polygon, where)
@@ -171,8 +171,8 @@ class AnnotatedSquare:
 
 
 def _spread(count: int) -> NDArray[np.intp]:
-    """Return indices of `MOST_POINTS` of so many points."""
-    return np.linspace(0, count, MOST_POINTS, endpoint=False).astype(np.intp)
+    """Return indices of `MAX_POINTS` of so many points."""
+    return np.linspace(0, count, MAX_POINTS, endpoint=False).astype(np.intp)
 
 
 def _turned(values: FloatArray) -> FloatArray:

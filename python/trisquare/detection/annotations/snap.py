@@ -64,7 +64,7 @@ FARTHEST_CORNER = 4.0
 ENDING = 6
 """Positions over which a side's direction at its end is read, an eighth of it."""
 
-LEAST_SINE = 0.2
+MIN_SINE = 0.2
 """Of the angle between two sides: flatter than 12 degrees, no square can be measured."""
 
 PATH_POINTS = 32
@@ -217,7 +217,7 @@ def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
     """Where the straight continuations of one side's end and the next one's start meet."""
     there, here = before[-1] - before[-ENDING], after[0] - after[ENDING - 1]
     cross = there[0] * here[1] - there[1] * here[0]
-    if abs(cross) < LEAST_SINE * np.hypot(*there) * np.hypot(*here):
+    if abs(cross) < MIN_SINE * np.hypot(*there) * np.hypot(*here):
         return None
     gap = after[0] - before[-1]
     return np.asarray(before[-1] + (gap[0] * here[1] - gap[1] * here[0]) / cross * there)

@@ -25,7 +25,7 @@ lattice, as the rims of markers fade in it, the whole is searched as well."""
 COARSEST = 100
 """Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
 
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """Of the crossings of a board of stated size, that must be seen: fewer may be something else."""
 
 
@@ -73,7 +73,7 @@ def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list
 def _of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
     """Return a lattice as a board of `cols` x `rows` inner corners, or None if it is not one."""
     height, width = lattice.present.shape
-    if np.count_nonzero(lattice.present) < LEAST_SHARE * rows * cols:
+    if np.count_nonzero(lattice.present) < MIN_SHARE * rows * cols:
         return None
     if height <= rows and width <= cols:
         return lattice

@@ -20,21 +20,21 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.sampling import homographies_from_unit_square
 from trisquare.detection.sheets.layout import GRID_GAPS, UNIT_SQUARE
-from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
+from trisquare.detection.sheets.smooth_surface import MIN_POINTS, SmoothSurface
 from trisquare.detection.tags.codes import dictionary
 from trisquare.detection.tags.decode import WIDE_BORDER, agreement
 from trisquare.detection.tags.families import WIDE_BORDERED
 from trisquare.detection.tags.find import shortest_side
 from trisquare.detection.tags.touching import find_touching_tags, on_saddles
 
-LEAST_TAGS = 3
+MIN_TAGS = 3
 """Of a grid: two may still stand side by side by chance."""
 
-LEAST_CROSSINGS = 4 * LEAST_TAGS
+MIN_CROSSINGS = 4 * MIN_TAGS
 """That a picture of a grid shows: those at the corners of its tags. The cells within make more:
 where grids of four tags were found, there were 34 and more."""
 
-LEAST_AGREEMENT = 0.6
+MIN_AGREEMENT = 0.6
 """Correlation between the cells of a tag and those of the code that has to be there. Any other code
 of the dictionary correlates to less than 0.4."""
 
@@ -44,10 +44,10 @@ NEAREST = 6
 AROUND = 9
 """Tags of a grid, with its own, that tell where a tag is."""
 
-LEAST_PROJECTIVE = 0.75
+MIN_PROJECTIVE = 0.75
 """Of their corners, that a homography has where the lens does not bend them."""
 
-LEAST_ROBUST = 3
+MIN_ROBUST = 3
 """Tags from which on a median tells the wrong corners among theirs."""
 
 OFF_SURFACE = 0.06
@@ -129,7 +129,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
         From the one of most tags to the one of fewest.
     """
     numbers, corners = find_touching_tags(grey, name)
-    if len(numbers) < LEAST_TAGS:
+    if len(numbers) < MIN_TAGS:
         return []
     pairs = list(_pairs(numbers, corners))
     printed = _print(pairs)
@@ -157,7 +157,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
         # A tag that the larger grid lacks may have led to the same grid once more.
         own = np.array([tag.corners for tag in grid.tags])
         known = any(_covers(other, own).any() for other in apart)
-        if len(grid.tags) >= LEAST_TAGS and not known:
+        if len(grid.tags) >= MIN_TAGS and not known:
             apart.append(grid)
     return apart
 
@@ -177,7 +177,7 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
     last = None if cols is None else _last_column(pairs, cols, turns)
     printed = Print(cols, 0.0, turns, climb, last)
     gaps = [pair.gap for pair in pairs if _step(pair, printed)]
-    if len(gaps) < LEAST_TAGS - 1:
+    if len(gaps) < MIN_TAGS - 1:
         return None
     gap = float(np.median(gaps))
     usual = USUAL_GAPS * round(gap / USUAL_GAPS)
@@ -263,7 +263,7 @@ def _grown(
         codes = np.array(numbers)[inside]
         seen = agreement(grey, own, name, WIDE_BORDER, codes).correlation
         for index, quad, agrees in zip(np.flatnonzero(inside), quads, seen, strict=True):
-            if agrees >= LEAST_AGREEMENT:
+            if agrees >= MIN_AGREEMENT:
                 known[places[index]] = GridTag(numbers[index], places[index], quad)
         _settle(grey, known, printed.gap)
     return list(known.values())
@@ -271,7 +271,7 @@ def _grown(
 
 def _settle(grey: NDArray[np.uint8], known: dict[tuple[int, int], GridTag], gap: float) -> None:
     """Put wrong corners where the tags around tell: they would lead farther and farther astray."""
-    if len(known) < LEAST_ROBUST:
+    if len(known) < MIN_ROBUST:
         return
     expected = np.array([_by_all_around(known, place, gap) for place in known])
     found = on_saddles(grey, expected)
@@ -326,7 +326,7 @@ def _by_all_around(
     """
     model, seen = _around(known, place, gap, AROUND)
     corners, fits = _by_homography(model, seen)
-    if fits.mean() >= LEAST_PROJECTIVE or len(fits) < LEAST_POINTS:
+    if fits.mean() >= MIN_PROJECTIVE or len(fits) < MIN_POINTS:
         return corners
     return SmoothSurface.of(model.reshape(-1, 2), seen.reshape(-1, 2)).at(UNIT_SQUARE)
 
@@ -342,7 +342,7 @@ def _around(
 
 def _by_homography(model: FloatArray, seen: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Where the corners of the tag at the origin are, and which of those seen fit to that."""
-    method = cv2.RANSAC if len(seen) >= LEAST_ROBUST else 0
+    method = cv2.RANSAC if len(seen) >= MIN_ROBUST else 0
     off = OFF_SURFACE * min(shortest_side(quad) for quad in seen)
     homography, fits = cv2.findHomography(model.reshape(-1, 2), seen.reshape(-1, 2), method, off)
     if homography is None:

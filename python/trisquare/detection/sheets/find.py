@@ -16,13 +16,13 @@ from trisquare.detection.grey import MIN_PICTURE
 from trisquare.detection.sampling import box_around, straight_sides
 from trisquare.detection.sheets.aprilgrids import AprilGrid, find_aprilgrids
 from trisquare.detection.sheets.layout import Arrangement, Layout, PrintedSheet
-from trisquare.detection.sheets.smooth_surface import LEAST_POINTS, SmoothSurface
+from trisquare.detection.sheets.smooth_surface import MIN_POINTS, SmoothSurface
 from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, decode_tags
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
 from trisquare.results.rejected import Rejected
 
-LEAST_MARKERS = 3
+MIN_MARKERS = 3
 """Of a sheet that has as many: two could still lie about by chance, and tell little."""
 
 MAX_MISFIT = 0.5
@@ -83,7 +83,7 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
         sheet = layout.sheet(index)
         places = np.array([place for place, _ in seen[index]])
         corners = np.array([corners for _, corners in seen[index]])
-        if len(places) >= min(LEAST_MARKERS, len(sheet.arrangements[0].corners)):
+        if len(places) >= min(MIN_MARKERS, len(sheet.arrangements[0].corners)):
             cells = np.zeros((len(places), 0, 0), bool)
             found.append(_fit(layout.text, sheet, places, corners, markers[0].border, cells))
     return found
@@ -197,7 +197,7 @@ def _fit(
         for turns in range(4)  # allows for codes that are all turned alike
     ]
     best = min((_by_homography(*way, corners) for way in ways), key=lambda fit: fit.error)
-    if best.fits.mean() < MIN_SHARE and 4 * len(places) >= LEAST_POINTS:
+    if best.fits.mean() < MIN_SHARE and 4 * len(places) >= MIN_POINTS:
         best = min((_on_smooth_surface(*way, corners) for way in ways), key=lambda fit: fit.error)
     kept = best.fits
     against = _against(sheet, text, corners, kept, lambda: _size_seen(best, corners))
@@ -256,7 +256,7 @@ def _size_seen(fit: _Fit, corners: FloatArray) -> float:
     """Return markers' sides over those stated, by their middles alone where those suffice."""
     model, seen = fit.model[fit.fits], corners[fit.fits]
     middles, image_middles = model.mean(axis=1), _middles(seen)
-    if fit.is_bent and len(middles) >= LEAST_POINTS:
+    if fit.is_bent and len(middles) >= MIN_POINTS:
         expected = SmoothSurface.of(middles, image_middles).at(model)
         return float(np.median(_sides(seen) / _sides(expected)))
     from_middles = len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2

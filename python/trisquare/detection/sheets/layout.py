@@ -33,10 +33,10 @@ GRAMMAR = (
     ":DICTIONARY if you like, or FILE.json"
 )
 
-MOST_ACROSS = 100
+MAX_ACROSS = 100
 """Markers or squares in a row: no dictionary has enough for a sheet of more both ways."""
 
-LEAST_SQUARES = 3
+MIN_SQUARES = 3
 """Chess squares each way."""
 
 RATIOS = (0.1, 0.99)
@@ -48,7 +48,7 @@ GAPS = (0.01, 10.0)
 GRID_GAPS = (0.1, 1.0)
 """... that which is looked for: beyond, its tags are no neighbours."""
 
-MOST_FILE_BYTES = 10_000_000
+MAX_FILE_BYTES = 10_000_000
 
 OF_KIND = {
     "charuco": LARGEST,
@@ -163,10 +163,10 @@ def parse_layout(text: str) -> Layout:
     if match is None or not any(character.isdigit() for character in match[4]):
         raise ValueError(f"unknown board {text!r}: give {GRAMMAR}")
     kind, cols, rows, size = match[1], int(match[2]), int(match[3]), float(match[4])
-    least = LEAST_SQUARES if kind == "charuco" else 1
-    if not (least <= cols <= MOST_ACROSS and least <= rows <= MOST_ACROSS):
+    least = MIN_SQUARES if kind == "charuco" else 1
+    if not (least <= cols <= MAX_ACROSS and least <= rows <= MAX_ACROSS):
         raise ValueError(
-            f"a board of {cols} x {rows} in {text!r}: give from {least} to {MOST_ACROSS} each way"
+            f"a board of {cols} x {rows} in {text!r}: give from {least} to {MAX_ACROSS} each way"
         )
     if kind == "charuco":
         what, (low, high) = "marker over square", RATIOS
@@ -226,7 +226,7 @@ def _from_file(path: Path) -> Layout:
     One sheet's ``markers`` may stand alone, without ``sheets``; dictionary and names may be left
     out.
     """
-    if path.is_file() and path.stat().st_size > MOST_FILE_BYTES:
+    if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
         raise ValueError(f"{path}: too large for a layout")
     text = read_text(path)
     with naming(path):

@@ -11,10 +11,10 @@ from trisquare._support.arrays import FloatArray
 ROUNDS = 8
 """Of reweighting."""
 
-LEAST_SCALE = 0.1
+MIN_SCALE = 0.1
 """Pixels that are no error."""
 
-LEAST_POINTS = 20
+MIN_POINTS = 20
 """Twice as many as a cubic has terms: with fewer it would follow the points that are wrong."""
 
 
@@ -36,7 +36,7 @@ class SmoothSurface(NamedTuple):
             scaled = weights[:, None]
             terms = np.linalg.lstsq(powers * scaled, seen * scaled, rcond=None)[0]
             off = np.linalg.norm(powers @ terms - seen, axis=1)
-            weights = 1.0 / np.hypot(1.0, off / max(2.0 * float(np.median(off)), LEAST_SCALE))
+            weights = 1.0 / np.hypot(1.0, off / max(2.0 * float(np.median(off)), MIN_SCALE))
         return cls(middle, extent, np.asarray(terms, np.float64))
 
     def at(self, points: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ TOLERANCE = 0.6
 SMALLEST_RADIUS = 0.275
 """Radius of an arc over the picture's diagonal; stronger fisheyes than that bend a side more."""
 
-MOST_ARCS = 250
+MAX_ARCS = 250
 """The longest are taken."""
 
 JOINED_TURN = 0.2
@@ -43,7 +43,7 @@ JOINED_OFFSET = (1.5, 0.06)
 """Radians between two arcs of one side, and how far one may be beside the other's continuation, in
 pixels and over the gap: a side that bends by 4 % turns by 0.3 from end to end."""
 
-MOST_JOINED = 6
+MAX_JOINED = 6
 """Arcs of one side: five things that interrupt it."""
 
 MIN_CORNER_SINE = np.sin(np.deg2rad(25.0))
@@ -56,10 +56,10 @@ MIN_COVERED = 0.35
 """Of a side, what its arcs must cover, and where it must show an edge: what lies beside it may be
 as light as the figure, or lighter."""
 
-MOST_GAP = 1.0 / MIN_COVERED - 1.0
+MAX_GAP = 1.0 / MIN_COVERED - 1.0
 """Between arcs and beyond them, over their length."""
 
-MOST_QUADS = 150
+MAX_QUADS = 150
 """Of each polarity, those that are covered best are measured."""
 
 
@@ -96,7 +96,7 @@ class _Edges:
             & (turns <= JOINED_TURN)
             & (np.abs(_cross(self.arriving[:, None], gaps)) <= most)
             & (np.abs(_cross(self.leaving[None], gaps)) <= most)
-            & (distances <= MOST_GAP * (self.covered[:, None] + self.covered[None]))
+            & (distances <= MAX_GAP * (self.covered[:, None] + self.covered[None]))
         )
         np.fill_diagonal(continues, False)
         distances[~continues] = np.inf
@@ -105,7 +105,7 @@ class _Edges:
         for number in range(len(self.points)):
             run = [number]
             runs.append(run)
-            while len(run) < MOST_JOINED and (after := following[run[-1]]) not in (-1, *run):
+            while len(run) < MAX_JOINED and (after := following[run[-1]]) not in (-1, *run):
                 run = [*run, after]
                 runs.append(run)
         first = np.array([run[0] for run in runs], np.intp)
@@ -127,7 +127,7 @@ class _Edges:
         safe = np.where(meet, sines, 1.0)
         beyond = _cross(gaps, self.leaving[None]) / safe
         before = _cross(self.arriving[:, None], gaps) / safe
-        reach = MOST_GAP * self.covered + OVERRUN
+        reach = MAX_GAP * self.covered + OVERRUN
         meet &= (beyond >= -OVERRUN) & (beyond <= reach[:, None])
         meet &= (before >= -OVERRUN) & (before <= reach[None])
         places = self.ends[:, None] + beyond[..., None] * self.arriving[:, None]
@@ -154,7 +154,7 @@ def find_arc_quads(smooth: NDArray[np.float32]) -> Quads:
         int(MIN_SIDE),
         SMALLEST_RADIUS * float(np.hypot(*smooth.shape)),
     )
-    arcs = sorted(arcs, key=len, reverse=True)[:MOST_ARCS]
+    arcs = sorted(arcs, key=len, reverse=True)[:MAX_ARCS]
     light = _four_sided(arcs, smooth.shape)
     dark = _four_sided([arc[::-1] for arc in arcs], smooth.shape)
     dark_inside = np.arange(len(light) + len(dark)) >= len(light)
@@ -203,7 +203,7 @@ def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     quads = np.array(found, np.intp).reshape(-1, 4)
     corners = places[np.roll(quads, 1, axis=1), quads]
     around = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1).sum(axis=1)
-    order = np.argsort(-edges.covered[quads].sum(axis=1) / around, kind="stable")[:MOST_QUADS]
+    order = np.argsort(-edges.covered[quads].sum(axis=1) / around, kind="stable")[:MAX_QUADS]
     sampled = [
         [
             _sampled(edges.points[edge], start, end)

@@ -25,7 +25,7 @@ from trisquare.detection.squares.framed import (
     find_framed_squares,
 )
 from trisquare.detection.squares.plain_rectangles import (
-    LEAST_INLIERS,
+    MIN_INLIERS,
     best_at_corners,
     find_rectangles,
     turns_to_longer_side,
@@ -102,7 +102,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     smooth = picture.astype(np.float32)
     size = (picture.shape[1], picture.shape[0])
     rough = find_arc_quads(smooth).followed_by(find_quads(picture, smooth))
-    quads = views_of_rectangles(fit_sides(picture, rough, LEAST_INLIERS), size, shape.aspect)
+    quads = views_of_rectangles(fit_sides(picture, rough, MIN_INLIERS), size, shape.aspect)
     quads = best_at_corners(smooth, quads)
     quads = quads.subset(find_rectangles(smooth, quads, shape.aspect))
     if not len(quads):

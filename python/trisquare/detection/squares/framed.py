@@ -62,7 +62,7 @@ FRAME_SIZES = (0.15, 0.75)
 """Inner over outer side of a frame. A thinner ring may as well be the rim of a sheet of paper,
 cut by hand; then the inner outline alone is the square, which is true of a thin frame too."""
 
-LEAST_RATIO = 0.5
+MIN_RATIO = 0.5
 """Of the areas of two outlines that lie right beside each other."""
 
 MIN_RELATIVE_SIDE = 0.4
@@ -281,7 +281,7 @@ def _is_hole(size: float | None) -> bool:
 def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index: int) -> int | None:
     """Return the outline, about a quad's or within it, at which a bar ends that begins there."""
     ratios = areas / areas[index]
-    near = (ratios > LEAST_RATIO) & (ratios < 1.0 / LEAST_RATIO)
+    near = (ratios > MIN_RATIO) & (ratios < 1.0 / MIN_RATIO)
     near &= quads.dark_inside != quads.dark_inside[index]
     sizes = {}
     for other in np.flatnonzero(near & in_box(quads.corners[index], middles)).tolist():

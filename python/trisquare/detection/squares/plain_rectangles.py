@@ -25,7 +25,7 @@ from trisquare.detection.squares.quads import (
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import seen_together
 
-LEAST_INLIERS = (0.55, 0.4)
+MIN_INLIERS = (0.55, 0.4)
 """Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
 a sheet may be as light as the sheet."""
 
@@ -36,7 +36,7 @@ with equal margins is nearly its own."""
 CORNER_ERROR = 2.0
 """Pixels by which corners may be off here: small figures have the shape by chance."""
 
-LEAST_DRAWING = 0.25
+MIN_DRAWING = 0.25
 """Area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
 
 MIDDLE = 0.08
@@ -94,7 +94,7 @@ def find_rectangles(
 
 def _is_drawing(quads: Quads, inner: int) -> bool:
     """Tell whether a quad has equal opposite margins within another, much of which it fills."""
-    is_sheet = quads.areas * LEAST_DRAWING <= quads.areas[inner]
+    is_sheet = quads.areas * MIN_DRAWING <= quads.areas[inner]
     is_sheet[inner] = False
     sheets = quads.corners[is_sheet]
     return any(_is_in_the_middle(quads.corners[inner], sheet) for sheet in sheets)

@@ -13,7 +13,7 @@ NAMED = {
 }
 """Aspects by name: ISO 216, ANSI/ASME Y14.1, ISO/IEC 7810 ID-1, ITU-R BT.709."""
 
-LEAST_TOLD = 1.2
+MIN_TOLD = 1.2
 """An aspect below this is too near that of a square to tell which way up a rectangle is."""
 
 MOST = 10.0
@@ -49,10 +49,10 @@ class RectangleShape:
         if min(width, height) <= 0.0:
             raise ValueError(f"{text!r}: the aspect must be a number such as 1.4142, or 16:9")
         aspect = max(width, height) / min(width, height)
-        if 1.0 < aspect < LEAST_TOLD:
+        if 1.0 < aspect < MIN_TOLD:
             raise ValueError(
                 f"{text!r}: which way up a rectangle is cannot be seen below an aspect of "
-                f"{LEAST_TOLD:g}: give PlaneEdges.rectangle with its sides"
+                f"{MIN_TOLD:g}: give PlaneEdges.rectangle with its sides"
             )
         if aspect > MOST:
             raise ValueError(f"{text!r}: the aspect may be {MOST:g} at most")

@@ -18,7 +18,7 @@ Real = TypeVar("Real", np.float32, np.float64)
 BLOCK = 64
 """Codes, and readings, that are multiplied at a time."""
 
-LEAST_BITS_TO_CORRECT = 25
+MIN_BITS_TO_CORRECT = 25
 """One wrong bit is forgiven where codes have as many bits as this: those of 16 lie so close that
 chance would be believed five times as often."""
 
@@ -46,7 +46,7 @@ class Dictionary:
     @property
     def correctable(self) -> int:
         """Wrong bits that are forgiven."""
-        return int(self.side**2 >= LEAST_BITS_TO_CORRECT)
+        return int(self.side**2 >= MIN_BITS_TO_CORRECT)
 
     @property
     def chance(self) -> float:

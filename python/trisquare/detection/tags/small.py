@@ -26,7 +26,7 @@ AROUND = 16
 """Pixels of the photograph around a quad: the error of its outline, and the window that tells the
 detector's thresholds."""
 
-MOST_IN_PARTS = 0.25
+MAX_IN_PARTS = 0.25
 """Of the photograph, what is searched in parts; if it is more, the whole takes no longer."""
 
 SETTLING_REACH = 2
@@ -48,7 +48,7 @@ def dictionaries_of_small_tags(
     """
     boxes = _boxes_around(unread, grey.shape)
     area = sum((right - left) * (bottom - top) for left, top, right, bottom in boxes)
-    if area <= MOST_IN_PARTS * grey.size:
+    if area <= MAX_IN_PARTS * grey.size:
         stated = replace(search, stated=True)
         corners = np.array([quad for box in boxes for quad in _quads(grey, search, box)])
         if not any(_read(grey, settled(grey, corners), stated)):

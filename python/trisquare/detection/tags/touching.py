@@ -19,12 +19,12 @@ from trisquare.detection.candidates import MIN_CONTRAST
 from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, agreement
 from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_sides
 
-LEAST_CORRELATION = 0.8
+MIN_CORRELATION = 0.8
 """Between the cells of a quad and a code: chance reaches it once in 200 000 quads, for any of 587
 codes of 36 cells."""
 
 REACH = 1.0 / 40.0
-LEAST_REACH = 15
+MIN_REACH = 15
 """Over the picture's longest side, and in pixels: the darkest and the lightest pixel that are as
 near as this give the threshold. Seven times as large a tag still has white so near to
 its border."""
@@ -84,7 +84,7 @@ def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], F
         outlines = (_dark_quads(searched, lowest, highest, parting) + 0.5) * scale - 0.5
         quads = on_saddles(grey, outlines)
         numbers, turns, correlation = agreement(grey, quads, name, WIDE_BORDER)
-        read = np.flatnonzero(correlation >= LEAST_CORRELATION)
+        read = np.flatnonzero(correlation >= MIN_CORRELATION)
         # Cells of a tag with another border may come near enough to a code as well.
         usual = agreement(grey, quads[read], name, BORDER).correlation
         read = read[correlation[read] >= usual]
@@ -141,7 +141,7 @@ def _dark_quads(
 
 def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return the darkest and the lightest around, `COARSE` pixels to one."""
-    reach = max(LEAST_REACH, round(REACH * max(grey.shape))) // COARSE
+    reach = max(MIN_REACH, round(REACH * max(grey.shape))) // COARSE
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     # Averaged, lest the noise of a plain ground look like a contrast: all means take less time than
     # OpenCV needs for every third one.

@@ -13,7 +13,7 @@ use crate::numeric::{ArrowStep, ArrowSystem, Limits, Problem, minimise};
 const GRID_LINES: f64 = 41.0;
 
 /// Part of the picture that must have a direction at all before a lens can be fitted to it.
-const LEAST_SEEN: f64 = 0.5;
+const MIN_SEEN: f64 = 0.5;
 
 /// The problem is all but linear: a handful of steps suffice.
 const LIMITS: Limits = Limits {
@@ -74,7 +74,7 @@ impl LensFamily {
             .filter_map(|pixel| Some((ideal_point(pixel)?, *pixel)));
         let pairs: Vec<_> = pairs.collect();
         let covered = pairs.len() as f64 / pixels.len() as f64;
-        if covered < LEAST_SEEN {
+        if covered < MIN_SEEN {
             return Err(Error::InvalidArgument(format!(
                 "the lens has a direction ahead of the camera for only {:.0} % of its picture: no \
                  other can be fitted to it",

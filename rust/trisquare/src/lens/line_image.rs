@@ -10,7 +10,7 @@ use crate::numeric::{LANES, NODES, coefficients, node_places};
 const MAX_STEPS: usize = 8;
 
 /// Least cosine of the angle between the image of the line and the chord.
-const LEAST_COSINE: f64 = 0.3;
+const MIN_COSINE: f64 = 0.3;
 
 /// Some pixels by their coordinates; fewer than these, and the first again in place of the others.
 #[derive(Debug, Clone, Copy)]
@@ -135,7 +135,7 @@ fn pixel_on_image<L: Lens>(
         let ray = lens.unproject_with_jacobian(&pixel)?;
         let (distance, normal) = lens.line_distance_and_normal(&ray, line);
         let cosine = normal.dot(&across);
-        if cosine.abs() < LEAST_COSINE {
+        if cosine.abs() < MIN_COSINE {
             return None;
         }
         pixel -= across * (distance / cosine);

@@ -16,7 +16,7 @@ const MAX_STEPS: usize = 20;
 const CONVERGED: f64 = 1e-12;
 
 /// Part of the pixels that both lenses must be able to follow for a comparison to mean much.
-const LEAST_IN_COMMON: f64 = 0.1;
+const MIN_IN_COMMON: f64 = 0.1;
 
 /// Solid angle of a pixel, in units of that at a pinhole's axis, above which it is too near the rim
 /// of a lens to be told anything of: some thousandth of a pixel away.
@@ -144,7 +144,7 @@ fn closest_rotation(
     }
     let is_seen = |pixel: &&Vector2<f64>| match_pixel(lenses, &rotation, pixel).is_some();
     let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len() as f64;
-    if part < LEAST_IN_COMMON {
+    if part < MIN_IN_COMMON {
         return Err(Error::InvalidArgument(format!(
             "the cameras have too little in common: their distortions can be inverted together \
              over {:.0} % of the picture",

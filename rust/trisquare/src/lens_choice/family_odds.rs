@@ -55,10 +55,10 @@ pub(super) fn subsampled(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
 
 /// Where sides err together under a fisheye as well, it leaves at most this part of the residuals of
 /// every distorted pinhole: of the many lines of boards, ...
-const MOST_LEFT_OF_BOARDS: f64 = 0.5;
+const MAX_LEFT_OF_BOARDS: f64 = 0.5;
 
 /// ... and of squares, whose few sides its coefficients follow more easily.
-pub(super) const MOST_LEFT_OF_SQUARES: f64 = 0.25;
+pub(super) const MAX_LEFT_OF_SQUARES: f64 = 0.25;
 
 /// A model of a lens, and its fit to the edge samples.
 pub(super) type FittedModel<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
@@ -107,8 +107,8 @@ fn standing<'a, A: Lens, B: Lens>(
     let odds = odds(against) - PREFERENCE - improbability(fit);
     let least = plain.fits().map(|(_, other)| other.rms);
     let most_left = match has_boards {
-        true => MOST_LEFT_OF_BOARDS,
-        false => MOST_LEFT_OF_SQUARES,
+        true => MAX_LEFT_OF_BOARDS,
+        false => MAX_LEFT_OF_SQUARES,
     };
     let explains = is_clean(fit) || fit.rms < most_left * least.fold(f64::INFINITY, f64::min);
     let follows_targets =

@@ -1,7 +1,7 @@
 //! Whether a fisheye explains edges of which a distorted pinhole leaves too much, or gives no answer.
 
 use super::family_odds::{
-    MOST_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, subsampled,
+    MAX_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, subsampled,
 };
 use super::models::WeighedModels;
 use crate::calibrate::{FirstFit, calibrate};
@@ -69,7 +69,7 @@ pub fn heed_fisheye<L: Lens>(
     let (model, fit) = best.wide;
     let own_fit = own.fit_with(options.model);
     let own_rms = own_fit.map_or(calibration.rms, |fit| fit.rms);
-    let follows_relief = is_relief && !is_clean(fit) && fit.rms > MOST_LEFT_OF_SQUARES * own_rms;
+    let follows_relief = is_relief && !is_clean(fit) && fit.rms > MAX_LEFT_OF_SQUARES * own_rms;
     if best.odds > 0.0 && !follows_relief {
         let warning = Warning::LensOfAnotherFamily {
             model: model.name(),

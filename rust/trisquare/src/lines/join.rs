@@ -29,7 +29,7 @@ const SHARED_FREEDOM: f64 = 8.0;
 
 /// Part of all lines that has to be straight: of ten curves one may be straight under some lens that
 /// the planes allow.
-const LEAST_STRAIGHT: f64 = 0.2;
+const MIN_STRAIGHT: f64 = 0.2;
 
 /// How often chance alone makes lines and planes differ so much.
 const CHANCE: f64 = 1e-4;
@@ -132,7 +132,7 @@ fn join<L: Lens>(
             is_used,
         };
         let used = joined.is_used.iter().filter(|is_used| **is_used).count();
-        let is_enough = used > 0 && used as f64 >= LEAST_STRAIGHT * lines.len() as f64;
+        let is_enough = used > 0 && used as f64 >= MIN_STRAIGHT * lines.len() as f64;
         return is_enough.then_some((joined, contradiction));
     }
     None

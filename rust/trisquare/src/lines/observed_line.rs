@@ -16,7 +16,7 @@ const LINE_STEPS: usize = 2;
 const ROUNDS: usize = 3;
 
 /// No sample is known better (px): less is rounding, and the planes' computed samples tell as much.
-const LEAST_NOISE: f64 = 1e-5;
+const MIN_NOISE: f64 = 1e-5;
 
 /// Samples that an order of the smooth displacement needs, and orders that any line has: a straight
 /// line's, and a bend.
@@ -113,7 +113,7 @@ impl ObservedLine {
 
     fn robust_weights(&self, rough: &DVector<f64>, scale: f64) -> DVector<f64> {
         let weight = |i: usize| {
-            let to_noise = (self.weights[i] / scale).min(1.0 / LEAST_NOISE);
+            let to_noise = (self.weights[i] / scale).min(1.0 / MIN_NOISE);
             Loss::Tukey.cost_and_weight(rough[i] * to_noise).1 * to_noise * to_noise
         };
         DVector::from_fn(rough.len(), |i, _| weight(i))

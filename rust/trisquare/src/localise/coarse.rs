@@ -46,7 +46,7 @@ const REACH: i32 = 6;
 const NEAR_REACH: i32 = 2;
 /// The longest filter of all, and the samples that it asks for.
 const LONGEST_FILTER: i32 = BLUNT.filter;
-const MOST_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
+const MAX_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
 /// Legs of a coarse path are cut into pieces of this length, pixels.
 const PATH_PIECE: f64 = 6.0;
 /// Profiles are kept this far from the path's ends, where corners are, or a share of its length.
@@ -253,7 +253,7 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
 impl ProfileSettings {
     /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
     fn profile(&self, reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<Profile> {
-        let mut values = [0.0; MOST_SAMPLES];
+        let mut values = [0.0; MAX_SAMPLES];
         for line in 0..self.lines {
             let along = (line as f64 + 0.5) / self.lines as f64 - 0.5;
             let s = s + along * self.spacing / path.half_length;
@@ -312,7 +312,7 @@ impl ProfileSettings {
 }
 
 /// Grey values along the normal of a path.
-type Profile = [f64; MOST_SAMPLES];
+type Profile = [f64; MAX_SAMPLES];
 
 /// Where a profile holds the value `t` pixels from the path.
 fn place(t: i32) -> usize {

@@ -13,10 +13,10 @@ use crate::numeric::median;
 /// Standard deviations from which a displacement is no chance.
 const CERTAIN: f64 = 6.0;
 /// Pixels from which a displacement matters: of odd rows, and of a colour in the picture's corners.
-const LEAST_ROW_SHIFT: f64 = 0.1;
-const LEAST_COLOUR_SHIFT: f64 = 0.1;
+const MIN_ROW_SHIFT: f64 = 0.1;
+const MIN_COLOUR_SHIFT: f64 = 0.1;
 /// Contrast in green, in parts of the greatest, below which green is not measured alone.
-const LEAST_GREEN: f64 = 0.5;
+const MIN_GREEN: f64 = 0.5;
 
 /// A side is clipped where this share of its light pixels is.
 const CLIPPED_SHARE: f64 = 0.1;
@@ -93,7 +93,7 @@ impl PictureFaults {
     pub fn row_shift(&self) -> Option<Vector2<f64>> {
         // Staircases may differ from row to row.
         let rows = self.rows.filter(|_| !self.has_two_levels)?;
-        let matters = rows.shift_deviations > CERTAIN && rows.shift.norm() > LEAST_ROW_SHIFT;
+        let matters = rows.shift_deviations > CERTAIN && rows.shift.norm() > MIN_ROW_SHIFT;
         matters.then_some(rows.shift)
     }
 
@@ -107,7 +107,7 @@ impl PictureFaults {
         let is_certain =
             |part: &PartDisplacement| part.magnification.abs() > CERTAIN * part.magnification_std;
         let shift = parts.map(|part| corner * part.magnification);
-        let matters = shift.iter().any(|shift| shift.abs() > LEAST_COLOUR_SHIFT);
+        let matters = shift.iter().any(|shift| shift.abs() > MIN_COLOUR_SHIFT);
         (parts.iter().any(is_certain) && matters).then_some(shift)
     }
 
@@ -131,7 +131,7 @@ impl PictureFaults {
     pub fn is_of_green(&self, picture: &Picture) -> bool {
         let shows = self
             .colours
-            .is_some_and(|colours| colours.green_contrast > LEAST_GREEN);
+            .is_some_and(|colours| colours.green_contrast > MIN_GREEN);
         shows && self.colour_shift(picture).is_some()
     }
 }

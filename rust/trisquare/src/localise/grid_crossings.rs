@@ -25,7 +25,7 @@ const ENTIRE: f64 = 7.0;
 /// before it that does not matter ...
 const CLEAR_OF_MARKER: f64 = 3.0;
 /// ... but where that would leave less than this of the light cell, it has to be borne.
-const LEAST_REACH: f64 = 2.0;
+const MIN_REACH: f64 = 2.0;
 /// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
 const STEPS: usize = 3;
 /// The largest correlation reckoned with: lines at less than 18 degrees to each other.
@@ -253,7 +253,7 @@ impl Between<'_> {
             return false;
         };
         let blurs = marker.depth * before.inverse_blur;
-        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(LEAST_REACH));
+        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(MIN_REACH));
         marker.side * distance * before.inverse_blur > reach
     }
 

@@ -24,7 +24,7 @@ use super::{blur_differences, patches, plateaus, thinning};
 
 /// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
 /// takes or adds 2 % of what the edge rises by where it is steepest.
-const LEAST_MARGIN_BLURS: f64 = 1.5;
+const MIN_MARGIN_BLURS: f64 = 1.5;
 /// The first fit is made twice: roughly, on the pixels that the coarse edge points to, until a step
 /// is below this many pixels; then on those that the result points to.
 const LAST_ROUGH_STEP: f64 = 0.1;
@@ -153,7 +153,7 @@ impl<'a> Localiser<'a> {
         if !span.is_beside_others {
             self.judge(&side, span.polarity, noise)?;
         }
-        if span.margin[0].min(span.margin[1]) < LEAST_MARGIN_BLURS * side.mean_blur() {
+        if span.margin[0].min(span.margin[1]) < MIN_MARGIN_BLURS * side.mean_blur() {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, &self.predictions, noise, near, far);

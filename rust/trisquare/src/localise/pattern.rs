@@ -9,14 +9,14 @@ use super::preview::Preview;
 use crate::image::GreyReader;
 
 /// On so many of the sides...
-const LEAST_SIDES: f64 = 0.5;
+const MIN_SIDES: f64 = 0.5;
 /// ... one wave has to explain so much of the variance that the light beside them shows.
-const LEAST_PART: f64 = 0.5;
+const MIN_PART: f64 = 0.5;
 /// It has so many periods along a side at least: light that changes slowly is shading or a shadow,
 /// and what runs along a side is its own blur.
 const MIN_PERIODS: f64 = 3.0;
 /// Light that varies less than by this part of a side's contrast (rms) hardly moves it.
-const LEAST_VARIATION: f64 = 0.02;
+const MIN_VARIATION: f64 = 0.02;
 /// Pixels within so many blurs of an edge show more of the edge than of the light beside it.
 const EDGE_BLURS: f64 = 2.0;
 /// Sides with fewer columns of pixels tell nothing.
@@ -43,7 +43,7 @@ pub(super) fn pattern<'a>(
         let contrast = reader.tone().encode(after) - reader.tone().encode(before);
         waves.extend(wave(preview, contrast.abs()));
     }
-    if waves.is_empty() || (waves.len() as f64) < LEAST_SIDES * sides {
+    if waves.is_empty() || (waves.len() as f64) < MIN_SIDES * sides {
         return None;
     }
     let middle = waves.len() / 2;
@@ -65,7 +65,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     }
     let values = || columns.iter().flat_map(|column| &column.pixels);
     let power: f64 = values().map(|(_, value)| value * value).sum();
-    let is_even = power < count * (LEAST_VARIATION * contrast).powi(2);
+    let is_even = power < count * (MIN_VARIATION * contrast).powi(2);
     if columns.len() < MIN_COLUMNS || is_even {
         return None;
     }
@@ -91,7 +91,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     }
     // A wave of amplitude `a` sums to `a n / 2`, and its squares to `a^2 n / 2`.
     let part = 2.0 * strongest * strongest / (count * power);
-    (part > LEAST_PART).then(|| 2.0 * strongest / (count * contrast))
+    (part > MIN_PART).then(|| 2.0 * strongest / (count * contrast))
 }
 
 /// A wave at one place, for frequencies of equal steps.

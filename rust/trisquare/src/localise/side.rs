@@ -17,7 +17,7 @@ use crate::image::ToneCurve;
 pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 10.0];
 /// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
 /// the errors of fx were a quarter larger with the lines' own.
-const LEAST_SPREAD: f64 = 0.1;
+const MIN_SPREAD: f64 = 0.1;
 /// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
 /// a tenth of the best samples' noise, and the patches correct what it leaves.
 pub(super) const LAST_STEP: f64 = 0.02;
@@ -322,7 +322,7 @@ impl Side {
 
     /// The spread of a crossed line, if it hardly widens the line's blur.
     pub fn small_spread(&self) -> Option<f64> {
-        self.spread.filter(|spread| spread.abs() < LEAST_SPREAD)
+        self.spread.filter(|spread| spread.abs() < MIN_SPREAD)
     }
 
     /// Makes the predictions of a side very near to this one its own, linearly.

@@ -21,9 +21,9 @@ const PIECE_LENGTH: f64 = 60.0;
 const OVERLAP: f64 = 6.0;
 /// Samples of other edges, which a piece may meet, are off the curve that most of them agree on by
 /// more than so many of their standard deviations.
-const MOST_DEVIATIONS: f64 = 5.0;
+const MAX_DEVIATIONS: f64 = 5.0;
 /// Of the samples of a span this share must agree.
-const LEAST_SHARE: f64 = 0.4;
+const MIN_SHARE: f64 = 0.4;
 /// Crossings of grid lines that are off by less, pixels, hardly move the lines.
 const SETTLED: f64 = 0.1;
 /// Points that stand for the path of a piece.
@@ -198,11 +198,11 @@ fn join(
     }
     let curve = coarse::agreed(span, &whole.points).ok_or(reason)?;
     let is_own = |(point, std): (&Vector2<f64>, &f64)| {
-        curve.signed_distance(*point).abs() < MOST_DEVIATIONS * std
+        curve.signed_distance(*point).abs() < MAX_DEVIATIONS * std
     };
     let own: Vec<bool> = whole.points.iter().zip(&whole.std).map(is_own).collect();
     let count = own.iter().filter(|is_own| **is_own).count();
-    if (count as f64) < LEAST_SHARE * own.len() as f64 {
+    if (count as f64) < MIN_SHARE * own.len() as f64 {
         return Err(NoEdge::Inconsistent);
     }
     keep(&mut whole.points, &own);

@@ -32,7 +32,7 @@ const BOUND_CLEARANCE: f64 = 2.5;
 
 /// Bars narrower than so many blurs are not measured: of one of 3.8 an edge was 0.05 pixels off; those of
 /// one of 2.5 were seen 0.4 blurs too far apart, with less blur and contrast than they have.
-const LEAST_WIDTH_BLURS: f64 = 4.5;
+const MIN_WIDTH_BLURS: f64 = 4.5;
 
 /// How far from a side's curve its edge is felt, pixels.
 pub(super) fn near(side: &Side) -> f64 {
@@ -163,7 +163,7 @@ pub(super) fn refuse_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Previe
             let width = curve(*index)
                 .zip(curve(other))
                 .map(|(own, other)| width(own, other));
-            width.is_none_or(|width| width < LEAST_WIDTH_BLURS * blur)
+            width.is_none_or(|width| width < MIN_WIDTH_BLURS * blur)
         })
     };
     let thin: Vec<usize> = (0..spans.len()).filter(is_thin).collect();

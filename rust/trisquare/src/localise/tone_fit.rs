@@ -69,7 +69,7 @@ pub(crate) const MAX_MISFIT: f64 = 1.5e-3;
 const SHIFT_PER_MISFIT: f64 = 15.0;
 const SHIFT_PER_FITTED_MISFIT: f64 = 40.0;
 /// It is no more than this: whatever the profiles are, the edges are seen within their blur.
-const MOST_SHIFT: f64 = 1.0;
+const MAX_SHIFT: f64 = 1.0;
 /// The shift (px) that must be reckoned with where no side tells anything: that of taking sRGB for
 /// linear light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
@@ -80,13 +80,13 @@ const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
 /// Profiles of no curve leave at least this shift open, in blurs: frames under S-shaped curves, which
 /// tell it to hundredths of that, were shifted by 0.1 to 0.3 where their misfit allowed for 0.03.
-const LEAST_UNREAD_SHIFT: f64 = 0.1;
+const MIN_UNREAD_SHIFT: f64 = 0.1;
 /// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
 const GAMMA_DEVIATIONS: f64 = 1.0;
 /// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens.
-const LEAST_BLUR: f64 = 0.4;
+const MIN_BLUR: f64 = 0.4;
 /// But of one that was made smaller since, the box is smaller as well.
-const LEAST_BLUR_OF_SMALLER: f64 = 0.3;
+const MIN_BLUR_OF_SMALLER: f64 = 0.3;
 
 /// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
 /// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
@@ -326,7 +326,7 @@ pub(super) fn pool<'a>(
         0 => BLIND_SHIFT_STD,
         _ if fits => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
         _ => {
-            let of_misfit = (SHIFT_PER_MISFIT * misfit).min(MOST_SHIFT);
+            let of_misfit = (SHIFT_PER_MISFIT * misfit).min(MAX_SHIFT);
             of_misfit.hypot(unread_shift(&curve)) * mean_blur
         }
     };
@@ -364,7 +364,7 @@ fn unread_shift(curve: &PowerCurve) -> f64 {
     } else {
         excess / USUAL_EXCESS
     };
-    (USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))).max(LEAST_UNREAD_SHIFT)
+    (USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))).max(MIN_UNREAD_SHIFT)
 }
 
 /// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
@@ -381,8 +381,8 @@ fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
     let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
     // A fit that ran away has no effective gamma: its misfit tells how far edges may lie off.
     let least = match curve.is_like_linear() {
-        true => LEAST_BLUR,
-        false => LEAST_BLUR_OF_SMALLER,
+        true => MIN_BLUR,
+        false => MIN_BLUR_OF_SMALLER,
     };
     if !excess.is_finite() || blur * coded_blur < least {
         return 0.0;
@@ -537,7 +537,7 @@ mod tests {
         assert_eq!(unread_shift(&away), USUAL_SHIFT);
         assert_eq!(shift(0.8), USUAL_SHIFT);
         assert!((shift(1.6) - 0.5 * USUAL_SHIFT).abs() < 1e-12);
-        assert_eq!(shift(2.3), LEAST_UNREAD_SHIFT);
+        assert_eq!(shift(2.3), MIN_UNREAD_SHIFT);
     }
 
     #[test]

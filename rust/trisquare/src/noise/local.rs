@@ -23,7 +23,7 @@ const SIGNIFICANT: f64 = 2.0;
 
 /// Part of the noise's power that smooth displacements may have taken: of more, too little is left
 /// to tell.
-const MOST_TAKEN: f64 = 0.5;
+const MAX_TAKEN: f64 = 0.5;
 
 /// The noise of a plane's samples, in units of their given standard deviations.
 #[derive(Debug, Clone, Copy)]
@@ -212,7 +212,7 @@ impl Neighbours {
         }
         let sum: f64 = (1..=lags).map(|lag| rho(lag, correlation)).sum();
         (1.0 + 2.0 * sum)
-            .min(MOST_TAKEN / taken.max(f64::MIN_POSITIVE))
+            .min(MAX_TAKEN / taken.max(f64::MIN_POSITIVE))
             .max(1.0)
     }
 

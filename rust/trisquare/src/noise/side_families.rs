@@ -60,7 +60,7 @@ impl<L: Lens> SharedColumns<'_, L> {
 
 /// Correlation of two sides on one line, such as one that was measured in two pieces: of 1, the
 /// correlation matrix would have no inverse.
-const MOST_ALIKE: f64 = 1.0 - 1e-9;
+const MAX_ALIKE: f64 = 1.0 - 1e-9;
 
 /// What the samples of sides whose displacements are correlated say of them.
 pub(crate) struct Family {
@@ -126,7 +126,7 @@ impl Family {
         let low = offsets.iter().copied().fold(f64::MAX, f64::min);
         let reach = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
         let correlation = DMatrix::from_fn(offsets.len(), offsets.len(), |i, j| {
-            let alike = if i == j { 1.0 } else { MOST_ALIKE };
+            let alike = if i == j { 1.0 } else { MAX_ALIKE };
             alike * (-(offsets[i] - offsets[j]).abs() / reach).exp()
         });
         let factor = correlation.clone().cholesky()?;

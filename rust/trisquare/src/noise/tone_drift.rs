@@ -16,7 +16,7 @@ use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View}
 use crate::refine::{EdgeProblem, Refined, residuals};
 
 /// Entries of the equations of what the planes share, at most: 2 GB, of 15,000 pictures.
-const MOST_NUMBERS: usize = 250_000_000;
+const MAX_NUMBERS: usize = 250_000_000;
 
 /// By which samples are weighed.
 const LOSS: Loss = Loss::Tukey;
@@ -118,8 +118,7 @@ fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
 pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
     let count = pictures(planes).len();
     let side = count + MAX_LENS_COLUMNS;
-    if side.saturating_mul(side) > MOST_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift)
-    {
+    if side.saturating_mul(side) > MAX_NUMBERS && planes.iter().any(ObservedPlane::has_tone_drift) {
         return Err(Error::InvalidArgument(format!(
             "{count} pictures are too many to estimate a tone drift for each: omit the tone drift, \
              or use fewer pictures"

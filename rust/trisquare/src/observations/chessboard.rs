@@ -14,7 +14,7 @@ use crate::localise::{EdgeSpan, NoEdge, SpanEdges};
 const PROBE: f64 = 0.25;
 
 /// Grid lines that a plane needs in each direction: three parallel ones of four leave it open.
-const LEAST_LINES: usize = 2;
+const MIN_LINES: usize = 2;
 
 /// A chessboard whose inner corners are known to a pixel or two, by whichever detector.
 ///
@@ -156,11 +156,11 @@ impl GridLine {
 
 fn check_families(rows: usize, columns: usize) -> Result<(), Error> {
     let found = rows.min(columns);
-    if found < LEAST_LINES {
+    if found < MIN_LINES {
         return Err(Error::TooFewParallels {
             figure: 0,
             found,
-            needed: LEAST_LINES,
+            needed: MIN_LINES,
         });
     }
     Ok(())

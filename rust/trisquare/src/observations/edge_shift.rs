@@ -17,7 +17,7 @@ const FADED: f64 = 1.05;
 /// Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
 /// may do to them is more than their noise, and goes to and fro with the cells. Below, they are
 /// doubted by as much; to leave them out for less would cost short cells half of what is known.
-const MOST_DOUBT: f64 = 1.0;
+const MAX_DOUBT: f64 = 1.0;
 
 /// Degree of the polynomial that a grid line's image follows: distortion bends it, but smoothly.
 const LINE_DEGREE: usize = 4;
@@ -40,16 +40,16 @@ const SMALLEST_LIMIT: f64 = 2e-6;
 
 /// Part of a line's zigzag that a polynomial must leave for the line to say anything of its shift:
 /// of two cells it leaves a seventh, and that hangs on the samples next to the one crossing.
-const LEAST_KNOWN: f64 = 0.2;
+const MIN_KNOWN: f64 = 0.2;
 /// Where the shift is evident in every sample, such a line knows it better than the others do.
-const LEAST_KNOWN_IF_EVIDENT: f64 = 1e-3;
+const MIN_KNOWN_IF_EVIDENT: f64 = 1e-3;
 
 /// Median of a standard normal variable's square.
 const MEDIAN_SQUARE: f64 = 0.455;
 
 /// Surplus of one sign, as a part, from which the cells of a line are not all of one length: there a
 /// shift that changes along the line is its tilt as well.
-const MOST_SURPLUS: f64 = 0.4;
+const MAX_SURPLUS: f64 = 0.4;
 /// By so much of itself, as a standard deviation, a shift differs from line to line, and grows from
 /// the middle of a line to its end.
 const PERSPECTIVE: f64 = 0.3;
@@ -93,7 +93,7 @@ pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
     let shift = common_shift(&zigzags);
     let deviations = lines.iter().flat_map(|line| &line.samples).map(|it| it.std);
     let usual = median(deviations.collect()).unwrap_or(f64::INFINITY);
-    let is_evident = shift.abs() > MOST_DOUBT * usual;
+    let is_evident = shift.abs() > MAX_DOUBT * usual;
     // It differs from line to line, as the blur across them does, and along a line, as its distance
     // from the camera does.
     let shifts = shifts_of_lines(&zigzags, shift, is_evident);
@@ -248,7 +248,7 @@ impl Zigzag {
     /// Whether about as many samples are shifted one way as the other.
     fn has_cells_of_one_length(&self) -> bool {
         let surplus: f64 = self.0.iter().map(|it| it.values.y).sum();
-        surplus.abs() < MOST_SURPLUS * self.0.len() as f64
+        surplus.abs() < MAX_SURPLUS * self.0.len() as f64
     }
 
     fn precisions(&self) -> Vec<f64> {
@@ -322,9 +322,9 @@ fn sums(left: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
 /// by more, in proportion to the distance from the lines' vanishing point.
 fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineShift> {
     let least = if is_evident {
-        LEAST_KNOWN_IF_EVIDENT
+        MIN_KNOWN_IF_EVIDENT
     } else {
-        LEAST_KNOWN
+        MIN_KNOWN
     };
     let precisions: Vec<_> = lines.iter().map(Zigzag::precisions).collect();
     let pairs = lines.iter().zip(&precisions);

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
 
 /// Lines of each family that fix a plane.
-const LEAST_LINES: usize = 2;
+const MIN_LINES: usize = 2;
 
 /// A line in the picture, roughly: a lens may bend it.
 struct Chord {
@@ -77,11 +77,11 @@ pub(super) fn outermost_lines(
         )));
     }
     let found = along_x.len().min(along_y.len());
-    if found < LEAST_LINES {
+    if found < MIN_LINES {
         return Err(Error::TooFewParallels {
             figure,
             found,
-            needed: LEAST_LINES,
+            needed: MIN_LINES,
         });
     }
     let chord = |(line, points): (usize, &Vec<_>)| {

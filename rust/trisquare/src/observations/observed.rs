@@ -46,7 +46,7 @@ const PARALLEL: f64 = 0.1;
 const ARCS: usize = 4;
 
 /// Samples that an arc has at least.
-const LEAST_OF_ARC: usize = 2;
+const MIN_OF_ARC: usize = 2;
 
 /// Weight of an outlier side over that of others: it still places its own plane where
 /// nothing else does, and moves no camera.
@@ -422,7 +422,7 @@ fn arcs(points: &[Vector2<f64>]) -> Vec<Vec<usize>> {
     };
     let first = (0..count).max_by(|a, b| gap(a).total_cmp(&gap(b)));
     order.rotate_left(first.unwrap_or(0));
-    let parts = (count / LEAST_OF_ARC).clamp(1, ARCS);
+    let parts = (count / MIN_OF_ARC).clamp(1, ARCS);
     let part = |i: usize| order[i * count / parts..(i + 1) * count / parts].to_vec();
     (0..parts).map(part).collect()
 }

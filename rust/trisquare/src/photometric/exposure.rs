@@ -24,7 +24,7 @@ const SQUARE_OF_OUTLINE: f64 = 0.25;
 const FIRST_BLUR: f64 = 0.8;
 
 /// A blur (px) below a pixel's own box is none.
-const LEAST_BLUR: f64 = 0.2;
+const MIN_BLUR: f64 = 0.2;
 
 /// Contrast (coded, 1 being white) below which there is no figure.
 const MIN_CONTRAST: f64 = 0.02;
@@ -222,7 +222,7 @@ impl Exposure {
 
     /// Whether the blur is one that can be fitted to a figure's pixels.
     pub fn is_valid(&self, figure: &PixelFigure) -> bool {
-        let valid = LEAST_BLUR..=figure.width.widest_blur();
+        let valid = MIN_BLUR..=figure.width.widest_blur();
         let mut range = self.differences.range().into_iter();
         range.all(|factor| valid.contains(&(self.blur * factor)))
     }

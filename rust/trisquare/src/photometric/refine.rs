@@ -38,17 +38,17 @@ const JUDGED_STRIDE: u32 = 8;
 
 /// Things that lie over sides hide less than this part of all of them; with more it is the sides
 /// that are elsewhere than the model, and what is left of them would mislead it.
-const MOST_HIDDEN: f64 = 0.1;
+const MAX_HIDDEN: f64 = 0.1;
 
 /// About so many pixels stay in memory from step to step, which spares reading them again: those of
 /// a few pictures. Of more pictures the others' are read again from what is kept of each.
 const HELD_PIXELS: usize = 400_000;
 
 /// The first steps take about so many pixels of each figure, where they are at most one in
-/// `LEAST_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples
+/// `MIN_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples
 /// and exposures that a twelfth of the pixels told.
 const FIRST_PIXELS: usize = 4_000;
-const LEAST_STRIDE: usize = 2;
+const MIN_STRIDE: usize = 2;
 
 /// Blurs nearer than this to the widest that a band holds ask for a wider band.
 const WIDEST_BLUR: f64 = 0.98;
@@ -65,7 +65,7 @@ const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 /// How much larger residuals the pixels' answer may leave the edge samples where tone curves are
 /// estimated: 1.13 times in pictures that darken to a third at their corners, 1.09 in all others that
 /// were looked at. Where light falls off in a curve, as of a lamp nearby, it passes for a tone curve.
-const MOST_RESIDUALS: f64 = 1.2;
+const MAX_RESIDUALS: f64 = 1.2;
 
 /// Fits the photographs and replaces the calibration's numbers where that improves them; returns
 /// the optimum that they then are from.
@@ -115,7 +115,7 @@ fn attempt<L: Lens>(
     let source = Bands::new(edges, &solution.planes, view, photographs);
     let start = begin(&source, solution, tones)?.ok_or(BROKEN)?;
     let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
-    if unused > MOST_HIDDEN * 4.0 * start.figures.len() as f64 {
+    if unused > MAX_HIDDEN * 4.0 * start.figures.len() as f64 {
         return Err(Refusal::Reason(
             "many stretches of many sides lie off their lines (is the paper bent?)",
         ));
@@ -143,7 +143,7 @@ fn attempt<L: Lens>(
         answer(&fit, state.clone(), found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
     // With a stated tone curve that is wrong they do, which is told.
-    if !known && better.rms > MOST_RESIDUALS * calibration.rms {
+    if !known && better.rms > MAX_RESIDUALS * calibration.rms {
         return Err(CONTRADICTED);
     }
     if let Some(doubted) = doubted_kurtosis(&fit, &state)? {
@@ -285,7 +285,7 @@ fn approach<L: Lens>(
 ) -> Option<PixelState<L>> {
     let some = FIRST_PIXELS * fit.figures.len().max(1);
     let stride = pixels / some;
-    if stride < LEAST_STRIDE || some > HELD_PIXELS {
+    if stride < MIN_STRIDE || some > HELD_PIXELS {
         return Some(state);
     }
     let few = PixelFit {

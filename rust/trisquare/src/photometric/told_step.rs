@@ -9,7 +9,7 @@ use crate::numeric::{ArrowStep, ArrowSystem, variance_about_zero};
 use crate::observations::POSE_PARAMETERS;
 
 /// A shift of this size (px) moves no edge by as much as its best samples' noise.
-const LEAST_SHIFT: f64 = 1e-4;
+const MIN_SHIFT: f64 = 1e-4;
 
 /// The step from a state once its equations know what each picture tells of its figures' differences
 /// and its edges' shift, which are those after the `free` step without; `None` where a figure leaves
@@ -88,7 +88,7 @@ fn tell_shifts<L: Lens>(
         }
         let value = (shift + free.shared[own]) * posterior / told;
         let std = variance_about_zero(&[(value, 1.0 / told)]).sqrt();
-        let precision = std.max(LEAST_SHIFT).min(widest).powi(-2) - prior;
+        let precision = std.max(MIN_SHIFT).min(widest).powi(-2) - prior;
         system.prior[(own, own)] += precision;
         system.prior_gradient[own] += precision * shift;
     }

@@ -22,7 +22,7 @@ const TERMS: usize = 7;
 const MOMENTS: usize = 2 * TERMS - 1;
 
 /// Samples from which the nodes are worth their while.
-const LEAST_SAMPLES: usize = 3 * NODES;
+const MIN_SAMPLES: usize = 3 * NODES;
 
 /// The last terms of the curve, and what its nodes miss the image of the line by, over the noise of
 /// the best sample: beyond, a polynomial does not describe the side.
@@ -79,7 +79,7 @@ impl SideCurves {
 impl SideCurve {
     /// Near the image of a line, for noise of a scale.
     fn of<L: Lens>(lens: &L, line: &Vector3<f64>, side: &Side, scale: f64) -> Option<Self> {
-        if side.samples.len() < LEAST_SAMPLES {
+        if side.samples.len() < MIN_SAMPLES {
             return None;
         }
         let pixels = side.samples.iter().map(|sample| sample.pixel);

@@ -16,7 +16,7 @@ const CORNER_ROOM: usize = 3;
 const MEAN_OF: usize = 5;
 
 /// Chord of an arc over its length at least.
-const LEAST_CHORD: f64 = 0.5;
+const MIN_CHORD: f64 = 0.5;
 
 /// What counts as an arc; lengths in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,7 +119,7 @@ impl Circle {
         let (first, last) = (points.first()?, points.last()?);
         let half_chord = 0.5 * (last - first).norm();
         let length: f64 = points.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
-        if 2.0 * half_chord < LEAST_CHORD * length || half_chord <= 0.0 {
+        if 2.0 * half_chord < MIN_CHORD * length || half_chord <= 0.0 {
             return None;
         }
         let mut circle = Self {

@@ -19,7 +19,7 @@ const WEAKEST: f32 = (FILTER_GAIN * MIN_SADDLE) * (FILTER_GAIN * MIN_SADDLE);
 
 /// A saddle this much weaker than another one within some pairs of pixels is dropped: what is printed
 /// in a cell, or beside an edge, is finer than the cell and more blurred.
-const LEAST_OF_RIVAL: f32 = 0.6;
+const MIN_OF_RIVAL: f32 = 0.6;
 const RIVAL_PAIRS: usize = 2;
 
 /// Pixels at the border in which no saddle is looked for: the filters' and the rivals' reach.
@@ -122,7 +122,7 @@ impl Strengths {
             [pair - 2 * RIVAL_PAIRS - 1, pair + 2 * RIVAL_PAIRS + 2]
         };
         let rival = self.strongest(pairs(column), pairs(row));
-        strength >= LEAST_OF_RIVAL * LEAST_OF_RIVAL * rival
+        strength >= MIN_OF_RIVAL * MIN_OF_RIVAL * rival
     }
 
     /// The strongest from the first to before the last of columns and rows.

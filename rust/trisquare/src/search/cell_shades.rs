@@ -16,20 +16,20 @@ use super::photograph::Photograph;
 /// Where the four cells at a crossing are looked at: pixels of the photograph along both of a cell's
 /// sides, which is out of the blur, within these parts of the side. A marker leaves an eighth free.
 const INTO_CELL: f64 = 3.0;
-const LEAST_INTO_CELL: f64 = 0.1;
-const MOST_INTO_CELL: f64 = 0.3;
+const MIN_INTO_CELL: f64 = 0.1;
+const MAX_INTO_CELL: f64 = 0.3;
 
 /// Least step between a light cell and a dark one at a crossing, over the mean step: at the rim of a
 /// board three of the four are light.
 const MIN_CONTRAST: f64 = 0.3;
 
 /// Pixels; the side of a cell whose crossings coincide.
-const LEAST_SIDE: f64 = 1e-9;
+const MIN_SIDE: f64 = 1e-9;
 
 /// Least step from what is lightest of dark cells to what is darkest of light ones, near their edges,
 /// over the step between their middles. A chessboard of 8 pixels a cell leaves 0.19, blurred by 2
 /// pixels or with gaps or overlaps of a sixth of a cell; tiles leave 0.15, blurred as much, or less.
-const LEAST_STEP: f64 = 0.17;
+const MIN_STEP: f64 = 0.17;
 
 /// Of a cell's side: where a dark cell is looked at beside its edges. For tiles apart, the two depths
 /// must be less than a third together.
@@ -44,8 +44,8 @@ const LIGHT_SPACE: f64 = 0.7;
 /// Cells beside a space at least, on both sides together, and of each shade: fewer are light and dark
 /// by chance. Two boards with four crossings opposite each other have six, of which two are light
 /// or two dark.
-const LEAST_BESIDE: usize = 6;
-const LEAST_OF_SHADE: usize = 2;
+const MIN_BESIDE: usize = 6;
+const MIN_OF_SHADE: usize = 2;
 
 /// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
@@ -93,8 +93,8 @@ impl Photograph<'_> {
         Some(std::array::from_fn(|k| {
             let (first, second) = (ways[k], ways[(k + 1) % 4]);
             let side = self.scale * first.norm().min(second.norm());
-            let part = INTO_CELL / side.max(LEAST_SIDE);
-            let part = part.clamp(LEAST_INTO_CELL, MOST_INTO_CELL);
+            let part = INTO_CELL / side.max(MIN_SIDE);
+            let part = part.clamp(MIN_INTO_CELL, MAX_INTO_CELL);
             self.level(here + (first + second) * part)
         }))
     }
@@ -121,7 +121,7 @@ impl Photograph<'_> {
         // The middle of a light cell may be that of a marker.
         let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
         let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
-        lightest > darkest && step > LEAST_STEP * (lightest - darkest)
+        lightest > darkest && step > MIN_STEP * (lightest - darkest)
     }
 
     /// The boards that a lattice consists of: light paper lies between the whole cells that two
@@ -183,7 +183,7 @@ impl Photograph<'_> {
             space.push(level(0.5, 0.5));
         }
         let count = dark.len() + light.len();
-        if count < LEAST_BESIDE || dark.len().min(light.len()) < LEAST_OF_SHADE {
+        if count < MIN_BESIDE || dark.len().min(light.len()) < MIN_OF_SHADE {
             return false;
         }
         let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len() as f64;

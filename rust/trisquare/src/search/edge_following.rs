@@ -47,11 +47,11 @@ const FAINTEST_END: f64 = 0.1;
 
 /// Grey levels across an edge: a tenth of a contrast of 30, for what two pixels of blur leave of
 /// it; noise would not step the same way at all of `PLACES`.
-const LEAST_STEP: f64 = 3.0;
+const MIN_STEP: f64 = 3.0;
 
 /// Crossings that are tried in one direction, the nearest first: what is printed in a cell, or
 /// lies beside its edge, comes before the next crossing.
-const MOST_TRIED: usize = 12;
+const MAX_TRIED: usize = 12;
 
 /// A place where two edges cross, and the unit vectors of directions 0 and 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,7 +108,7 @@ impl GreyBytes<'_> {
         }
         let [start_step, between @ .., end_step] = steps;
         let mean = steps.iter().sum::<f64>() / PLACES.len() as f64;
-        mean > LEAST_STEP
+        mean > MIN_STEP
             && start_step.min(end_step) > FAINTEST_END * mean
             && between.iter().all(|step| *step > FAINTEST * mean)
     }
@@ -308,7 +308,7 @@ fn nearest_linked(
     candidates: &mut [(f64, Follower)],
     is_linked: impl Fn(&Follower) -> bool,
 ) -> Option<Follower> {
-    let tried = candidates.len().min(MOST_TRIED);
+    let tried = candidates.len().min(MAX_TRIED);
     if tried == 0 {
         return None;
     }

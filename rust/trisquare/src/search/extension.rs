@@ -11,7 +11,7 @@ use super::saddles::refine_corner;
 use crate::image::GreyBytes;
 
 /// Rows and columns that are added one after another: as many as a large board has.
-const MOST_EXTENSIONS: usize = 12;
+const MAX_EXTENSIONS: usize = 12;
 
 /// Cells from the outline of another lattice, with one cell round it, at which a fold may be.
 const AT_FOLD: f64 = 0.25;
@@ -47,7 +47,7 @@ impl Lattice {
         others: &[&Outline],
     ) -> Self {
         let mut lattice = self.clone();
-        for _ in 0..MOST_EXTENSIONS {
+        for _ in 0..MAX_EXTENSIONS {
             let wider = lattice.with_new_neighbours(picture, photograph, others);
             let wider = wider.complete();
             if wider.count() <= lattice.count() {

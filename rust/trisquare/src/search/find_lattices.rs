@@ -17,7 +17,7 @@ use super::sectors::{Candidate, crossings_at};
 use crate::image::GreyBytes;
 
 /// Pictures that are searched, at most; the others, which are the coarsest, are left out.
-const MOST_PICTURES: usize = 16;
+const MAX_PICTURES: usize = 16;
 
 /// What a search for lattices found.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ fn find_at_candidates(
     pictures: &[GreyBytes<'_>],
     candidates: impl Fn(&GreyBytes<'_>) -> Vec<Candidate>,
 ) -> FoundLattices {
-    let pictures = &pictures[pictures.len().saturating_sub(MOST_PICTURES)..];
+    let pictures = &pictures[pictures.len().saturating_sub(MAX_PICTURES)..];
     let Some(finest) = pictures.last() else {
         return FoundLattices {
             lattices: Vec::new(),

@@ -24,8 +24,8 @@ const REACH: i32 = 3;
 const PROFILE: usize = 2 * REACH as usize + 1;
 const BESIDE: usize = 2;
 /// Least contrast that a share of it is told of, and how far a share may be beyond 0 and 1.
-const LEAST_DIVISOR: f64 = 1.0;
-const MOST_BEYOND: f64 = 0.25;
+const MIN_DIVISOR: f64 = 1.0;
+const MAX_BEYOND: f64 = 0.25;
 
 /// A contour may miss the edge by more than the profile sees near a corner; each round follows the
 /// edge further there, until none moves a curve further than this many pixels.
@@ -45,7 +45,7 @@ const MAX_SAGITTA: f64 = 0.16;
 const MAX_CORNER_SHIFT: f64 = 0.25;
 
 /// Squared pixels; two sides so parallel do not meet, and are refused by their angle.
-const LEAST_CROSS: f64 = 1e-3;
+const MIN_CROSS: f64 = 1e-3;
 
 /// Two almost straight curves meet in two.
 const NEWTON_STEPS: usize = 3;
@@ -243,13 +243,12 @@ impl Frame {
         let mean = |levels: &[f64]| levels.iter().sum::<f64>() / BESIDE as f64;
         let (inside, outside) = (mean(&profile[..BESIDE]), mean(&profile[PROFILE - BESIDE..]));
         let contrast = outside - inside;
-        let divisor = if contrast.abs() < LEAST_DIVISOR {
-            LEAST_DIVISOR
+        let divisor = if contrast.abs() < MIN_DIVISOR {
+            MIN_DIVISOR
         } else {
             contrast
         };
-        let share =
-            |level: &f64| ((level - inside) / divisor).clamp(-MOST_BEYOND, 1.0 + MOST_BEYOND);
+        let share = |level: &f64| ((level - inside) / divisor).clamp(-MAX_BEYOND, 1.0 + MAX_BEYOND);
         let outer: f64 = profile.iter().map(share).sum();
         (0.5 * PROFILE as f64 - outer, contrast)
     }
@@ -348,8 +347,8 @@ impl Meeting {
             let gap = first.point(on_first) - second.point(on_second);
             let (there, here) = (first.tangent(on_first), second.tangent(on_second));
             let cross = there.perp(&here);
-            let divisor = if cross.abs() < LEAST_CROSS {
-                LEAST_CROSS
+            let divisor = if cross.abs() < MIN_CROSS {
+                MIN_CROSS
             } else {
                 cross
             };

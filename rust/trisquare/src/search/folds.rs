@@ -12,20 +12,20 @@ const STRAY: f64 = 5.0;
 
 /// Pixels of the searched picture, and cells, that a crossing may always be off: its own error, and
 /// what curled paper does besides the smooth surface.
-const LEAST_STRAY: f64 = 0.8;
-const LEAST_STRAY_CELLS: f64 = 0.06;
+const MIN_STRAY: f64 = 0.8;
+const MIN_STRAY_CELLS: f64 = 0.06;
 
 /// Deviation of a whole row or column, in cells and at least in pixels, that tells a fold. Paper
 /// that curls leaves half of it, a fold of 30 degrees twice as much.
 const FOLDED: f64 = 0.1;
-const LEAST_FOLDED: f64 = 0.6;
+const MIN_FOLDED: f64 = 0.6;
 
 /// Folds after one another that a lattice is split at: two that meet in a room's corner.
-const MOST_FOLDS: usize = 2;
+const MAX_FOLDS: usize = 2;
 
 /// Sites of a lattice beyond which no fold is looked for: it bounds the time in a strange picture,
 /// and boards of 30 x 30 cells are the largest.
-pub(super) const MOST_SITES: usize = 1000;
+pub(super) const MAX_SITES: usize = 1000;
 
 impl Lattice {
     /// Splits a lattice where the paper is folded along a row or a column, and leaves out strays.
@@ -33,7 +33,7 @@ impl Lattice {
     /// What is too small to tell whether it is smooth is left out: a row or two of another board.
     /// `size` is the picture's width and height.
     pub(super) fn smooth_parts(&self, size: [usize; 2]) -> Vec<Self> {
-        self.parts_between_folds(size, MOST_FOLDS)
+        self.parts_between_folds(size, MAX_FOLDS)
     }
 
     fn parts_between_folds(&self, size: [usize; 2], most_folds: usize) -> Vec<Self> {
@@ -41,12 +41,12 @@ impl Lattice {
             return Vec::new();
         }
         let deviations = LatticeSurface::of(self, size).deviations(self);
-        if largest(&deviations) < LEAST_FOLDED {
+        if largest(&deviations) < MIN_FOLDED {
             return vec![self.clone()];
         }
         let (whole, flat) = (roughness(&deviations), self.flatness());
         let [rows, columns] = self.size();
-        if whole <= flat || most_folds == 0 || rows * columns > MOST_SITES {
+        if whole <= flat || most_folds == 0 || rows * columns > MAX_SITES {
             let strays = self.strays(&deviations);
             return vec![self.filtered(|site| !strays.contains(&site))];
         }
@@ -97,7 +97,7 @@ impl Lattice {
     /// Whether there is neither fold nor stray.
     pub(super) fn is_smooth(&self, size: [usize; 2]) -> bool {
         let deviations = LatticeSurface::of(self, size).deviations(self);
-        largest(&deviations) < LEAST_FOLDED
+        largest(&deviations) < MIN_FOLDED
             || (roughness(&deviations) <= self.flatness() && self.strays(&deviations).is_empty())
     }
 
@@ -111,12 +111,12 @@ impl Lattice {
 
     /// Pixels that a crossing may always be off.
     pub(super) fn least_stray(&self) -> f64 {
-        (LEAST_STRAY_CELLS * self.pitch()).max(LEAST_STRAY)
+        (MIN_STRAY_CELLS * self.pitch()).max(MIN_STRAY)
     }
 
     /// Largest deviation of a whole row or column that is no fold, pixels.
     fn flatness(&self) -> f64 {
-        (FOLDED * self.pitch()).max(LEAST_FOLDED)
+        (FOLDED * self.pitch()).max(MIN_FOLDED)
     }
 }
 
@@ -126,7 +126,7 @@ fn largest(deviations: &[(Site, f64)]) -> f64 {
 
 /// Typical deviation in that row or column where it is largest, pixels.
 fn roughness(deviations: &[(Site, f64)]) -> f64 {
-    if largest(deviations) < LEAST_FOLDED {
+    if largest(deviations) < MIN_FOLDED {
         return 0.0;
     }
     let typical = |number: fn(Site) -> isize| {

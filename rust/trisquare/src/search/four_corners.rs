@@ -14,7 +14,7 @@ use crate::image::GreyBytes;
 pub const POINTS_PER_SIDE: usize = 32;
 
 /// A rhombus of 25 degrees has this area over the squared length of a side.
-const LEAST_SINE: f64 = 0.4;
+const MIN_SINE: f64 = 0.4;
 
 /// Area over the squared number of contour points: 1/16 for an upright square, 1/8 for one on its
 /// tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less.
@@ -38,7 +38,7 @@ const MIN_FILLING: f64 = 0.55;
 /// Of a touching thing's hull, how far its polygon may be from it over its length ...
 const BLUNT_STEP: f64 = 0.06;
 /// ... and the share of the polygon that its outline encloses.
-const LEAST_FILLED: f64 = 0.8;
+const MIN_FILLED: f64 = 0.8;
 
 /// Points of a closed outline's sides, each from one corner to the next, both included.
 pub type Sides = [[Vector2<f64>; POINTS_PER_SIDE]; 4];
@@ -68,7 +68,7 @@ pub fn four_sided(
         // An 8-connected contour has at least length / sqrt(2) points.
         points: (4.0 * least_side / 2f64.sqrt()) as usize,
         side: 1,
-        area: LEAST_SINE * least_side * least_side,
+        area: MIN_SINE * least_side * least_side,
         compactness: MIN_BITTEN_COMPACTNESS,
         margin,
         holes: true,
@@ -116,7 +116,7 @@ pub fn four_cornered(mask: &GreyBytes<'_>, least_side: i32) -> Vec<[Pixel; 4]> {
         if area < 0.0 {
             corners.reverse();
         }
-        (contour.area.abs() > LEAST_FILLED * area.abs()).then_some(corners)
+        (contour.area.abs() > MIN_FILLED * area.abs()).then_some(corners)
     };
     let found = contours(mask, &[0], &limits);
     found.iter().flatten().filter_map(corners).collect()

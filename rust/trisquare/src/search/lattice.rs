@@ -12,12 +12,12 @@ pub type Site = (isize, isize);
 pub(super) const STEPS: [Site; 4] = [(0, 1), (1, 0), (0, -1), (-1, 0)];
 
 /// Crossings of a lattice, and per direction: fewer come about by chance, and are single squares.
-pub(super) const LEAST_CROSSINGS: usize = 9;
-const LEAST_SIDE: usize = 3;
+pub(super) const MIN_CROSSINGS: usize = 9;
+const MIN_SIDE: usize = 3;
 
 /// Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
 /// pictures of boards on a screen or in print, or nothing.
-const LEAST_CELL: f64 = 7.5;
+const MIN_CELL: f64 = 7.5;
 
 /// A lattice of fewer crossings must have this share of its rows and columns: pieces of random
 /// mosaics are ragged.
@@ -197,7 +197,7 @@ impl Lattice {
 
     /// Whether there are enough crossings to tell whether they lie smoothly.
     pub(super) fn is_large(&self) -> bool {
-        self.rows.min(self.columns) >= LEAST_SIDE && self.count() >= LEAST_CROSSINGS
+        self.rows.min(self.columns) >= MIN_SIDE && self.count() >= MIN_CROSSINGS
     }
 
     /// Whether there are enough crossings for a board, and they are far enough apart in a photograph
@@ -210,7 +210,7 @@ impl Lattice {
         }
         let cells = self.sites().filter_map(|site| self.cell(site));
         let area = |[a, b, c, d]: [Vector2<f64>; 4]| 0.5 * (d - a).perp(&(c - b)).abs();
-        median(cells.map(area).collect()).is_some_and(|area| scale * area.sqrt() >= LEAST_CELL)
+        median(cells.map(area).collect()).is_some_and(|area| scale * area.sqrt() >= MIN_CELL)
     }
 }
 

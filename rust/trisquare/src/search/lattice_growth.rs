@@ -10,7 +10,7 @@ use super::pieces::KINK;
 use crate::image::GreyBytes;
 
 /// Rows and columns that are added one after another.
-const MOST_ROUNDS: usize = 100;
+const MAX_ROUNDS: usize = 100;
 
 /// Cells that a crossing may be off its predicted place; perspective and lens leave a tenth.
 const OFF_COURSE: f64 = 0.22;
@@ -20,7 +20,7 @@ impl Lattice {
     pub(super) fn grown(&self, picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Self {
         let mut lattice = self.clone();
         let mut taken = HashSet::new();
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             lattice = lattice.padded();
             let mut fitting: Vec<(f64, Site, usize)> = lattice
                 .rim()

@@ -31,7 +31,7 @@ const LEAST: f64 = 1e-9;
 const NO_BEND: f64 = 1e-6;
 
 /// Iterations of the decompositions at most; they take ten or so.
-const MOST_ITERATIONS: usize = 1000;
+const MAX_ITERATIONS: usize = 1000;
 
 const PARAMETERS: usize = 9;
 
@@ -169,7 +169,7 @@ impl BentPlane {
         // A homography without inverse, which noise may give, is solved as nearly as can be.
         let inverse = self
             .homography
-            .try_svd(true, true, f64::EPSILON, MOST_ITERATIONS)
+            .try_svd(true, true, f64::EPSILON, MAX_ITERATIONS)
             .and_then(|svd| {
                 svd.pseudo_inverse(f64::EPSILON * svd.singular_values.max())
                     .ok()
@@ -318,7 +318,7 @@ fn solved(information: &Normal, gradient: &Step) -> Option<Step> {
     if let Some(factor) = information.cholesky() {
         return Some(factor.solve(gradient));
     }
-    let svd = information.try_svd(true, true, f64::EPSILON, MOST_ITERATIONS)?;
+    let svd = information.try_svd(true, true, f64::EPSILON, MAX_ITERATIONS)?;
     let least = PARAMETERS as f64 * f64::EPSILON * svd.singular_values.max();
     svd.solve(gradient, least).ok()
 }
@@ -345,7 +345,7 @@ fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matr
         last += outer * scaled.norm_squared();
     }
     products.fill_lower_triangle_with_upper_triangle();
-    let Some(eigen) = products.try_symmetric_eigen(f64::EPSILON, MOST_ITERATIONS) else {
+    let Some(eigen) = products.try_symmetric_eigen(f64::EPSILON, MAX_ITERATIONS) else {
         return Matrix3::identity();
     };
     let smallest = eigen.eigenvectors.column(eigen.eigenvalues.imin());

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 
 use super::edge_following::{Crossing, Followers, link_crossings, linked_groups};
-use super::lattice::{LEAST_CROSSINGS, Lattice};
+use super::lattice::{Lattice, MIN_CROSSINGS};
 use super::merging::joined;
 use super::outline::Outline;
 use super::photograph::Photograph;
@@ -12,7 +12,7 @@ use super::pieces::pieces;
 use crate::image::GreyBytes;
 
 /// Crossings that a lattice may lose to strays without a second search.
-const LEAST_LOST: usize = 3;
+const MIN_LOST: usize = 3;
 
 /// A picture and the crossings of edges in it.
 pub(super) struct Level<'a> {
@@ -42,13 +42,13 @@ impl<'a> Level<'a> {
     /// What hangs on by a thread in a coarse picture is better seen in the next: only if `thorough`,
     /// faint crossings are looked for beside those of lattices that have remained small.
     pub fn lattices(&self, known: Vec<Lattice>, thorough: bool) -> Vec<Lattice> {
-        if self.crossings.len() < LEAST_CROSSINGS {
+        if self.crossings.len() < MIN_CROSSINGS {
             return known;
         }
         let grown = self.grown(&known, thorough);
         let (count, crossings) = (grown.lattices.len(), crossings_of(&grown.lattices));
         let parts = self.smooth(grown);
-        if parts.len() == count && crossings_of(&parts) + LEAST_LOST > crossings {
+        if parts.len() == count && crossings_of(&parts) + MIN_LOST > crossings {
             return parts;
         }
         // What a lattice had of its neighbour over a fold is there for the neighbour now, and
@@ -62,7 +62,7 @@ impl<'a> Level<'a> {
     /// clutter links a few here and a few there.
     pub fn shows_more(&self, lattices: &[Lattice]) -> bool {
         let free = self.beside(lattices.iter().map(Outline::of));
-        if free.len() < LEAST_CROSSINGS {
+        if free.len() < MIN_CROSSINGS {
             return false;
         }
         let groups = linked_groups(&self.links(&free));
@@ -70,7 +70,7 @@ impl<'a> Level<'a> {
             true => groups.into_iter().max().unwrap_or(0),
             false => groups.into_iter().sum(),
         };
-        shown >= LEAST_CROSSINGS
+        shown >= MIN_CROSSINGS
     }
 
     /// The crossings that no outline covers.
@@ -106,7 +106,7 @@ impl<'a> Level<'a> {
         }
         let mut free = beside(&self.crossings, &outlines);
         let mut fragments = Vec::new();
-        if free.len() < LEAST_CROSSINGS {
+        if free.len() < MIN_CROSSINGS {
             return Grown {
                 lattices,
                 fragments,

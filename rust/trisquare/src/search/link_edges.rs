@@ -23,7 +23,7 @@ const SMALL_EDGE_SHARE: f64 = 0.95;
 pub(super) const WAYS: [Site; 2] = [STEPS[0], STEPS[1]];
 
 /// Pixels; the length of a link whose ends coincide.
-const LEAST_LENGTH: f64 = 1e-9;
+const MIN_LENGTH: f64 = 1e-9;
 
 impl Photograph<'_> {
     /// Whether enough of a lattice's links are edges, in rows and in columns.
@@ -48,7 +48,7 @@ impl Photograph<'_> {
     /// Whether a link is an edge all along, dark clockwise of the way or light.
     pub fn is_edge(&self, dark_clockwise: bool, [start, end]: [Vector2<f64>; 2]) -> bool {
         let way = end - start;
-        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / way.norm().max(LEAST_LENGTH));
+        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / way.norm().max(MIN_LENGTH));
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
         PLACES.iter().all(|place| {
             let at = start + way * *place;

@@ -7,7 +7,7 @@ use std::cmp::Reverse;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::folds::MOST_SITES;
+use super::folds::MAX_SITES;
 use super::lattice::{Lattice, STEPS, Site};
 use super::lattice_surface::LatticeSurface;
 use crate::numeric::median;
@@ -18,13 +18,13 @@ const ASTRAY: f64 = 0.3;
 
 /// Cells that each of so many crossings lies off the host's at most: once in a million by chance.
 const NEARLY: f64 = 0.15;
-const LEAST_MISLINKED: usize = 6;
+const MIN_MISLINKED: usize = 6;
 
 /// Cells between two crossings that are the same, found twice.
 const SAME: f64 = 0.25;
 
 /// Cells from the crossings of a board to those of another one: each goes on by one cell.
-const LEAST_APART: isize = 2;
+const MIN_APART: isize = 2;
 
 /// Crossings at the sites of another lattice.
 struct Placed {
@@ -149,7 +149,7 @@ impl Lattice {
             let off = site.map(|cells| (cells - cells.round_ties_even()).abs());
             off.x < NEARLY && off.y < NEARLY
         };
-        sites.len() >= LEAST_MISLINKED
+        sites.len() >= MIN_MISLINKED
             && sites.iter().all(is_close)
             && self.is_near(&sites)
             && !self.is_beside(piece, surface)
@@ -163,7 +163,7 @@ impl Lattice {
         let [rows, columns] = self.size();
         let is_apart = |&((row, column), _): &(Site, Vector2<f64>)| {
             let beyond = |at: isize, count: usize| (-at).max(at - count as isize + 1);
-            beyond(row, rows).max(beyond(column, columns)) >= LEAST_APART
+            beyond(row, rows).max(beyond(column, columns)) >= MIN_APART
         };
         self.placed(piece, surface)
             .is_some_and(|it| !it.is_alike && it.crossings.iter().all(is_apart))
@@ -192,7 +192,7 @@ impl Lattice {
             last.abs_diff(first).saturating_add(1)
         };
         let (height, width) = (extent(|p| p.0.0, rows), extent(|p| p.0.1, columns));
-        if height.saturating_mul(width) > MOST_SITES {
+        if height.saturating_mul(width) > MAX_SITES {
             return None;
         }
         let all: Vec<_> = placed.iter().copied().chain(self.found()).collect();

@@ -16,11 +16,11 @@ const UNEVEN: f64 = 1.75;
 
 /// Adjoining cells that start a lattice: one may come about by chance, and tells less of where the
 /// next crossings are.
-const LEAST_CELLS: usize = 2;
+const MIN_CELLS: usize = 2;
 
 /// Rows times columns of a piece, which bounds the memory that a long diagonal takes: all crossings
 /// of a picture fill a twentieth of it.
-const MOST_SITES: usize = 100_000;
+const MAX_SITES: usize = 100_000;
 
 /// Crossing and direction of a link.
 type Link = (usize, usize);
@@ -131,7 +131,7 @@ impl Net<'_> {
             let all = || places.values().map(coordinate);
             all().max().unwrap_or(0).abs_diff(all().min().unwrap_or(0)) + 1
         };
-        if cells < LEAST_CELLS || extent(|site| site.0) * extent(|site| site.1) > MOST_SITES {
+        if cells < MIN_CELLS || extent(|site| site.0) * extent(|site| site.1) > MAX_SITES {
             return None;
         }
         let found: Vec<(Site, Vector2<f64>)> = places

@@ -15,9 +15,9 @@ const SETTLING_STEPS: usize = 5;
 const SETTLING_STEP: f64 = 1.5;
 /// Pixels from the last pixel to the saddle at most: where the grey levels are curved alike but
 /// have a slope, it lies farther away or nowhere.
-const MOST_OFFSET: f64 = 1.2;
+const MAX_OFFSET: f64 = 1.2;
 /// Pixels that a point may be moved: it comes from a picture half as fine.
-const MOST_SETTLING: f64 = 3.0;
+const MAX_SETTLING: f64 = 3.0;
 
 /// Binomial smoothing, and first and second differences that are smoothed alike.
 const SMOOTH: [f64; APERTURE] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
@@ -26,7 +26,7 @@ const CURVE: [f64; APERTURE] = [0.25, 0.0, -0.5, 0.0, 0.25];
 
 /// Ratio of a saddle's two curvatures. Where edges cross they are equal, at whatever angle and
 /// however blurred; the smallest cells leave a ratio of 2. Noise along stripes leaves any.
-const MOST_UNEVEN: f64 = 3.0;
+const MAX_UNEVEN: f64 = 3.0;
 
 /// Stands for a determinant that is none of a saddle: the step is then far too long.
 const NO_SADDLE: f64 = -1e-9;
@@ -82,7 +82,7 @@ impl SaddleStep {
     /// Whether the second derivatives are those of a saddle as steep both ways.
     pub(super) fn is_even(&self) -> bool {
         let trace = self.curvature[0] + self.curvature[2];
-        let most = (MOST_UNEVEN - 1.0) * (MOST_UNEVEN - 1.0) / MOST_UNEVEN;
+        let most = (MAX_UNEVEN - 1.0) * (MAX_UNEVEN - 1.0) / MAX_UNEVEN;
         trace * trace <= most * -self.curvature[3]
     }
 }
@@ -108,9 +108,8 @@ pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f6
             (shortest, nearest) = (Some(step), refined);
         }
     }
-    let arrived =
-        shortest.is_some_and(|it| it.offset.amax() < MOST_OFFSET && it.curvature[3] < 0.0);
-    if arrived && (nearest - point).amax() < MOST_SETTLING {
+    let arrived = shortest.is_some_and(|it| it.offset.amax() < MAX_OFFSET && it.curvature[3] < 0.0);
+    if arrived && (nearest - point).amax() < MAX_SETTLING {
         nearest
     } else {
         point

@@ -21,7 +21,7 @@ const ARRIVED: f64 = 0.6;
 
 /// The strongest candidates are looked at: 30 boards of 10 x 10 cells. It bounds the time in a
 /// picture of gravel or grass.
-const MOST_CANDIDATES: usize = 4000;
+const MAX_CANDIDATES: usize = 4000;
 
 /// Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels.
 const RING: f64 = 2.5;
@@ -31,11 +31,11 @@ const RING: f64 = 2.5;
 const FAR_RING: f64 = 5.0;
 
 /// Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another.
-const MOST_TURNED: f64 = 0.6;
+const MAX_TURNED: f64 = 0.6;
 
 /// Of the step between light and dark, what an edge has at a pixel beside it, or there is none but
 /// the end of a cell.
-const LEAST_EDGE: f64 = 0.3;
+const MIN_EDGE: f64 = 0.3;
 
 /// Directions looked in from a saddle, over half a turn.
 const HALF_TURN: usize = 16;
@@ -115,9 +115,9 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Vector2<
 /// The strongest candidates, in their own order unless there are more than are looked at.
 fn strongest(candidates: &[Candidate]) -> Vec<Candidate> {
     let mut candidates = candidates.to_vec();
-    if candidates.len() > MOST_CANDIDATES {
+    if candidates.len() > MAX_CANDIDATES {
         candidates.sort_by(|a, b| b.strength.total_cmp(&a.strength));
-        candidates.truncate(MOST_CANDIDATES);
+        candidates.truncate(MAX_CANDIDATES);
     }
     candidates
 }
@@ -185,10 +185,10 @@ fn edges_afar(
             let beside = [turn.after + HALF_TURN - 1, turn.after + 2].map(|k| above[k % HALF_TURN]);
             let gap = turn.place - *edge;
             let gap = gap - HALF_TURN as f64 * (gap / HALF_TURN as f64).round_ties_even();
-            ((beside[0] - beside[1]).abs() > LEAST_EDGE * step).then_some(gap)
+            ((beside[0] - beside[1]).abs() > MIN_EDGE * step).then_some(gap)
         });
         let nearest = gaps.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
-        if !(nearest.abs() < MOST_TURNED * HALF_TURN as f64 / PI) {
+        if !(nearest.abs() < MAX_TURNED * HALF_TURN as f64 / PI) {
             return None;
         }
         *edge += nearest;
@@ -313,9 +313,9 @@ mod tests {
                 pixel: [20, 20],
                 strength: f64::NAN
             };
-            MOST_CANDIDATES + 1
+            MAX_CANDIDATES + 1
         ];
         let picture = GreyBytes::new(SIZE, SIZE, &values).unwrap();
-        assert!(crossings_at(&picture, &noise).len() <= MOST_CANDIDATES);
+        assert!(crossings_at(&picture, &noise).len() <= MAX_CANDIDATES);
     }
 }

@@ -9,11 +9,11 @@
 use std::cell::{LazyCell, OnceCell};
 
 use super::hypothesis::Hypothesis;
-use super::inliers::{Inliers, LEAST_CANDIDATES, MAX_FITTED, STICKS_OUT, is_triple};
+use super::inliers::{Inliers, MAX_FITTED, MIN_CANDIDATES, STICKS_OUT, is_triple};
 use super::joint_fit::Fit;
 use super::propose::propose;
 use super::straightness::CURVED;
-use super::verdict::{Choice, LEAST_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
+use super::verdict::{Choice, MIN_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::Lens;
@@ -59,7 +59,7 @@ pub fn choose<L: Lens>(
     size.check()?;
     options.check()?;
     let planes = sort_by_plane(edges)?;
-    if planes.len() < LEAST_CANDIDATES {
+    if planes.len() < MIN_CANDIDATES {
         return Ok(Choice::of_all(&planes, None));
     }
     let subsampled: Vec<_> = planes
@@ -152,7 +152,7 @@ impl<L: Lens> Chooser<'_, L> {
 
     /// The camera that boards show alone, if they do.
     fn camera_of(&self, boards: Vec<usize>) -> Option<CameraOfBoards<L>> {
-        if boards.len() < LEAST_BOARDS {
+        if boards.len() < MIN_BOARDS {
             return None;
         }
         let planes: Vec<_> = boards.iter().map(|i| self.0.planes[*i].clone()).collect();

@@ -25,7 +25,7 @@ use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
 
 /// Planes that a set of inliers has: of three, two cannot show which one is false.
-pub(crate) const LEAST_CANDIDATES: usize = 4;
+pub(crate) const MIN_CANDIDATES: usize = 4;
 
 /// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
 /// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
@@ -63,14 +63,14 @@ pub(super) const CLOSE_RIVAL: f64 = 4.0;
 const SQUARE_EVIDENCE: f64 = 5.0;
 
 /// What the joint fit that a triple grows to is worth at most: all of it standing apart.
-const MOST_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
+const MAX_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
 
 /// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
-pub(super) const LEAST_EVIDENCE: f64 = 8.0;
+pub(super) const MIN_EVIDENCE: f64 = 8.0;
 
 /// Whether a joint fit has planes that can contradict each other.
 pub(super) fn is_triple<L>(fit: &Fit<L>) -> bool {
-    fit.members.len() + 1 >= LEAST_CANDIDATES
+    fit.members.len() + 1 >= MIN_CANDIDATES
 }
 
 /// What agrees is sought among these planes.
@@ -256,7 +256,7 @@ impl<L: Lens> Inliers<'_, L> {
         let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
         match self.fit(&squares, start) {
-            Some(fit) if self.agrees(&fit) || squares.len() < LEAST_CANDIDATES => {
+            Some(fit) if self.agrees(&fit) || squares.len() < MIN_CANDIDATES => {
                 self.keep(fit, hypothesis, fits);
             }
             Some(fit) => {
@@ -264,7 +264,7 @@ impl<L: Lens> Inliers<'_, L> {
                     self.keep(trimmed, hypothesis, fits);
                 }
                 let mut agreeing = fits.iter().filter(|fit| self.agrees(fit));
-                if agreeing.any(|fit| self.worth(fit) > MOST_WORTH_OF_SEED + CLOSE_RIVAL) {
+                if agreeing.any(|fit| self.worth(fit) > MAX_WORTH_OF_SEED + CLOSE_RIVAL) {
                     return;
                 }
                 for seed in triples(&squares, MAX_SEEDS) {
@@ -305,7 +305,7 @@ impl<L: Lens> Inliers<'_, L> {
     /// far.
     pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[Fit<L>]) -> Option<Pool<L>> {
         let bent = self.pool().bent;
-        if bent < CURVED && best.evidence >= LEAST_EVIDENCE {
+        if bent < CURVED && best.evidence >= MIN_EVIDENCE {
             return None;
         }
         let agreeing = fits.iter().filter(|fit| is_triple(fit) && self.agrees(fit));
@@ -367,7 +367,7 @@ impl<L: Lens> Inliers<'_, L> {
                 // Nobody sticks out, but they do not agree: the farthest must go.
                 members.pop();
             }
-            if members.len() + 1 < LEAST_CANDIDATES {
+            if members.len() + 1 < MIN_CANDIDATES {
                 return None;
             }
             members.sort_unstable();

@@ -15,7 +15,7 @@ const AGREED: f64 = 2.0;
 
 /// Mean square curvature of straight sides, in units of their noise, is 1; less than this it is where
 /// the noise is no noise.
-const LEAST_CURVED: f64 = 0.25;
+const MIN_CURVED: f64 = 0.25;
 
 /// Standard deviations of chance that are allowed beyond what is expected.
 const CHANCE: f64 = 4.0;
@@ -52,7 +52,7 @@ impl<L: Lens> Fit<L> {
     /// stands out.
     pub fn is_settled(&self) -> bool {
         let misfit = &self.misfit;
-        self.refined.is_exact() || misfit.curved > LEAST_CURVED * misfit.curved_freedom
+        self.refined.is_exact() || misfit.curved > MIN_CURVED * misfit.curved_freedom
     }
 
     /// By how much an ordinary member puts its sides in the wrong place: more than noise alone, at

@@ -20,7 +20,7 @@ use crate::observations::ObservedPlane;
 const SIDE_ERROR: f64 = 0.1;
 
 /// The same for the deviation itself: paper is cut, and squares are printed, this well.
-const LEAST_DEVIATION: f64 = 0.003;
+const MIN_DEVIATION: f64 = 0.003;
 
 /// How far the centre of distortion may be from where it is taken to be, over half the diagonal:
 /// the principal points of ordinary cameras scatter so far about the image centre.
@@ -125,7 +125,7 @@ impl Candidate {
         Ok(Self {
             columns: [0, 1].map(|i| normalised.column(i).into_owned()),
             covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
-            floor: LEAST_DEVIATION + CENTRE_ERROR * slope.abs(),
+            floor: MIN_DEVIATION + CENTRE_ERROR * slope.abs(),
             has_any_aspect: plane.has_any_aspect(),
         })
     }

@@ -1,13 +1,13 @@
 //! What a choice among candidates returns, and why it may be wrong.
 
 use super::hypothesis::Hypothesis;
-use super::inliers::{CLOSE_RIVAL, Inliers, LEAST_EVIDENCE, MAX_FITTED};
+use super::inliers::{CLOSE_RIVAL, Inliers, MAX_FITTED, MIN_EVIDENCE};
 use super::joint_fit::Fit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
 /// Boards that show a camera and their own errors: more than half of them are then right.
-pub(crate) const LEAST_BOARDS: usize = 3;
+pub(crate) const MIN_BOARDS: usize = 3;
 
 /// Cameras whose focal lengths differ by more than this part are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
@@ -155,7 +155,7 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     if candidates > MAX_FITTED && (chosen.members.len() as f64) < MINORITY * candidates as f64 {
         return Some(Doubt::Minority);
     }
-    if exact || best.evidence < LEAST_EVIDENCE {
+    if exact || best.evidence < MIN_EVIDENCE {
         return Some(Doubt::Chance);
     }
     let aspect = lens.focal().y / lens.focal().x;
@@ -171,7 +171,7 @@ pub(crate) fn doubt_of_boards<L: Lens>(
     inliers: &Inliers<'_, L>,
     rejected: &[usize],
 ) -> Option<Doubt> {
-    if rejected.len() < LEAST_BOARDS {
+    if rejected.len() < MIN_BOARDS {
         return None;
     }
     let planes: Vec<_> = rejected

@@ -16,7 +16,7 @@ use crate::uncertainty::check_plane_count;
 const OTHER_SHAPE: f64 = 0.01;
 
 /// Planes that must remain where one is rejected: two cannot show which of three is false.
-const LEAST_PLANES: usize = 3;
+const MIN_PLANES: usize = 3;
 
 /// Mean square misfit from which the planes are doubted.
 const DOUBTED: f64 = 2.0;
@@ -35,7 +35,7 @@ const FALSE_SIDE: f64 = 10.0;
 
 /// Part of its weight that the robust loss must leave every side where a bent one stays: of a side
 /// that it mostly ignores, the standard deviations do not include the bend.
-const LEAST_WEIGHT: f64 = 0.5;
+const MIN_WEIGHT: f64 = 0.5;
 
 /// At most one side in so many is rejected: beyond, nobody can tell who is right.
 const SIDES_PER_OUTLIER: usize = 4;
@@ -49,14 +49,14 @@ const ALL_TRIED: usize = 16;
 const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
 
 /// Trials that are made in any case: the farthest off may be a true plane beside a false one.
-const LEAST_TRIALS: usize = 3;
+const MIN_TRIALS: usize = 3;
 
 /// Sides of a square.
 const SIDES: usize = 4;
 
 /// Sides that a plane keeps: they just tell its pose. Of fewer, the rest would be fitted whatever
 /// they are.
-const LEAST_SIDES: usize = 3;
+const MIN_SIDES: usize = 3;
 
 /// The best camera for the sides and planes that agree, and the warnings that name the others.
 ///
@@ -128,7 +128,7 @@ pub(crate) fn agreed_by_all<L: Lens>(
 fn trials(planes: usize) -> usize {
     match planes {
         ..=ALL_TRIED => planes,
-        many => (PLANES_FITTED / many).max(LEAST_TRIALS),
+        many => (PLANES_FITTED / many).max(MIN_TRIALS),
     }
 }
 
@@ -147,7 +147,7 @@ fn without_false_plane<L: Lens>(
     all: Result<Solution<L>, Failure<L>>,
 ) -> Result<Solution<L>, Failure<L>> {
     let enough =
-        planes.len() > LEAST_PLANES && check_plane_count(planes.len() - 1, &problem.free).is_ok();
+        planes.len() > MIN_PLANES && check_plane_count(planes.len() - 1, &problem.free).is_ok();
     let misfit = match &all {
         Ok(solution) => Some(solution.misfit(problem)),
         Err(failure) if failure.may_be_outliers() => None,
@@ -256,7 +256,7 @@ impl<L: Lens> Solution<L> {
         };
         let weight = |of: &Moments| of.gram[(0, 0)];
         let is_ignored = |side: &Side, moments: &SideMoments| {
-            !side.is_outlier && weight(&moments.robust) <= LEAST_WEIGHT * weight(&moments.plain)
+            !side.is_outlier && weight(&moments.robust) <= MIN_WEIGHT * weight(&moments.plain)
         };
         let mut ignored = Vec::new();
         for (p, (plane, moments)) in self.planes.iter().zip(&noise.sides).enumerate() {
@@ -302,7 +302,7 @@ fn has_squares_alone(plane: &ObservedPlane) -> bool {
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
         let counting = plane.sides().filter(|side| !side.is_outlier).count();
-        let spares = has_squares_alone(plane) && counting > LEAST_SIDES;
+        let spares = has_squares_alone(plane) && counting > MIN_SIDES;
         let sides = plane.sides().enumerate().filter(move |_| spares);
         sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })

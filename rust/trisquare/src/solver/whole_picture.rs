@@ -19,7 +19,7 @@ const SHORT_OF_CORNERS: [f64; 5] = [100.0, 30.0, 10.0, 3.0, 1.0];
 const CONTRADICTED: f64 = 8.0;
 
 /// Residuals of such a lens are at most so many times those of the lens that fits best.
-const MOST_CONTRADICTED: f64 = 1.1;
+const MAX_CONTRADICTED: f64 = 1.1;
 
 /// Whether a lens surely sees as far from its principal point, all around, as the picture's corners
 /// are.
@@ -38,7 +38,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             return self;
         };
         let best = &best.refined;
-        let most = MOST_CONTRADICTED * best.noise_scale;
+        let most = MAX_CONTRADICTED * best.noise_scale;
         let mut view = best.view.clone();
         let mut last = None;
         for short in SHORT_OF_CORNERS {

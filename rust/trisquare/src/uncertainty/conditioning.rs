@@ -19,7 +19,7 @@
 //! estimate reached whose standard deviation was below the limit) the limit grows with the noise
 //! above [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard
 //! deviations. And exact samples do not make a degenerate geometry sound: less noise than
-//! [`LEAST_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
+//! [`MIN_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
 //! polynomials.
 //!
 //! Where a value of the camera matrix is held, residuals above [`NO_NOISE`] say that it is wrong: the
@@ -70,7 +70,7 @@ const DISTINCT_DEGREES: f64 = 25.0;
 
 /// Noise of one pixel of edge that is assumed at least (0.1 px for samples 4 px apart): below, what
 /// is wrong with paper and lens is larger.
-const LEAST_NOISE: f64 = 0.2;
+const MIN_NOISE: f64 = 0.2;
 
 /// Residuals of so large a part of half the picture's diagonal are no noise.
 const NO_NOISE: f64 = 0.01;
@@ -192,7 +192,7 @@ impl<L: Lens> Conditioning<'_, L> {
             .flat_map(ObservedPlane::sides)
             .all(|side| !side.is_outlier);
         let floor = match entire {
-            true => (LEAST_NOISE / noise).max(1.0).powi(2),
+            true => (MIN_NOISE / noise).max(1.0).powi(2),
             false => 1.0,
         };
         let limit = self.limit(noise);

@@ -58,7 +58,7 @@ pub(crate) fn unlikely_camera<L: Lens>(
 const PLACES: u32 = 21;
 
 /// Part of a picture, at its corners, that a lens may miss.
-const LEAST_MISSING: f64 = 0.01;
+const MIN_MISSING: f64 = 0.01;
 
 /// Places along either side at which the uncertainty of its projections is asked for.
 const COARSE_PLACES: u32 = 11;
@@ -66,7 +66,7 @@ const COARSE_PLACES: u32 = 11;
 /// Standard deviation of a projection, over the picture's width, up to which it is known, and the
 /// part of a picture from which on it matters that it is not.
 const KNOWN: f64 = 0.01;
-const LEAST_UNKNOWN: f64 = 0.1;
+const MIN_UNKNOWN: f64 = 0.1;
 
 /// The parameter of the camera matrix that is known worst, its standard deviation, and that as a part of
 /// the focal length or of the width; `None` if none is free.
@@ -107,7 +107,7 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
             .is_some_and(|growth| part < growth * limit),
     });
     let missing = missing(found);
-    let ends = (missing > LEAST_MISSING).then_some(Warning::LensEndsInPicture { missing });
+    let ends = (missing > MIN_MISSING).then_some(Warning::LensEndsInPicture { missing });
     let guess = extrapolated_lens(found);
     open.into_iter().chain(ends).chain(guess).collect()
 }
@@ -148,7 +148,7 @@ fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     // A turn taken out makes the sum of all variances less, which says enough of nearly all lenses.
     let variances = pixels.iter().map(|p| Some(uncertainty.at(p)?.trace()));
     let sum: Option<f64> = variances.sum();
-    if sum.is_some_and(|sum| sum < LEAST_UNKNOWN * pixels.len() as f64 * limit * limit) {
+    if sum.is_some_and(|sum| sum < MIN_UNKNOWN * pixels.len() as f64 * limit * limit) {
         return None;
     }
     let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0)).ok()?;
@@ -158,7 +158,7 @@ fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     let part = |count: usize| count as f64 / f64::from(COARSE_PLACES * COARSE_PLACES);
     let known = part(stds.iter().filter(|std| **std <= limit).count());
     let worst = stds.iter().copied().fold(0.0, f64::max);
-    (part(pixels.len()) - known > LEAST_UNKNOWN).then_some(Warning::LensExtrapolated {
+    (part(pixels.len()) - known > MIN_UNKNOWN).then_some(Warning::LensExtrapolated {
         unknown: 1.0 - known,
         limit,
         worst,

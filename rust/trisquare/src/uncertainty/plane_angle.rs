@@ -9,7 +9,7 @@ use crate::lens::Lens;
 use crate::result::PoseUncertainty;
 
 /// Sine of the angle between planes from which on the axis of their angle is theirs.
-const LEAST_SINE: f64 = 1e-9;
+const MIN_SINE: f64 = 1e-9;
 
 impl<L: Lens> ProjectionUncertainty<'_, L> {
     /// The angle between the normals of two planes of one picture, 0 to pi, and its standard
@@ -31,7 +31,7 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
         let [first, second] = planes.map(|(pose, _)| pose.normal());
         let across = first.cross(&second);
         let sine = across.norm();
-        let axis = match sine > LEAST_SINE {
+        let axis = match sine > MIN_SINE {
             true => across / sine,
             false => planes[0].0.rotation.column(0).into_owned(),
         };

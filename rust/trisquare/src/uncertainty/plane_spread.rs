@@ -16,7 +16,7 @@ use crate::numeric::{ArrowSystem, chi_square_tail};
 use crate::observations::ObservedPlane;
 
 /// Groups that tell of a spread; of fewer, each has half of the say in some parameter.
-const LEAST_GROUPS: usize = 5;
+const MIN_GROUPS: usize = 5;
 
 /// How often chance makes the groups scatter so much; a covariance is seldom raised without cause.
 const CHANCE: f64 = 0.01;
@@ -42,7 +42,7 @@ pub(crate) fn spread_of_planes(
     total: &DMatrix<f64>,
 ) -> Option<Spread> {
     let groups = groups_of(planes);
-    if groups.len() < LEAST_GROUPS || total.is_empty() {
+    if groups.len() < MIN_GROUPS || total.is_empty() {
         return None;
     }
     let contributions = system.contributions()?;
