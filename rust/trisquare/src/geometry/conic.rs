@@ -144,7 +144,7 @@ pub(crate) fn camera_matrix_from_planes(
             what: "a homography",
         });
     }
-    let frame = Frame::around(&homographies, known);
+    let frame = ConicFrame::around(&homographies, known);
     let constraints: Vec<ConicConstraint> = planes
         .iter()
         .flat_map(|plane| plane.constraints(&frame.normalising))
@@ -155,13 +155,13 @@ pub(crate) fn camera_matrix_from_planes(
 
 /// Coordinates in which the conic is well-conditioned: centred on the picture's middle (or the
 /// known principal point), of its size, with square pixels where the aspect is known.
-struct Frame {
+struct ConicFrame {
     normalising: Matrix3<f64>,
     centre: Vector2<f64>,
     scale: Vector2<f64>,
 }
 
-impl Frame {
+impl ConicFrame {
     fn around(homographies: &[Matrix3<f64>], known: &KnownIntrinsics) -> Self {
         // Images of the planes' origins and unit points stand for the picture's extent.
         let mut seen = Vec::with_capacity(3 * homographies.len());

@@ -34,7 +34,7 @@ struct Run {
 }
 
 /// Columns of a row: the first one, and the one after the last.
-type Columns = [usize; 2];
+type ColumnRange = [usize; 2];
 
 impl Picture {
     /// The pixels within a reach (px) of closed paths, each given with its own; and a few more.
@@ -101,7 +101,7 @@ impl Picture {
 }
 
 /// Marks the pixels within a reach of a straight piece of path, in every row.
-fn mark(rows: &mut [Vec<Columns>], width: usize, [start, end]: [&Vector2<f64>; 2], reach: f64) {
+fn mark(rows: &mut [Vec<ColumnRange>], width: usize, [start, end]: [&Vector2<f64>; 2], reach: f64) {
     let length = (end - start).norm();
     if !length.is_finite() {
         return;
@@ -133,7 +133,7 @@ fn mark(rows: &mut [Vec<Columns>], width: usize, [start, end]: [&Vector2<f64>; 2
 }
 
 /// Sorted columns, those that overlap or meet as one.
-fn joined(sorted: &[Columns]) -> impl Iterator<Item = Columns> {
+fn joined(sorted: &[ColumnRange]) -> impl Iterator<Item = ColumnRange> {
     let mut rest = sorted.iter().copied().peekable();
     std::iter::from_fn(move || {
         let [start, mut end] = rest.next()?;

@@ -92,7 +92,7 @@ impl LensFamily {
             worst: 0.0,
             covered,
         };
-        let fit = Fit {
+        let fit = NearestFit {
             family: self,
             pairs: &pairs,
         };
@@ -161,18 +161,18 @@ fn grid(size: ImageSize) -> Result<Vec<Vector2<f64>>, Error> {
 }
 
 /// Least squares of pixels; parameters are `fx, fy` (or both in one), `cx, cy`, the coefficients.
-struct Fit<'a> {
+struct NearestFit<'a> {
     family: &'a LensFamily,
     pairs: &'a [(Vector2<f64>, Vector2<f64>)],
 }
 
-impl Fit<'_> {
+impl NearestFit<'_> {
     fn focal_count(&self) -> usize {
         if self.family.square_pixels { 1 } else { 2 }
     }
 }
 
-impl Problem for Fit<'_> {
+impl Problem for NearestFit<'_> {
     type State = NearestLens;
 
     fn evaluate(&self, lens: &NearestLens) -> Option<(f64, ArrowSystem)> {
@@ -263,7 +263,7 @@ mod tests {
             let found = family.nearest(SIZE, focal, centre, ideal).unwrap();
             let pixels = grid(SIZE).unwrap();
             let pairs: Vec<_> = pixels.iter().map(|p| (ideal(p).unwrap(), *p)).collect();
-            let fit = Fit {
+            let fit = NearestFit {
                 family: &family,
                 pairs: &pairs,
             };
@@ -289,7 +289,7 @@ mod tests {
             covered: 1.0,
         };
         let pairs = [(Vector2::new(0.3, -0.4), Vector2::new(500.0, 50.0))];
-        let fit = Fit {
+        let fit = NearestFit {
             family: &family,
             pairs: &pairs,
         };

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::far_edge::FarEdge;
 use super::flip::Flip;
 use super::grid_crossings::GridCrossings;
@@ -42,7 +42,7 @@ impl Pixel {
 /// A neighbouring side's curve: pixels nearer than `clearance`, or beyond it, are not used.
 #[derive(Clone, Copy)]
 pub(super) struct SearchLimit<'a> {
-    pub curve: &'a Curve,
+    pub curve: &'a ChordCurve,
     /// +1 if this side lies where the distance from the curve is positive, else -1.
     pub side: f64,
     pub clearance: f64,
@@ -60,7 +60,7 @@ impl SearchLimit<'_> {
 /// mends what not knowing the plateaus takes from a side's position: from 4 pixels on either side
 /// a line is 18 % less certain than its samples say, from 8 it is 6 %.
 pub(super) struct Band<'a> {
-    pub curve: Curve,
+    pub curve: ChordCurve,
     pub near: f64,
     /// Pixels on the side where the distance is negative, and on the other.
     pub reach: [f64; 2],
@@ -97,7 +97,7 @@ impl Band<'_> {
             if index % FAR_COLUMNS == 0 {
                 pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
             }
-            let column = Column::crossing(curve, u, number, s);
+            let column = ColumnCrossing::crossing(curve, u, number, s);
             s = column.s + self.stride as f64 * s_per_column;
             if self.is_hidden(column.s) {
                 continue;
@@ -128,7 +128,7 @@ impl Band<'_> {
         let reach = self.reach[0].max(self.reach[1]);
         let is_clear = |number: &usize| {
             let s = (*number as f64 - curve.origin[u]) / (curve.along[u] * curve.half_length);
-            let column = Column::crossing(curve, u, *number, s);
+            let column = ColumnCrossing::crossing(curve, u, *number, s);
             let rows = reach * column.per_pixel;
             [column.centre - rows, column.centre + rows]
                 .into_iter()
@@ -160,7 +160,7 @@ impl Band<'_> {
     }
 
     /// Makes the pixels of a column that do not belong to the band unreadable.
-    fn cut(&self, column: &Column, top: usize, greys: &mut [Grey]) {
+    fn cut(&self, column: &ColumnCrossing, top: usize, greys: &mut [Grey]) {
         let ends = self.ends.map(|x| x / self.curve.half_length);
         for (row, grey) in (top..).zip(greys) {
             let place = column.place(row as f64);
@@ -173,7 +173,13 @@ impl Band<'_> {
 
     /// What a far edge or the lines that cross make of each pixel of a column; those of markers become
     /// unreadable.
-    fn flips(&self, column: &Column, top: usize, greys: &mut [Grey], flips: &mut Vec<Flip>) {
+    fn flips(
+        &self,
+        column: &ColumnCrossing,
+        top: usize,
+        greys: &mut [Grey],
+        flips: &mut Vec<Flip>,
+    ) {
         flips.clear();
         if let Some(far_edge) = &self.far_edge {
             let rows = top..top + greys.len();
@@ -205,7 +211,7 @@ impl Band<'_> {
     /// Takes the readable pixels of one column, those far from the edge summed up.
     fn sort_column(
         &self,
-        column: &Column,
+        column: &ColumnCrossing,
         top: usize,
         (greys, flips): (&[Grey], &[Flip]),
         plateaus: &mut [Plateau; 2],
@@ -257,7 +263,7 @@ impl Band<'_> {
 }
 
 /// Where a curve crosses a column of pixels, and the directions there.
-struct Column {
+struct ColumnCrossing {
     /// The axis across columns: 0 for columns of the picture, 1 for its rows.
     u: usize,
     number: usize,
@@ -274,9 +280,9 @@ struct Column {
     lean: f64,
 }
 
-impl Column {
+impl ColumnCrossing {
     /// The column's crossing, sought from a place nearby.
-    fn crossing(curve: &Curve, u: usize, number: usize, mut s: f64) -> Self {
+    fn crossing(curve: &ChordCurve, u: usize, number: usize, mut s: f64) -> Self {
         let (along, across, v) = (curve.along, curve.across, 1 - u);
         let target = number as f64 - curve.origin[u];
         // The curve is nearly parallel to its chord, so that this contracts quickly.

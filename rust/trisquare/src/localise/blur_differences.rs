@@ -7,7 +7,7 @@
 use super::curve::COEFFICIENTS;
 use super::equations::{BLUR, Normal, Step};
 use super::measured::Measured;
-use super::side::Side;
+use super::side::SideModel;
 use super::side_sums::LIGHT;
 use crate::numeric::variance_about_zero;
 
@@ -59,7 +59,7 @@ impl Measured {
 
 /// The step of a fitted side's parameters that changes of its blur ask for if they are known
 /// beforehand with such precisions, in parts of the blur.
-fn held(side: &Side, mut normal: Normal, precisions: &[f64; LIGHT]) -> Option<Step> {
+fn held(side: &SideModel, mut normal: Normal, precisions: &[f64; LIGHT]) -> Option<Step> {
     let relative = 1.0 / side.mean_blur();
     let mut pull = Step::zeros();
     for (k, precision) in precisions.iter().enumerate() {

@@ -7,7 +7,7 @@
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
 use super::pixel_noise::robust_cost;
-use super::side::{LAST_STEP, Side};
+use super::side::{LAST_STEP, SideModel};
 use crate::image::ToneCurve;
 
 /// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
@@ -22,7 +22,7 @@ const STEP: f64 = 0.08;
 /// Steps of the side's fit for each trial.
 const TRIAL_STEPS: usize = 4;
 
-impl Side {
+impl SideModel {
     /// Gives a side, fitted with a normal blur, the shape that its pixels ask for; false if that is
     /// the normal one.
     pub fn shape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
@@ -56,7 +56,7 @@ impl Side {
     }
 
     fn tried(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64, square: f64) -> Trial {
-        let mut side = Side {
+        let mut side = SideModel {
             shape: BlurShape::with_square(square),
             ..self.clone()
         };
@@ -78,7 +78,13 @@ impl Side {
     }
 
     /// The side at the lowest point of the parabola through the best trial and those beside it.
-    fn best(&self, tone: &ToneCurve, pixels: &[Pixel], noise: f64, trials: Vec<Trial>) -> Side {
+    fn best(
+        &self,
+        tone: &ToneCurve,
+        pixels: &[Pixel],
+        noise: f64,
+        trials: Vec<Trial>,
+    ) -> SideModel {
         let least = |a: &usize, b: &usize| trials[*a].cost.total_cmp(&trials[*b].cost);
         let middle = (0..trials.len()).min_by(least).unwrap_or(0);
         if middle == 0 || middle + 1 == trials.len() {
@@ -98,7 +104,7 @@ impl Side {
 /// A side fitted with one shape, and half its robust sum of squares.
 #[derive(Clone)]
 struct Trial {
-    side: Side,
+    side: SideModel,
     cost: f64,
 }
 

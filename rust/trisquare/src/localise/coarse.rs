@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 
@@ -80,7 +80,7 @@ const MIN_HIDDEN_AT_END: usize = 4;
 
 /// An edge known to a fraction of a pixel, and a first guess of the values beside it.
 pub(super) struct CoarseEdge {
-    pub curve: Curve,
+    pub curve: ChordCurve,
     /// Coded values on the side where the distance is negative, and on the other.
     pub plateaus: [f64; 2],
     pub blur: f64,
@@ -90,7 +90,7 @@ pub(super) struct CoarseEdge {
 
 /// Where an edge was seen, and how much that says.
 #[derive(Clone, Copy)]
-struct EdgePoint {
+struct SeenEdge {
     s: f64,
     y: f64,
     strength: f64,
@@ -98,7 +98,7 @@ struct EdgePoint {
 
 /// The steepest rise of one profile.
 struct Rise {
-    point: EdgePoint,
+    point: SeenEdge,
     plateaus: [f64; 2],
     slope: f64,
 }
@@ -124,17 +124,17 @@ pub(super) fn find_near(reader: &GreyReader<'_>, piece: &EdgeSpan) -> Result<Coa
 }
 
 /// The curve near a span's path that most of its samples agree on.
-pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<Curve> {
+pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<ChordCurve> {
     let path = path_curve(&span.path)?;
     let point = |point: &Vector2<f64>| {
         let (s, y) = path.local(*point);
-        EdgePoint {
+        SeenEdge {
             s,
             y,
             strength: 1.0,
         }
     };
-    let points: Vec<EdgePoint> = points.iter().map(point).collect();
+    let points: Vec<SeenEdge> = points.iter().map(point).collect();
     consensus(&path, &points, &SAMPLE_WIDTHS)
 }
 
@@ -150,7 +150,7 @@ fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<C
 /// Finds the edge near a path by profiles of given settings.
 fn seen(
     reader: &GreyReader<'_>,
-    path: &Curve,
+    path: &ChordCurve,
     span: &EdgeSpan,
     settings: &ProfileSettings,
 ) -> Result<CoarseEdge, NoEdge> {
@@ -170,9 +170,9 @@ fn seen(
     if inside < MIN_PROFILES {
         return Err(NoEdge::OutsidePicture);
     }
-    let points: Vec<EdgePoint> = rises.iter().map(|rise| rise.point).collect();
+    let points: Vec<SeenEdge> = rises.iter().map(|rise| rise.point).collect();
     let curve = consensus(path, &points, &ROBUST_WIDTHS).ok_or(NoEdge::Inconsistent)?;
-    let supports = |EdgePoint { s, y, .. }| (y - curve.height_and_slope(s).0).abs() < SUPPORT_WIDTH;
+    let supports = |SeenEdge { s, y, .. }| (y - curve.height_and_slope(s).0).abs() < SUPPORT_WIDTH;
     rises.retain(|rise| supports(rise.point));
     let least = match span.is_beside_others {
         true => MIN_SUPPORT_BESIDE_OTHERS,
@@ -224,9 +224,9 @@ fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
 }
 
 /// A smooth curve along the coarse path, which may be a polygon or a staircase of pixels.
-fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
+fn path_curve(path: &[Vector2<f64>]) -> Option<ChordCurve> {
     let (&start, &end) = (path.first()?, path.last()?);
-    let mut curve = Curve::chord(start, end)?;
+    let mut curve = ChordCurve::chord(start, end)?;
     let mut samples = Vec::new();
     for leg in path.windows(2) {
         let length = (leg[1] - leg[0]).norm();
@@ -252,7 +252,7 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<Curve> {
 
 impl ProfileSettings {
     /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
-    fn profile(&self, reader: &GreyReader<'_>, path: &Curve, s: f64) -> Option<Profile> {
+    fn profile(&self, reader: &GreyReader<'_>, path: &ChordCurve, s: f64) -> Option<GreyProfile> {
         let mut values = [0.0; MAX_SAMPLES];
         for line in 0..self.lines {
             let along = (line as f64 + 0.5) / self.lines as f64 - 0.5;
@@ -272,7 +272,13 @@ impl ProfileSettings {
     }
 
     /// Where a profile rises most in the wanted direction, between samples.
-    fn steepest(&self, values: &Profile, path: &Curve, s: f64, span: &EdgeSpan) -> Option<Rise> {
+    fn steepest(
+        &self,
+        values: &GreyProfile,
+        path: &ChordCurve,
+        s: f64,
+        span: &EdgeSpan,
+    ) -> Option<Rise> {
         let at = |t: i32| values[place(t)];
         let strength = |t: i32| {
             let difference: f64 = (1..=self.filter)
@@ -300,7 +306,7 @@ impl ProfileSettings {
             .margin
             .map(|margin| f64::from(self.plateau).min(margin).max(1.0) as i32);
         Some(Rise {
-            point: EdgePoint {
+            point: SeenEdge {
                 s,
                 y,
                 strength: peak,
@@ -312,7 +318,7 @@ impl ProfileSettings {
 }
 
 /// Grey values along the normal of a path.
-type Profile = [f64; MAX_SAMPLES];
+type GreyProfile = [f64; MAX_SAMPLES];
 
 /// Where a profile holds the value `t` pixels from the path.
 fn place(t: i32) -> usize {
@@ -320,7 +326,7 @@ fn place(t: i32) -> usize {
 }
 
 /// The curve that most points agree on: a line by consensus, then a polynomial by reweighting.
-fn consensus(path: &Curve, points: &[EdgePoint], widths: &[f64]) -> Option<Curve> {
+fn consensus(path: &ChordCurve, points: &[SeenEdge], widths: &[f64]) -> Option<ChordCurve> {
     let degree = degree_for(path.length()).min(points.len().checked_sub(2)?);
     let mut curve = path.clone();
     let above: Vec<f64> = points
@@ -346,7 +352,7 @@ fn consensus(path: &Curve, points: &[EdgePoint], widths: &[f64]) -> Option<Curve
 }
 
 /// The line `height + slope s`, through one early and one late point, that the others support best.
-fn consensus_line(points: &[EdgePoint], above: &[f64]) -> Option<(f64, f64)> {
+fn consensus_line(points: &[SeenEdge], above: &[f64]) -> Option<(f64, f64)> {
     let third = points.len().div_ceil(3);
     let stride = third.div_ceil(ANCHORS);
     let mut best = None;
@@ -388,7 +394,7 @@ mod tests {
     fn hidden(bad: &[usize]) -> Vec<[f64; 2]> {
         let stations: Vec<f64> = (0..11).map(|i| f64::from(i) / 5.0 - 1.0).collect();
         let good = (0..11).filter(|i| !bad.contains(i)).map(|i| Rise {
-            point: EdgePoint {
+            point: SeenEdge {
                 s: stations[i],
                 y: 0.0,
                 strength: 1.0,

@@ -8,7 +8,7 @@ pub(super) const COEFFICIENTS: usize = 5;
 
 /// `y(x)` in the frame of a chord: `x` along it from its middle, `y` along the normal.
 #[derive(Debug, Clone)]
-pub(super) struct Curve {
+pub(super) struct ChordCurve {
     pub origin: Vector2<f64>,
     pub along: Vector2<f64>,
     /// The right-hand normal on the screen, `(-along.y, along.x)`.
@@ -19,7 +19,7 @@ pub(super) struct Curve {
     pub coefficients: [f64; COEFFICIENTS],
 }
 
-impl Curve {
+impl ChordCurve {
     /// The straight chord between two points, or `None` if they coincide or are not finite.
     pub fn chord(start: Vector2<f64>, end: Vector2<f64>) -> Option<Self> {
         let length = (end - start).norm();

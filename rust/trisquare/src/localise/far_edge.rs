@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::flip::{COMPLETE, Flip};
 use crate::numeric::cdf;
 
@@ -13,7 +13,7 @@ const FELT_BLURS: f64 = 3.5 + COMPLETE;
 /// An edge beside a side.
 #[derive(Clone, Copy)]
 pub(super) struct FarEdge<'a> {
-    pub curve: &'a Curve,
+    pub curve: &'a ChordCurve,
     /// Pixels.
     pub blur: f64,
     /// +1 if distances from the curve are positive where the side is, else -1.
@@ -28,8 +28,8 @@ pub(super) struct FarEdge<'a> {
 impl<'a> FarEdge<'a> {
     /// Of a curve and a contrast, beside a side with its own.
     pub fn beside(
-        (side, contrast): (&Curve, f64),
-        (curve, own_contrast): (&'a Curve, f64),
+        (side, contrast): (&ChordCurve, f64),
+        (curve, own_contrast): (&'a ChordCurve, f64),
         blur: f64,
     ) -> Self {
         let sign = curve.signed_distance(side.point(0.0, 0.0)).signum();
@@ -53,7 +53,7 @@ impl<'a> FarEdge<'a> {
 }
 
 /// The least distance of a curve from another at its ends and in its middle, pixels.
-pub(super) fn width(curve: &Curve, other: &Curve) -> f64 {
+pub(super) fn width(curve: &ChordCurve, other: &ChordCurve) -> f64 {
     let at = |s: f64| other.signed_distance(curve.point(s, 0.0)).abs();
     at(-1.0).min(at(0.0)).min(at(1.0))
 }

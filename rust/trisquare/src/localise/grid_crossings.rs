@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_2_PI;
 
 use nalgebra::Vector2;
 
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::flip::{COMPLETE, EdgeShape, Flip};
 use super::lines_beside::{Beside, distances, following, next_line, position};
 use super::span::EdgeSpan;
@@ -91,7 +91,7 @@ struct Marker {
 
 impl GridCrossings {
     /// As the coarse paths have them.
-    pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &Curve, shape: EdgeShape) -> Self {
+    pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &ChordCurve, shape: EdgeShape) -> Self {
         let span = &spans[index];
         let places = span.path.iter().zip(&span.crossings).enumerate();
         let places = places.map(|(number, (point, other))| {
@@ -120,8 +120,8 @@ impl GridCrossings {
     pub fn fitted<'a>(
         spans: &[EdgeSpan],
         index: usize,
-        (curve, shape): (&Curve, EdgeShape),
-        found: impl Fn(usize) -> Option<(&'a Curve, EdgeShape)>,
+        (curve, shape): (&ChordCurve, EdgeShape),
+        found: impl Fn(usize) -> Option<(&'a ChordCurve, EdgeShape)>,
     ) -> Self {
         let coarse = Self::coarse(spans, index, curve, shape);
         let pairs = coarse.places.iter().zip(&spans[index].crossings);
@@ -302,7 +302,7 @@ impl Crossing {
         point: Vector2<f64>,
         along_other: Vector2<f64>,
         shape: EdgeShape,
-        (curve, sign): (&Curve, f64),
+        (curve, sign): (&ChordCurve, f64),
     ) -> Self {
         let normal = Vector2::new(-along_other.y, along_other.x);
         let forward = normal * normal.dot(&curve.along).signum();
@@ -320,7 +320,7 @@ impl Crossing {
     }
 
     /// The same line where its own curve meets this one's.
-    fn moved_to(&self, curve: &Curve, other: &Curve, shape: EdgeShape) -> Self {
+    fn moved_to(&self, curve: &ChordCurve, other: &ChordCurve, shape: EdgeShape) -> Self {
         let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
             let (s, _) = curve.local(point);
@@ -446,7 +446,7 @@ impl EdgeSpan {
     }
 
     /// Ranges of `s` between neighbours in the list of crossings that are none on the board.
-    pub(super) fn gaps(&self, curve: &Curve) -> Vec<[f64; 2]> {
+    pub(super) fn gaps(&self, curve: &ChordCurve) -> Vec<[f64; 2]> {
         let pairs = self.crossings.windows(2).zip(self.path.windows(2));
         let gaps = pairs.filter(|(numbers, _)| numbers[1].1.abs_diff(numbers[0].1) > 1);
         gaps.map(|(_, ends)| [curve.local(ends[0]).0, curve.local(ends[1]).0])

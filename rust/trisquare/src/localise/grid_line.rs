@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::coarse::{CoarseEdge, degree_for};
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::lines_beside;
 use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
@@ -88,12 +88,12 @@ pub(super) fn find(
 }
 
 /// A smooth curve through a line's crossings, each off by a pixel or so.
-fn through_crossings(span: &EdgeSpan) -> Option<Curve> {
+fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
     let (&start, &end) = (span.path.first()?, span.path.last()?);
     if span.crossings.len() != span.path.len() || span.path.len() < 2 {
         return None;
     }
-    let mut curve = Curve::chord(start, end)?;
+    let mut curve = ChordCurve::chord(start, end)?;
     let places: Vec<(f64, f64)> = span.path.iter().map(|point| curve.local(*point)).collect();
     let in_order = places.windows(2).all(|pair| pair[0].0 < pair[1].0);
     if !in_order || places.iter().any(|(_, y)| !y.is_finite()) {
@@ -113,7 +113,7 @@ fn through_crossings(span: &EdgeSpan) -> Option<Curve> {
 /// the picture.
 fn look(
     reader: &GreyReader<'_>,
-    curve: &Curve,
+    curve: &ChordCurve,
     ends: [f64; 2],
     reach: f64,
 ) -> Option<([f64; 2], f64)> {

@@ -12,7 +12,7 @@ use super::measured::Measured;
 use super::prediction::Prediction;
 use super::preview::{self, Preview};
 use super::preview_band::PreviewBand;
-use super::side::{BLUR_RANGE, LAST_STEP, Side};
+use super::side::{BLUR_RANGE, LAST_STEP, SideModel};
 use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
@@ -244,9 +244,9 @@ impl<'a> Localiser<'a> {
         })
     }
 
-    fn first_guess(&self, coarse: &CoarseEdge, is_crossed: bool) -> Side {
+    fn first_guess(&self, coarse: &CoarseEdge, is_crossed: bool) -> SideModel {
         let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
-        Side {
+        SideModel {
             curve: coarse.curve.clone(),
             base: [before, 0.0, 0.0],
             contrast: [after - before, 0.0, 0.0],
@@ -271,7 +271,7 @@ impl<'a> Localiser<'a> {
     fn gather_around(
         &mut self,
         around: &PreviewBand<'_>,
-        side: &Side,
+        side: &SideModel,
         near: f64,
         reach: [f64; 2],
     ) -> Result<(), NoEdge> {
@@ -280,7 +280,7 @@ impl<'a> Localiser<'a> {
     }
 
     /// The pixels of the wider band within reach of a side, and what was predicted of them.
-    fn wide_within(&self, side: &Side, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
+    fn wide_within(&self, side: &SideModel, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
         let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
         pixels.reserve_exact(self.wide.len());
         predictions.reserve_exact(self.wide.len());
@@ -294,18 +294,18 @@ impl<'a> Localiser<'a> {
     }
 
     /// Predicts the pixels that were gathered.
-    fn predict(&mut self, side: &Side) {
+    fn predict(&mut self, side: &SideModel) {
         side.predict_all(self.reader.curve(), &self.pixels, &mut self.predictions);
     }
 
     /// Fits a side, whose predictions there are, to these; afterwards there may be none.
-    fn fit(&mut self, side: &mut Side, noise: f64, steps: (usize, f64)) -> Normal {
+    fn fit(&mut self, side: &mut SideModel, noise: f64, steps: (usize, f64)) -> Normal {
         let tone = self.reader.curve();
         side.fit(tone, &self.pixels, &mut self.predictions, noise, steps)
     }
 
     /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
-    fn settle_spread(&mut self, side: &mut Side, noise: f64) {
+    fn settle_spread(&mut self, side: &mut SideModel, noise: f64) {
         let Some(before) = side.spread else {
             return;
         };
@@ -327,12 +327,12 @@ impl<'a> Localiser<'a> {
     }
 
     /// The noise that the last predictions show.
-    fn noise_about(&mut self, side: &Side) -> f64 {
+    fn noise_about(&mut self, side: &SideModel) -> f64 {
         side.edge_noise(&self.predictions, self.noise_floor, &mut self.residuals)
     }
 
     /// Whether a fitted side is a step of the expected polarity, above the noise.
-    fn judge(&self, side: &Side, polarity: f64, noise: f64) -> Result<(), NoEdge> {
+    fn judge(&self, side: &SideModel, polarity: f64, noise: f64) -> Result<(), NoEdge> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let contrast = polarity.signum() * (after - before);
         let relative_length = EVIDENT_LENGTH / side.curve.length();

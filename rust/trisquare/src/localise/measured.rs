@@ -1,14 +1,14 @@
 //! A measured side.
 
 use super::equations::Normal;
-use super::side::Side;
+use super::side::SideModel;
 use super::span::SpanEdges;
 use super::tone_fit::ToneShare;
 
 /// A measured span, its side, and what it tells of an unknown tone curve.
 pub(super) struct Measured {
     pub edges: SpanEdges,
-    pub side: Side,
+    pub side: SideModel,
     /// Of the side's normal equations.
     pub normal: Normal,
     pub share: Option<ToneShare>,

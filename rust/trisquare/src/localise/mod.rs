@@ -48,7 +48,7 @@ use localiser::Localiser;
 pub use motion::MotionBlur;
 pub use parts::{ColourDisplacements, PartDisplacement};
 use preview::Preview;
-pub(crate) use profile::Profile;
+pub(crate) use profile::ResidualProfile;
 use sought::Sought;
 pub use span::{EdgeSpan, NoEdge, SpanEdges};
 pub(crate) use tone_fit::MAX_MISFIT;

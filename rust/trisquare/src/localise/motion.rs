@@ -61,8 +61,8 @@ pub(super) fn blur<'a>(previews: impl Iterator<Item = &'a Preview>) -> Option<Mo
 #[cfg(test)]
 mod tests {
     use super::super::blur::BlurShape;
-    use super::super::curve::Curve;
-    use super::super::side::Side;
+    use super::super::curve::ChordCurve;
+    use super::super::side::SideModel;
     use super::*;
 
     /// Twelve sides all round, with the blur of a motion and a small error of its own each.
@@ -71,13 +71,13 @@ mod tests {
         let sides = (0..12).map(|index| {
             let angle = 0.4 + 0.53 * f64::from(index);
             let along = Vector2::new(angle.cos(), angle.sin()) * 100.0;
-            let curve = Curve::chord(Vector2::repeat(300.0), Vector2::repeat(300.0) + along);
+            let curve = ChordCurve::chord(Vector2::repeat(300.0), Vector2::repeat(300.0) + along);
             let curve = curve.unwrap();
             let across = motion.length * (direction.cos() * curve.across.x)
                 + motion.length * (direction.sin() * curve.across.y);
             let square = 0.7 + BOX_VARIANCE * across * across;
             Preview {
-                side: Side {
+                side: SideModel {
                     blur: [
                         square.sqrt() * (1.0 + 0.01 * f64::from(index % 3 - 1)),
                         0.0,

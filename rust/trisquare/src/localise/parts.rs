@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector, Vector2};
 use super::band::Pixel;
 use super::prediction::Prediction;
 use super::preview::Preview;
-use super::side::Side;
+use super::side::SideModel;
 use crate::image::GreyReader;
 
 /// A side's pixels tell base (constant and linear along the side), contrast and offset.
@@ -206,14 +206,19 @@ fn single_pixels(preview: &Preview) -> impl Iterator<Item = (&Pixel, &Prediction
 }
 
 /// Column and row of a single pixel.
-fn pixel_place(side: &Side, pixel: &Pixel) -> [usize; 2] {
+fn pixel_place(side: &SideModel, pixel: &Pixel) -> [usize; 2] {
     let curve = &side.curve;
     let place = curve.origin + curve.along * (pixel.s * curve.half_length) + curve.across * pixel.y;
     [place.x.round() as usize, place.y.round() as usize]
 }
 
 impl Seen {
-    fn of(reader: &GreyReader<'_>, side: &Side, first: Offset, second: Offset) -> Option<Self> {
+    fn of(
+        reader: &GreyReader<'_>,
+        side: &SideModel,
+        first: Offset,
+        second: Offset,
+    ) -> Option<Self> {
         let middle = side.curve.point(0.0, 0.0);
         let picture = reader.picture();
         let size = Vector2::new(picture.width() as f64, picture.height() as f64);

@@ -8,7 +8,7 @@ use super::band::Pixel;
 use super::pixel_noise;
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
-use super::side::Side;
+use super::side::SideModel;
 use crate::image::ToneCurve;
 
 /// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
@@ -73,7 +73,7 @@ struct PatchLight {
 /// With `own_light`, every patch has a base and a contrast of its own: where other things lie beside
 /// the edge, the side's would move its samples.
 pub(super) fn measure(
-    side: &Side,
+    side: &SideModel,
     tone: &ToneCurve,
     (pixels, predictions): (&[Pixel], &[Prediction]),
     (expected_noise, floor): (f64, f64),
@@ -122,7 +122,7 @@ struct Patches {
 }
 
 impl Patches {
-    fn over(side: &Side, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Self {
+    fn over(side: &SideModel, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> Self {
         let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
         for pixel in pixels {
             first = first.min(pixel.foot);
@@ -196,7 +196,7 @@ impl Patches {
     }
 
     /// The patches that can be trusted, as points of the picture.
-    fn samples(&self, side: &Side, noise: f64) -> Samples {
+    fn samples(&self, side: &SideModel, noise: f64) -> Samples {
         let mut information: Vec<f64> =
             self.patches.iter().map(|patch| patch.information).collect();
         let middle = information.len() / 2;
@@ -218,7 +218,7 @@ impl Patches {
 }
 
 /// Length of the patches of a side that is `length` pixels long.
-fn patch_length(side: &Side, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
+fn patch_length(side: &SideModel, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
     let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
     // What a pixel of length knows of a Gaussian-blurred step's offset.
     let variance = (noise / (after - before)).powi(2) * 2.0 * PI.sqrt() * side.mean_blur();

@@ -25,7 +25,7 @@ const MIN_COLUMNS: usize = 12;
 const OVERSAMPLING: f64 = 2.0;
 
 /// Residuals of the pixels in one column, or row, across a side.
-struct Column {
+struct ResidualColumn {
     number: i64,
     /// Place along the chord's normal, and residual.
     pixels: Vec<(f64, f64)>,
@@ -126,7 +126,7 @@ struct Along {
 }
 
 impl Along {
-    fn of(columns: &[Column]) -> Self {
+    fn of(columns: &[ResidualColumn]) -> Self {
         let first = columns[0].number;
         let spacings = columns
             .windows(2)
@@ -137,7 +137,7 @@ impl Along {
         let periods = (last - first) as f64 / spacing + 1.0;
         let tried = (OVERSAMPLING * periods) as usize;
         let slowest = (OVERSAMPLING * MIN_PERIODS) as usize;
-        let at = |column: &Column| {
+        let at = |column: &ResidualColumn| {
             let turns = (column.number - first) as f64 / (tried as f64 * spacing);
             Wave {
                 now: Complex::from_polar(1.0, TAU * turns * slowest as f64),
@@ -169,11 +169,11 @@ impl Along {
 }
 
 /// The light pixels beside a side, column by column.
-fn columns(preview: &Preview) -> Vec<Column> {
+fn columns(preview: &Preview) -> Vec<ResidualColumn> {
     let side = &preview.side;
     let curve = &side.curve;
     let u = usize::from(curve.along.x.abs() < curve.along.y.abs());
-    let mut columns: Vec<Column> = Vec::new();
+    let mut columns: Vec<ResidualColumn> = Vec::new();
     for (pixel, p) in preview.pixels.iter().zip(&preview.predictions) {
         let is_light = p.blurs * side.contrast[0] * pixel.flip.slope > 0.0;
         if !is_light || p.is_silent || p.blurs.abs() < EDGE_BLURS {
@@ -185,7 +185,7 @@ fn columns(preview: &Preview) -> Vec<Column> {
         let number = place.round() as i64;
         match columns.last_mut().filter(|column| column.number == number) {
             Some(column) => column.pixels.push((pixel.y, p.residual)),
-            None => columns.push(Column {
+            None => columns.push(ResidualColumn {
                 number,
                 pixels: vec![(pixel.y, p.residual)],
             }),

@@ -1,7 +1,7 @@
 //! Where the plateaus beside an edge stop being plateaus.
 
 use super::prediction::Prediction;
-use super::side::Side;
+use super::side::SideModel;
 
 /// A ring of pixels departs from its plateau if its mean does by so many of its deviations ...
 const RING_DEVIATIONS: f64 = 3.5;
@@ -27,7 +27,7 @@ impl Ring {
 /// wide along the whole side, long before they show in a pixel: without this the other edge of a
 /// frame 8 pixels thick moved a side by 0.015 pixels.
 pub(super) fn reach(
-    side: &Side,
+    side: &SideModel,
     predictions: &[Prediction],
     noise: f64,
     near: f64,

@@ -1,16 +1,16 @@
 //! What the first fit finds of a side.
 
 use super::band::Pixel;
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::flip::EdgeShape;
 use super::prediction::Prediction;
-use super::side::Side;
+use super::side::SideModel;
 use super::span::NoEdge;
 use super::thinning::some_of;
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {
-    pub side: Side,
+    pub side: SideModel,
     pub noise: f64,
     /// How far the plateaus on either side are clean, pixels.
     pub reach: [f64; 2],
@@ -26,7 +26,7 @@ pub(super) struct Preview {
 pub(super) fn found(
     previews: &[Result<Preview, NoEdge>],
     line: usize,
-) -> Option<(&Curve, EdgeShape)> {
+) -> Option<(&ChordCurve, EdgeShape)> {
     let Preview { side, .. } = previews.get(line)?.as_ref().ok()?;
     Some((&side.curve, side.edge_shape()))
 }

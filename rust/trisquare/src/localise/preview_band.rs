@@ -2,11 +2,11 @@
 
 use super::band::Band;
 use super::coarse::CoarseEdge;
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::far_edge::FarEdge;
 use super::grid_crossings::GridCrossings;
 use super::preview::Preview;
-use super::side::Side;
+use super::side::SideModel;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge};
 use super::surroundings::{inner_end, limit_at};
@@ -22,7 +22,7 @@ pub(super) struct PreviewBand<'a> {
     index: usize,
     hidden: &'a [[f64; 2]],
     /// The curve and the contrast of the far edge of a thin bar.
-    beside: Option<(&'a Curve, f64)>,
+    beside: Option<(&'a ChordCurve, f64)>,
     /// Along the chord, pixels from its middle.
     end: f64,
     stride: usize,
@@ -32,7 +32,7 @@ impl<'a> PreviewBand<'a> {
     /// About the first guess of a side. The far edge of a thin bar is taken from where it is known best:
     /// from the previews, if there are any.
     pub fn about(
-        side: &Side,
+        side: &SideModel,
         sought: &'a Sought<'_>,
         index: usize,
         known: &'a [Result<Preview, NoEdge>],
@@ -67,14 +67,14 @@ impl<'a> PreviewBand<'a> {
     }
 
     /// The far edge of a thin bar, beside the side as it is known so far.
-    pub fn far_edge(&self, side: &Side) -> Option<FarEdge<'a>> {
+    pub fn far_edge(&self, side: &SideModel) -> Option<FarEdge<'a>> {
         let own = (&side.curve, side.contrast[0]);
         let beside = self.beside?;
         Some(FarEdge::beside(own, beside, side.mean_blur()))
     }
 
     /// The lines that cross the side as it is known so far.
-    pub fn crossings(&self, side: &Side) -> Option<GridCrossings> {
+    pub fn crossings(&self, side: &SideModel) -> Option<GridCrossings> {
         let is_crossed = !self.spans[self.index].crossings.is_empty();
         is_crossed
             .then(|| GridCrossings::coarse(self.spans, self.index, &side.curve, side.edge_shape()))
@@ -83,7 +83,7 @@ impl<'a> PreviewBand<'a> {
     /// The band about the side as it is known so far.
     pub fn band<'b>(
         &'b self,
-        side: &Side,
+        side: &SideModel,
         near: f64,
         reach: [f64; 2],
         crossings: Option<&'b GridCrossings>,

@@ -10,7 +10,7 @@ const MISFIT_DEVIATIONS: f64 = 2.0;
 
 /// The residuals about a side, by distance from the edge.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Profile {
+pub(crate) struct ResidualProfile {
     bins: [ProfileBin; PROFILE_BINS],
 }
 
@@ -21,7 +21,7 @@ struct ProfileBin {
     count: f64,
 }
 
-impl Profile {
+impl ResidualProfile {
     /// Adds a pixel so many blurs from its edge, on the light side if positive.
     pub fn add(&mut self, place: f64, residual: f64) {
         let position = (place + PROFILE_REACH) * (1.0 / PROFILE_BIN);

@@ -3,7 +3,7 @@
 
 use super::band::Pixel;
 use super::blur::BlurShape;
-use super::curve::{COEFFICIENTS, Curve};
+use super::curve::{COEFFICIENTS, ChordCurve};
 use super::equations::{BASE, BLUR, CONTRAST, Equations, Normal, Step};
 use super::flip::EdgeShape;
 use super::pixel_noise;
@@ -34,8 +34,8 @@ const BLOCK: usize = 16;
 
 /// One side: where it runs, and what a pixel near it holds.
 #[derive(Debug, Clone)]
-pub(super) struct Side {
-    pub curve: Curve,
+pub(super) struct SideModel {
+    pub curve: ChordCurve,
     /// Light where the distance is negative, by the powers of `s`: lenses darken their pictures'
     /// corners (25 % of the light there moved fx by 0.1 % while this was linear).
     pub base: [f64; LIGHT],
@@ -112,7 +112,7 @@ pub(super) fn polynomial_through([before, middle, after]: [f64; LIGHT]) -> [f64;
     [middle, half, mean - middle]
 }
 
-impl Side {
+impl SideModel {
     /// Light on the two sides of the middle of the edge, the negative side first.
     pub fn plateaus(&self) -> [f64; 2] {
         [self.base[0], self.base[0] + self.contrast[0]]
@@ -407,7 +407,7 @@ mod tests {
     use crate::image::Tone;
 
     /// Pixels across a step from 0.1 to 1.5 whose edge lies at 0.3, clipped at 1.
-    fn clipped_pixels(truth: &Side, tone: &ToneCurve) -> Vec<Pixel> {
+    fn clipped_pixels(truth: &SideModel, tone: &ToneCurve) -> Vec<Pixel> {
         let places = (0..40).flat_map(|i| (-6..=6).map(move |j| (i, f64::from(j))));
         let pixels = places.map(|(i, y)| {
             let s = (f64::from(i) - 19.5) / 20.0;
@@ -432,9 +432,9 @@ mod tests {
     #[test]
     fn clipped_pixels_only_bound_the_light() {
         let tone = Tone::Srgb.curve();
-        let mut curve = Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap();
+        let mut curve = ChordCurve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap();
         curve.coefficients[0] = 0.3;
-        let truth = Side {
+        let truth = SideModel {
             curve,
             base: [0.1, 0.0, 0.0],
             contrast: [1.4, 0.0, 0.0],

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::coarse::{self, CoarseEdge};
-use super::curve::Curve;
+use super::curve::ChordCurve;
 use super::flip::EdgeShape;
 use super::grid_crossings::GridCrossings;
 use super::grid_line;
@@ -144,7 +144,7 @@ impl<'a> Sought<'a> {
 }
 
 /// The pieces of a span whose curve is known; none if it is too short for two.
-fn pieces(span: &EdgeSpan, curve: &Curve) -> Vec<EdgeSpan> {
+fn pieces(span: &EdgeSpan, curve: &ChordCurve) -> Vec<EdgeSpan> {
     let count = (curve.length() / PIECE_LENGTH).round() as usize;
     if count < 2 {
         return Vec::new();

@@ -6,7 +6,7 @@ use super::flip::COMPLETE;
 use super::grid_crossings::GridCrossings;
 use super::lines_beside;
 use super::preview::Preview;
-use super::side::Side;
+use super::side::SideModel;
 use super::span::{EdgeSpan, NoEdge};
 use crate::numeric::median;
 
@@ -35,17 +35,17 @@ const BOUND_CLEARANCE: f64 = 2.5;
 const MIN_WIDTH_BLURS: f64 = 4.5;
 
 /// How far from a side's curve its edge is felt, pixels.
-pub(super) fn near(side: &Side) -> f64 {
+pub(super) fn near(side: &SideModel) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
 }
 
 /// The same, no farther than the wider margin.
-pub(super) fn near_within(side: &Side, margin: [f64; 2]) -> f64 {
+pub(super) fn near_within(side: &SideModel, margin: [f64; 2]) -> f64 {
     near(side).min(margin[0].max(margin[1]))
 }
 
 /// How far to either side of an edge its surroundings are its own, pixels.
-pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] {
+pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &SideModel) -> [f64; 2] {
     let span = &spans[index];
     if span.crossings.is_empty() {
         return span.margin;
@@ -57,7 +57,7 @@ pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &Side) -> [f64; 2] 
 
 /// The same for plateaus, where nothing crosses the edge and its length has to tell what is not
 /// known.
-pub(super) fn far_margin(side: &Side, is_crossed: bool) -> f64 {
+pub(super) fn far_margin(side: &SideModel, is_crossed: bool) -> f64 {
     match is_crossed {
         true => f64::INFINITY,
         false => FAR_SHARE * side.curve.length(),
@@ -65,7 +65,7 @@ pub(super) fn far_margin(side: &Side, is_crossed: bool) -> f64 {
 }
 
 /// The end, along the chord, of what surely is edge while the corners are not known.
-pub(super) fn inner_end(side: &Side) -> f64 {
+pub(super) fn inner_end(side: &SideModel) -> f64 {
     side.curve.half_length - END_MARGIN.min(END_MARGIN_SHARE * side.curve.length())
 }
 
@@ -110,7 +110,7 @@ pub(super) fn whole_band<'a>(
 /// How far along its chord a span's pixels are used, and the neighbours they keep clear of.
 fn limits<'a>(
     span: &EdgeSpan,
-    side: &Side,
+    side: &SideModel,
     previews: &'a [Result<Preview, NoEdge>],
 ) -> ([f64; 2], Vec<SearchLimit<'a>>) {
     let middle = side.curve.point(0.0, 0.0);

@@ -13,8 +13,8 @@ use super::equations::{BASE, BLUR, PARAMETERS};
 use super::pixel_noise::robust_weight;
 use super::prediction::Prediction;
 use super::preview::Preview;
-use super::profile::Profile;
-use super::side::{PLACES, Side, polynomial, polynomial_through};
+use super::profile::ResidualProfile;
+use super::side::{PLACES, SideModel, polynomial, polynomial_through};
 use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use crate::image::{
@@ -180,7 +180,7 @@ pub(super) struct ToneShare {
     right: SVector<f64, OWN>,
     information: SharedMatrix,
     gradient: Shared,
-    profile: Profile,
+    profile: ResidualProfile,
     blur: f64,
     /// Whether the profile's asymmetry is the tone curve's alone.
     pub is_sound: bool,
@@ -190,14 +190,14 @@ impl ToneShare {
     /// From pixels and what the side predicts of them by a tone curve, with the kurtosis of the lens's
     /// blur that is known so far; `None` if they leave one of the side's parameters open.
     pub fn of<'a>(
-        side: &Side,
+        side: &SideModel,
         (tone, of_lens): (&ToneCurve, f64),
         pixels: impl Iterator<Item = (&'a Pixel, &'a Prediction)>,
         noise: f64,
     ) -> Option<Self> {
         let inverse_variance = 1.0 / (noise * noise);
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
-        let mut profile = Profile::default();
+        let mut profile = ResidualProfile::default();
         let blur = side.mean_blur();
         let of_box = box_kurtosis(&side.curve.along, blur);
         let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
@@ -232,7 +232,7 @@ impl ToneShare {
         })
     }
 
-    fn reduced(side: &Side, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
+    fn reduced(side: &SideModel, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
         let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
         let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
         let cross = all.fixed_view::<OWN, SHARED>(0, OWN).into_owned();
@@ -247,7 +247,7 @@ impl ToneShare {
             factor,
             cross,
             right,
-            profile: Profile::default(),
+            profile: ResidualProfile::default(),
             blur: side.mean_blur(),
             is_sound,
         })
@@ -265,7 +265,7 @@ impl ToneShare {
     }
 }
 
-fn is_sound(side: &Side, tone: &ToneCurve, noise: f64) -> bool {
+fn is_sound(side: &SideModel, tone: &ToneCurve, noise: f64) -> bool {
     let margin = CLIPPED_VALUE.max(CLIPPED_DEVIATIONS * noise);
     let is_whole = |light| (margin..=1.0 - margin).contains(&tone.encode_with_slope(light).0);
     !side.feels_far_edge && side.plateaus().into_iter().all(is_whole)
@@ -297,7 +297,7 @@ pub(super) fn pool<'a>(
         SharedMatrix::from_diagonal(&Shared::new(of_gamma, of_toe, USUAL_KURTOSIS));
     let mut gradient = Shared::new(prior.gradient[0], prior.gradient[1], 0.0);
     let mut sides = 0_u32;
-    let mut profile = Profile::default();
+    let mut profile = ResidualProfile::default();
     let mut blurs = 0.0;
     let mut told = (SharedMatrix::zeros(), Shared::zeros());
     for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
@@ -464,7 +464,7 @@ fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
     }
 }
 
-impl Side {
+impl SideModel {
     /// The side's own step, given the tone curve's.
     ///
     /// What the curve's change does to base and contrast is far from linear where there is little
@@ -490,14 +490,14 @@ impl Side {
 #[cfg(test)]
 mod tests {
     use super::super::blur::BlurShape;
-    use super::super::curve::Curve;
+    use super::super::curve::ChordCurve;
     use super::*;
     use nalgebra::Vector2;
 
     #[test]
     fn no_misfit_shifts_edges_by_more_than_their_blur() {
         let share = |residual: f64, blur: f64| {
-            let mut profile = Profile::default();
+            let mut profile = ResidualProfile::default();
             (0..40).for_each(|i| profile.add(0.1 * f64::from(i) - 2.0, residual));
             ToneShare {
                 factor: SMatrix::<f64, OWN, OWN>::identity().cholesky().unwrap(),
@@ -544,8 +544,8 @@ mod tests {
     fn small_spreads_become_that_of_all_lines() {
         let preview = |spread| {
             Ok(Preview {
-                side: Side {
-                    curve: Curve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap(),
+                side: SideModel {
+                    curve: ChordCurve::chord(Vector2::zeros(), Vector2::new(40.0, 0.0)).unwrap(),
                     base: [0.1, 0.0, 0.0],
                     contrast: [0.7, 0.0, 0.0],
                     blur: [0.9, 0.0, 0.0],

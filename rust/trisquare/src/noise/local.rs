@@ -5,7 +5,7 @@ use nalgebra::Cholesky;
 
 use super::side_basis::{Basis, ORDERS, basis_by_polynomials};
 use super::side_moments::SideMoments;
-use crate::numeric::{Loss, Spread, median_scale, polynomial_at};
+use crate::numeric::{Loss, ResidualSpread, median_scale, polynomial_at};
 use crate::observations::ObservedPlane;
 use crate::refine::{MIN_SCALE, Refined, Residual, Residuals};
 
@@ -131,7 +131,7 @@ impl LocalNoise {
     /// of an M-estimator, begun at their median size.
     fn of(rough: &[f64], taken: f64) -> Self {
         let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
-        let mut spread = Spread::default();
+        let mut spread = ResidualSpread::default();
         for value in rough {
             let x = value / first;
             spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);

@@ -128,14 +128,14 @@ pub(crate) fn median_scale(residuals: impl Iterator<Item = f64>) -> f64 {
 
 /// Sums over residuals from which the spread of an M-estimator follows.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Spread {
+pub(crate) struct ResidualSpread {
     count: f64,
     squares: f64,
     slopes: f64,
     weights: f64,
 }
 
-impl Spread {
+impl ResidualSpread {
     /// Adds a residual, with the weight that the loss gives it.
     #[inline]
     pub fn add(&mut self, loss: Loss, x: f64, weight: f64) {
@@ -187,7 +187,7 @@ mod tests {
             (Loss::Tukey, 0.99),
             (Loss::WideTukey, 0.9975),
         ] {
-            let mut spread = Spread::default();
+            let mut spread = ResidualSpread::default();
             let (mut square, mut slope, mut mean, mut total) = (0.0, 0.0, 0.0, 0.0);
             for i in -80_000..=80_000 {
                 let x = f64::from(i) * 1e-4;

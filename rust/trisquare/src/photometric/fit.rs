@@ -12,7 +12,7 @@ use super::figure_sums::FigureSums;
 use super::scene::Scene;
 use crate::image::{PICTURE_PARAMETERS, PicturePrior, PictureState, SHIFT, ToneFit};
 use crate::lens::Lens;
-use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, Spread, each};
+use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, ResidualSpread, each};
 use crate::observations::{FreeParameters, View};
 
 /// What the fit moves.
@@ -53,14 +53,14 @@ pub(crate) struct PixelFit<'a> {
 pub(crate) struct PixelSystem {
     pub cost: f64,
     pub system: ArrowSystem,
-    pub spread: Spread,
+    pub spread: ResidualSpread,
 }
 
 /// What the figures of one plane add to a [`PixelSystem`].
 struct PlaneSystem {
     cost: f64,
     block: Block,
-    spread: Spread,
+    spread: ResidualSpread,
 }
 
 impl PixelFit<'_> {
@@ -189,7 +189,7 @@ impl PixelFit<'_> {
             return None;
         }
         let planes = each(state.view.planes.len(), |p| self.of_plane(state, p))?;
-        let mut spread = Spread::default();
+        let mut spread = ResidualSpread::default();
         planes.iter().for_each(|plane| spread.merge(&plane.spread));
         let mut sum = PixelSystem {
             cost: planes.iter().map(|plane| plane.cost).sum(),
@@ -210,7 +210,7 @@ impl PixelFit<'_> {
         let mut sum = PlaneSystem {
             cost: 0.0,
             block: Block::zeros(own, self.shared_columns(p)),
-            spread: Spread::default(),
+            spread: ResidualSpread::default(),
         };
         let figures = self.figures_of(p);
         // A plane without figures stays where it is.

@@ -3,7 +3,7 @@
 use super::figure_chart::all_distances;
 use super::fit::{PixelFit, PixelState};
 use crate::lens::Lens;
-use crate::localise::Profile;
+use crate::localise::ResidualProfile;
 
 /// One pixel in so many is asked.
 const STRIDE: u32 = 4;
@@ -20,14 +20,14 @@ pub(super) fn misfit<L: Lens>(
         figures: &figures,
         ..fit.clone()
     };
-    let mut mean = Profile::default();
+    let mut mean = ResidualProfile::default();
     for (index, figure) in figures.iter().enumerate() {
         if figure.image != picture {
             continue;
         }
         let scene = few.scene(&state.view, &state.exposures[index], &state.pictures, index)?;
         let distances = all_distances(&scene, figure, |pixel| scene.may_cut(pixel))?;
-        let mut profile = Profile::default();
+        let mut profile = ResidualProfile::default();
         for (pixel, distances) in figure.pixels.iter().zip(&distances) {
             if scene.may_cut(pixel) {
                 let shade = scene.shade(pixel, Some(distances));

@@ -7,7 +7,7 @@ use super::residuals::{
 };
 use super::side_curve::SideCurves;
 use crate::lens::Lens;
-use crate::numeric::{ArrowSystem, Limits, Loss, Problem, Spread, Termination, minimise};
+use crate::numeric::{ArrowSystem, Limits, Loss, Problem, ResidualSpread, Termination, minimise};
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
 /// Evaluations allowed to each round of one scale; from the linear start about six are used.
@@ -72,7 +72,7 @@ impl<L: Lens> Refined<L> {
         unknowns: usize,
         iterations: usize,
     ) -> Self {
-        let mut spread = Spread::default();
+        let mut spread = ResidualSpread::default();
         for residual in residuals.iter().flatten().filter(|r| r.counts) {
             let x = residual.distance * residual.weight / scale;
             spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);

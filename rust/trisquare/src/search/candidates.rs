@@ -4,7 +4,7 @@
 //! whatever the lens and the perspective do. That is a negative determinant of their second
 //! derivatives.
 
-use super::sectors::Candidate;
+use super::sectors::SaddleCandidate;
 use crate::image::GreyBytes;
 
 /// Grey levels per square pixel, the geometric mean of a saddle's two curvatures. A crossing of
@@ -37,7 +37,7 @@ const STRIP: usize = 128;
 
 /// Finds the pixels where the curvature as at a saddle is strongest in their neighbourhood, in row
 /// order.
-pub(super) fn candidates(picture: &GreyBytes<'_>) -> Vec<Candidate> {
+pub(super) fn candidates(picture: &GreyBytes<'_>) -> Vec<SaddleCandidate> {
     let [width, height] = picture.size();
     let mut found = Vec::new();
     if width.min(height) <= 2 * MARGIN {
@@ -92,7 +92,7 @@ impl Strengths {
     }
 
     /// Adds the peaks of a row, which is `row` here and lies `above` further down in the picture.
-    fn add_peaks(&self, row: usize, above: usize, found: &mut Vec<Candidate>) {
+    fn add_peaks(&self, row: usize, above: usize, found: &mut Vec<SaddleCandidate>) {
         let strengths = &self.values[row * self.width..(row + 1) * self.width];
         let inner = &strengths[MARGIN..self.width - MARGIN];
         for (number, run) in inner.chunks(RUN).enumerate() {
@@ -102,7 +102,7 @@ impl Strengths {
             }
             for (column, &strength) in (MARGIN + number * RUN..).zip(run) {
                 if strength > WEAKEST && self.is_peak(strength, column, row) {
-                    found.push(Candidate {
+                    found.push(SaddleCandidate {
                         pixel: [column, row + above],
                         strength: f64::from(strength),
                     });
@@ -235,8 +235,9 @@ mod tests {
             let values = picture([41, row]);
             let picture = GreyBytes::new(SIZE[0], SIZE[1], &values).unwrap();
             let found = candidates(&picture);
-            let near =
-                |it: &&Candidate| it.pixel[0].abs_diff(41) <= 1 && it.pixel[1].abs_diff(row) <= 1;
+            let near = |it: &&SaddleCandidate| {
+                it.pixel[0].abs_diff(41) <= 1 && it.pixel[1].abs_diff(row) <= 1
+            };
             let strongest = found
                 .iter()
                 .max_by(|a, b| a.strength.total_cmp(&b.strength))

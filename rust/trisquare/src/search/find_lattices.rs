@@ -13,7 +13,7 @@ use super::outline::Outline;
 use super::photograph::Photograph;
 use super::replacing::replaced;
 use super::saddles::refine_corner;
-use super::sectors::{Candidate, crossings_at};
+use super::sectors::{SaddleCandidate, crossings_at};
 use crate::image::GreyBytes;
 
 /// Pictures that are searched, at most; the others, which are the coarsest, are left out.
@@ -43,7 +43,7 @@ pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> 
 fn find_at_candidates(
     photograph: &GreyBytes<'_>,
     pictures: &[GreyBytes<'_>],
-    candidates: impl Fn(&GreyBytes<'_>) -> Vec<Candidate>,
+    candidates: impl Fn(&GreyBytes<'_>) -> Vec<SaddleCandidate>,
 ) -> FoundLattices {
     let pictures = &pictures[pictures.len().saturating_sub(MAX_PICTURES)..];
     let Some(finest) = pictures.last() else {
@@ -157,7 +157,7 @@ mod tests {
     const CELL: f64 = 14.0;
 
     /// A board of 6 crossings a row, turned a little, and the pixels of its crossings.
-    fn board(rows: u32) -> (Vec<u8>, Vec<Candidate>) {
+    fn board(rows: u32) -> (Vec<u8>, Vec<SaddleCandidate>) {
         let along = Vector2::new(0.98, 0.2) * CELL;
         let down = Vector2::new(-0.2, 0.98) * CELL;
         let first = Vector2::new(30.0, 18.0);
@@ -181,7 +181,7 @@ mod tests {
         let sites = (0..rows).flat_map(|row| (0..6).map(move |column| (row, column)));
         let candidate = |(row, column): (u32, u32)| {
             let point = first + along * f64::from(column) + down * f64::from(row);
-            Candidate {
+            SaddleCandidate {
                 pixel: [point.x.round() as usize, point.y.round() as usize],
                 strength: 1.0,
             }
@@ -204,8 +204,9 @@ mod tests {
             size.sort_unstable();
             assert_eq!((size, lattice.count()), ([5, 6], 30));
             for (site, point) in lattice.found() {
-                let near =
-                    |it: &Candidate| (Vector2::from(it.pixel.map(|x| x as f64)) - point).amax();
+                let near = |it: &SaddleCandidate| {
+                    (Vector2::from(it.pixel.map(|x| x as f64)) - point).amax()
+                };
                 assert!(candidates.iter().any(|it| near(it) < 1.0), "{site:?}");
             }
         }

@@ -81,8 +81,8 @@ pub fn fit_sides(
     is_dark: bool,
     limits: &SideLimits,
 ) -> Option<FittedQuad> {
-    let frames: [Frame; 4] =
-        std::array::from_fn(|k| Frame::between(rough[k][0], rough[(k + 1) % 4][0]));
+    let frames: [ChordFrame; 4] =
+        std::array::from_fn(|k| ChordFrame::between(rough[k][0], rough[(k + 1) % 4][0]));
     let places = frames.map(|frame| frame.inner_places());
     let started = started(rough, &frames, &places);
     let mut sides: Vec<Edge> = (0..4)
@@ -142,7 +142,7 @@ fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
 /// Cubics through the rough points of sides, off their corners.
 fn started(
     rough: &Sides,
-    frames: &[Frame; 4],
+    frames: &[ChordFrame; 4],
     places: &[[f64; POINTS_PER_SIDE]; 4],
 ) -> Vec<Vector4<f64>> {
     let points = |k: usize| {
@@ -192,14 +192,14 @@ fn measure(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
 
 /// A side's chord: position 0 to 1 along, offset in pixels outward.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
+struct ChordFrame {
     start: Vector2<f64>,
     direction: Vector2<f64>,
     outward: Vector2<f64>,
     length: f64,
 }
 
-impl Frame {
+impl ChordFrame {
     /// Of a quad whose corners go clockwise on the screen.
     fn between(start: Vector2<f64>, end: Vector2<f64>) -> Self {
         let length = (end - start).norm();
@@ -257,7 +257,7 @@ impl Frame {
 /// A side's curve, and what is seen along it.
 #[derive(Debug, Clone)]
 struct Edge {
-    frame: Frame,
+    frame: ChordFrame,
     /// Of its points along the chord.
     places: [f64; POINTS_PER_SIDE],
     cubic: Vector4<f64>,
@@ -269,7 +269,7 @@ struct Edge {
 }
 
 impl Edge {
-    fn at(frame: Frame, places: [f64; POINTS_PER_SIDE], cubic: Vector4<f64>) -> Self {
+    fn at(frame: ChordFrame, places: [f64; POINTS_PER_SIDE], cubic: Vector4<f64>) -> Self {
         let mut edge = Self {
             frame,
             places,
@@ -401,9 +401,9 @@ mod tests {
         (0..SIZE * SIZE).map(level).collect()
     }
 
-    fn frames() -> [Frame; 4] {
+    fn frames() -> [ChordFrame; 4] {
         let corner = |k: usize| Vector2::from(CORNERS[k % 4]);
-        std::array::from_fn(|k| Frame::between(corner(k), corner(k + 1)))
+        std::array::from_fn(|k| ChordFrame::between(corner(k), corner(k + 1)))
     }
 
     /// A pixel off to and fro, as contours are.

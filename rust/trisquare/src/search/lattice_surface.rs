@@ -40,7 +40,7 @@ type Step = SVector<f64, PARAMETERS>;
 
 /// The unit and origin of points of the photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Frame {
+struct PictureFrame {
     /// Of the picture, pixels.
     middle: Vector2<f64>,
     /// Half its diagonal, pixels.
@@ -50,7 +50,7 @@ struct Frame {
 /// Where a plane has the crossings of each row and column of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LatticeSurface {
-    frame: Frame,
+    frame: PictureFrame,
     shape: BentPlane,
 }
 
@@ -66,7 +66,7 @@ impl LatticeSurface {
             .map(|(site, point)| (column_and_row(site), (point - middle) / half_diagonal))
             .unzip();
         Self {
-            frame: Frame {
+            frame: PictureFrame {
                 middle,
                 half_diagonal,
             },

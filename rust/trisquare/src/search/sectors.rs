@@ -64,7 +64,7 @@ enum Turn {
 
 /// A pixel at which the grey levels are curved as at a saddle, more than at those around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
+pub struct SaddleCandidate {
     /// Column and row.
     pub pixel: [usize; 2],
     /// The greater, the more curved; only the order counts.
@@ -72,18 +72,21 @@ pub struct Candidate {
 }
 
 /// Finds the crossings of two edges at or beside candidates, each once.
-pub(super) fn crossings_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Crossing> {
+pub(super) fn crossings_at(
+    picture: &GreyBytes<'_>,
+    candidates: &[SaddleCandidate],
+) -> Vec<Crossing> {
     let saddles = saddles_at(picture, candidates).into_iter();
     saddles
         .filter_map(|point| crossing_at(picture, point))
         .collect()
 }
 
-fn saddles_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Vector2<f64>> {
+fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Vector2<f64>> {
     let mut saddles = Vec::new();
     let mut drawn_away = Vec::new();
     let [width, height] = picture.size();
-    let is_inside = |it: &Candidate| it.pixel[0] < width && it.pixel[1] < height;
+    let is_inside = |it: &SaddleCandidate| it.pixel[0] < width && it.pixel[1] < height;
     for candidate in strongest(candidates).into_iter().filter(is_inside) {
         let Some(step) = even_step(picture, candidate.pixel) else {
             continue;
@@ -113,7 +116,7 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[Candidate]) -> Vec<Vector2<
 }
 
 /// The strongest candidates, in their own order unless there are more than are looked at.
-fn strongest(candidates: &[Candidate]) -> Vec<Candidate> {
+fn strongest(candidates: &[SaddleCandidate]) -> Vec<SaddleCandidate> {
     let mut candidates = candidates.to_vec();
     if candidates.len() > MAX_CANDIDATES {
         candidates.sort_by(|a, b| b.strength.total_cmp(&a.strength));
@@ -262,7 +265,7 @@ mod tests {
 
     fn found(values: &[u8], pixels: &[[usize; 2]]) -> Vec<Crossing> {
         let picture = GreyBytes::new(SIZE, SIZE, values).unwrap();
-        let candidate = |pixel: &[usize; 2]| Candidate {
+        let candidate = |pixel: &[usize; 2]| SaddleCandidate {
             pixel: *pixel,
             strength: 1.0,
         };
@@ -309,7 +312,7 @@ mod tests {
         let outside = [[usize::MAX, 20], [20, SIZE], [0, 0]];
         assert!(found(&values, &outside).is_empty());
         let noise = vec![
-            Candidate {
+            SaddleCandidate {
                 pixel: [20, 20],
                 strength: f64::NAN
             };

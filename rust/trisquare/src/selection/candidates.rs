@@ -1,7 +1,7 @@
 //! All planes among which a choice is made, without their distortion.
 
 use super::hypothesis::Hypothesis;
-use super::squareness::Candidate;
+use super::squareness::CandidatePlane;
 use super::straightness::Straightness;
 use crate::lens::Lens;
 use crate::linear::{Homographies, Undistortion};
@@ -16,7 +16,7 @@ pub(crate) struct Pool<L> {
     pub undistortion: Undistortion<L>,
     /// Their indices, ascending.
     pub places: Vec<usize>,
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<CandidatePlane>,
     /// In the order of `places`.
     pub homographies: Vec<Homographies>,
 }
@@ -42,7 +42,7 @@ impl<L: Lens> Pool<L> {
         };
         for (i, plane) in planes.iter().enumerate() {
             let one = std::slice::from_ref(plane);
-            let candidate = Candidate::of(plane, &pool.undistortion, problem.size);
+            let candidate = CandidatePlane::of(plane, &pool.undistortion, problem.size);
             let homographies = Homographies::estimate(one, &pool.undistortion);
             if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
                 pool.places.push(i);

@@ -10,7 +10,7 @@ use std::cell::{LazyCell, OnceCell};
 
 use super::hypothesis::Hypothesis;
 use super::inliers::{Inliers, MAX_FITTED, MIN_CANDIDATES, STICKS_OUT, is_triple};
-use super::joint_fit::Fit;
+use super::joint_fit::JointFit;
 use super::propose::propose;
 use super::straightness::CURVED;
 use super::verdict::{Choice, MIN_BOARDS, Verdict, doubt_of_boards, doubt_of_choice};
@@ -218,7 +218,7 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     /// The best hypothesis, and the joint fits that all lead to.
-    fn fits(&self) -> Option<(Hypothesis, Vec<Fit<L>>)> {
+    fn fits(&self) -> Option<(Hypothesis, Vec<JointFit<L>>)> {
         let inliers = &self.0;
         let hypotheses = propose(inliers.problem, inliers.pool());
         let best = hypotheses.first()?.clone();
@@ -234,9 +234,9 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     /// The joint fit that agrees and is worth most.
-    fn best_of(&self, best: &Hypothesis, mut fits: Vec<Fit<L>>) -> Choice {
+    fn best_of(&self, best: &Hypothesis, mut fits: Vec<JointFit<L>>) -> Choice {
         let inliers = &self.0;
-        let order = |fit: &Fit<L>| (inliers.agrees(fit), inliers.worth(fit));
+        let order = |fit: &JointFit<L>| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
             let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))

@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix4, Vector2, Vector3};
 
-use super::squareness::{Candidate, Deviation, Pinhole};
+use super::squareness::{CandidatePlane, Deviation, Pinhole};
 
 /// What a candidate is to a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,7 @@ impl Hypothesis {
     ///
     /// `doubt` holds the standard deviations of the first guess.
     pub fn converged(
-        candidates: &[Candidate],
+        candidates: &[CandidatePlane],
         prior: &Prior,
         start: Pinhole,
         doubt: &Pinhole,
@@ -241,7 +241,10 @@ pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
 
 /// Squared deviation of a candidate from a square, in units of its own variance and of the
 /// camera's.
-pub(crate) fn squared_deviation(candidate: &Candidate, hypothesis: &Hypothesis) -> Option<f64> {
+pub(crate) fn squared_deviation(
+    candidate: &CandidatePlane,
+    hypothesis: &Hypothesis,
+) -> Option<f64> {
     let deviation = candidate.deviation(&hypothesis.camera)?;
     let wrt_camera = deviation.wrt_camera;
     let covariance =

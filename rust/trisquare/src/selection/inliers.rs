@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, alike, squared_deviation};
-use super::joint_fit::Fit;
+use super::joint_fit::JointFit;
 use super::propose::{FOCAL_DOUBT, matrix_of, pinhole, prior, propose};
 use super::squareness::Pinhole;
 use super::straightness::{CURVED, Straightness};
@@ -69,7 +69,7 @@ const MAX_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
 pub(super) const MIN_EVIDENCE: f64 = 8.0;
 
 /// Whether a joint fit has planes that can contradict each other.
-pub(super) fn is_triple<L>(fit: &Fit<L>) -> bool {
+pub(super) fn is_triple<L>(fit: &JointFit<L>) -> bool {
     fit.members.len() + 1 >= MIN_CANDIDATES
 }
 
@@ -85,7 +85,7 @@ pub(crate) struct Inliers<'a, L: Lens> {
 impl<L: Lens> Inliers<'_, L> {
     /// Whether the planes of a joint fit agree: all of them together and, where they are so many
     /// that one false one would be lost among them, each by itself.
-    pub fn agrees(&self, fit: &Fit<L>) -> bool {
+    pub fn agrees(&self, fit: &JointFit<L>) -> bool {
         let agrees = |bent: f64| {
             let all = fit.members.len();
             fit.agrees(bent) && (all <= MAX_FITTED || Self::within(fit, bent).len() == all)
@@ -101,7 +101,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// The members of a joint fit that do not stick out of it, where sides are so much bent.
-    fn within(fit: &Fit<L>, bent: f64) -> Vec<usize> {
+    fn within(fit: &JointFit<L>, bent: f64) -> Vec<usize> {
         let limit = FALSE_PLANE * bent * fit.ordinary_misfit();
         let own = fit.members.iter().zip(&fit.own_misfits);
         own.filter(|(_, own)| **own <= limit)
@@ -110,7 +110,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// The joint fit of some planes, searched from a camera.
-    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<Fit<L>> {
+    fn fit(&self, members: &[usize], start: &Pinhole) -> Option<JointFit<L>> {
         let JointProblem {
             size,
             options,
@@ -134,7 +134,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// The joint fit of many planes, searched from a lens that some of them have shown.
-    fn fit_of_many(&self, members: &[usize], lens: &L) -> Option<Fit<L>> {
+    fn fit_of_many(&self, members: &[usize], lens: &L) -> Option<JointFit<L>> {
         check_plane_count(members.len(), &self.problem.free).ok()?;
         let planes = self.planes_of(members);
         let refined = self.problem.optimum_from(lens, &planes)?;
@@ -152,7 +152,7 @@ impl<L: Lens> Inliers<'_, L> {
         members: &[usize],
         planes: &[ObservedPlane],
         refined: Refined<L>,
-    ) -> Fit<L> {
+    ) -> JointFit<L> {
         let fit = self.judged_as_seen(members, planes, refined);
         if self.agrees(&fit) {
             return fit;
@@ -169,7 +169,7 @@ impl<L: Lens> Inliers<'_, L> {
         members: &[usize],
         planes: &[ObservedPlane],
         refined: Refined<L>,
-    ) -> Fit<L> {
+    ) -> JointFit<L> {
         let noise = (!refined.is_exact()).then(|| Noise::of_optimum(planes, &refined));
         let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(planes, &refined.view, &self.problem.free, noise)
@@ -183,7 +183,7 @@ impl<L: Lens> Inliers<'_, L> {
             };
             states.map(of_plane).collect()
         };
-        Fit {
+        JointFit {
             members: members.to_vec(),
             camera: pinhole(&refined.view.lens.camera_matrix(), self.problem.size),
             own_misfits: noise.as_ref().map_or(vec![0.0; members.len()], own),
@@ -193,7 +193,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// The joint fits that the best of some hypotheses lead to.
-    pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<Fit<L>> {
+    pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<JointFit<L>> {
         let mut fits = Vec::new();
         for hypothesis in hypotheses {
             if hypotheses[0].evidence - hypothesis.evidence < CONSIDERED {
@@ -205,7 +205,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// The joint fits that agree once a square is left out which is in all hypotheses: one that
     /// is known so well as a board is in any, also where another camera saw it.
-    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<Fit<L>> {
+    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<JointFit<L>> {
         let in_all = |plane: &usize| {
             let mut sets = found.iter().map(|one| self.pool().squares(one));
             sets.all(|squares| squares.contains(plane))
@@ -230,7 +230,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// The joint fits of three planes that agree, with what else does, whatever the hypotheses make
     /// of them: these know a wide lens too badly to tell its squares from other things.
-    pub fn fits_of_triples(&self, best: &Hypothesis) -> Vec<Fit<L>> {
+    pub fn fits_of_triples(&self, best: &Hypothesis) -> Vec<JointFit<L>> {
         let known = self.problem.options.known_intrinsics(&self.problem.size);
         let mut fits = Vec::new();
         for seed in triples(&self.pool().places, MAX_SEEDS) {
@@ -239,7 +239,7 @@ impl<L: Lens> Inliers<'_, L> {
                 Ok(matrix) => pinhole(&matrix, self.problem.size),
                 Err(_) => best.camera,
             };
-            let agrees = |fit: &Fit<L>| fit.is_settled() && self.agrees(fit);
+            let agrees = |fit: &JointFit<L>| fit.is_settled() && self.agrees(fit);
             if let Some(seed) = self.fit(&seed, &start).filter(agrees) {
                 let own = Hypothesis {
                     camera: seed.camera,
@@ -252,7 +252,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
-    fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
+    fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
         let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
         match self.fit(&squares, start) {
@@ -281,9 +281,9 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// Keeps a joint fit with what else agrees, unless it is within another one.
-    fn keep(&self, fit: Fit<L>, hypothesis: &Hypothesis, fits: &mut Vec<Fit<L>>) {
+    fn keep(&self, fit: JointFit<L>, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
         let is_known = |members: &[usize]| {
-            let within = |known: &&Fit<L>| members.iter().all(|i| known.members.contains(i));
+            let within = |known: &&JointFit<L>| members.iter().all(|i| known.members.contains(i));
             fits.iter().any(|fit| self.agrees(fit) && within(&fit))
         };
         if is_known(&fit.members) {
@@ -296,14 +296,14 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
-    pub fn worth(&self, fit: &Fit<L>) -> f64 {
+    pub fn worth(&self, fit: &JointFit<L>) -> f64 {
         fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
     /// The planes by the lens of the joint fit that makes all sides straightest, where straight sides
     /// alone did not show the lens well: a fit knows its centre, too, which moves a fisheye's sides
     /// far.
-    pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[Fit<L>]) -> Option<Pool<L>> {
+    pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[JointFit<L>]) -> Option<Pool<L>> {
         let bent = self.pool().bent;
         if bent < CURVED && best.evidence >= MIN_EVIDENCE {
             return None;
@@ -352,7 +352,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// What agrees of a fit once the planes that stick out are dropped, if anything does.
-    fn trimmed(&self, fit: &Fit<L>) -> Option<Fit<L>> {
+    fn trimmed(&self, fit: &JointFit<L>) -> Option<JointFit<L>> {
         let mut rest = self.fit(&fit.members, &fit.camera)?;
         for _ in 0..MAX_TRIMS {
             if self.agrees(&rest) {
@@ -378,7 +378,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// Takes back what agrees in the joint fit, the most promising first, up to as many as are
     /// tried one by one.
-    fn with_others(&self, mut fit: Fit<L>, hypothesis: &Hypothesis) -> Fit<L> {
+    fn with_others(&self, mut fit: JointFit<L>, hypothesis: &Hypothesis) -> JointFit<L> {
         let mut others: Vec<(f64, usize)> = self
             .pool()
             .candidates
@@ -425,7 +425,7 @@ impl<L: Lens> Inliers<'_, L> {
     }
 
     /// Some planes, each where it lies best under a known lens; without those that it does not see.
-    fn all_placed(&self, planes: &[usize], lens: &L) -> Option<Fit<L>> {
+    fn all_placed(&self, planes: &[usize], lens: &L) -> Option<JointFit<L>> {
         let place = |plane: &usize| {
             let state = self.placed(&self.planes[*plane], lens)?.planes.pop()?;
             Some((*plane, state))
@@ -446,7 +446,7 @@ impl<L: Lens> Inliers<'_, L> {
     /// A joint fit with all that agrees, where there are too many to be tried one by one.
     ///
     /// What dozens of planes agree on shows of every other one by itself whether it is a square.
-    pub fn completed(&self, fit: Fit<L>) -> Fit<L> {
+    pub fn completed(&self, fit: JointFit<L>) -> JointFit<L> {
         if self.pool().places.len() <= MAX_FITTED {
             return fit;
         }

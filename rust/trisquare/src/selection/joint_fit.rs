@@ -24,7 +24,7 @@ const CHANCE: f64 = 4.0;
 const MEDIAN_OF_CHANCE: f64 = std::f64::consts::LN_2;
 
 /// The joint fit of some planes.
-pub(crate) struct Fit<L> {
+pub(crate) struct JointFit<L> {
     /// Their indices, ascending.
     pub members: Vec<usize>,
     pub camera: Pinhole,
@@ -35,7 +35,7 @@ pub(crate) struct Fit<L> {
     pub own_misfits: Vec<f64>,
 }
 
-impl<L: Lens> Fit<L> {
+impl<L: Lens> JointFit<L> {
     /// Whether its sides lie where they should, and are straight, but for the noise and for what
     /// bends them anyway.
     pub fn agrees(&self, bent: f64) -> bool {

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 
 use super::candidates::Pool;
 use super::hypothesis::{Hypothesis, Prior};
-use super::squareness::{Candidate, Pinhole};
+use super::squareness::{CandidatePlane, Pinhole};
 use super::subsets::subsets;
 use crate::geometry::camera_matrix_from_planes;
 use crate::image_size::ImageSize;
@@ -70,7 +70,7 @@ pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) ->
     doubt[0] = doubt[0].min(FOCAL_DOUBT);
     let all = &pool.candidates;
     let starts = candidate_cameras(problem, pool, &prior);
-    let explained = |candidates: &[Candidate], starts: Vec<Pinhole>| {
+    let explained = |candidates: &[CandidatePlane], starts: Vec<Pinhole>| {
         let converged = |start| Hypothesis::converged(candidates, &prior, start, &doubt);
         best_different(starts.into_iter().filter_map(converged).collect())
     };
@@ -78,7 +78,7 @@ pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) ->
         return explained(all, starts);
     }
     let step = all.len().div_ceil(MAX_WEIGHED);
-    let some: Vec<Candidate> = all.iter().step_by(step).cloned().collect();
+    let some: Vec<CandidatePlane> = all.iter().step_by(step).cloned().collect();
     let best = explained(&some, starts);
     explained(all, best.into_iter().map(|found| found.camera).collect())
 }

@@ -35,7 +35,7 @@ pub(crate) type Pinhole = Vector4<f64>;
 
 /// A plane's first figure, without its distortion.
 #[derive(Clone)]
-pub(crate) struct Candidate {
+pub(crate) struct CandidatePlane {
     /// The first two columns of its homography.
     columns: [Vector3<f64>; 2],
     /// Their covariance.
@@ -58,7 +58,7 @@ pub(crate) struct Deviation {
     pub directions: [Vector3<f64>; 2],
 }
 
-impl Candidate {
+impl CandidatePlane {
     /// # Errors
     /// If the figure has no homography.
     pub fn of<L: Lens>(
@@ -205,7 +205,7 @@ mod tests {
     use crate::observations::sort_by_plane;
     use crate::synthetic::{Scene, SceneOptions};
 
-    fn candidates(noise: f64) -> (Vec<Candidate>, Pinhole) {
+    fn candidates(noise: f64) -> (Vec<CandidatePlane>, Pinhole) {
         let options = SceneOptions {
             distortion: false,
             ..SceneOptions::default()
@@ -215,7 +215,7 @@ mod tests {
         let known = Undistortion::<DefaultLens>::Straightened(Straightening::identity(scene.size));
         let all = planes
             .iter()
-            .map(|p| Candidate::of(p, &known, scene.size).unwrap());
+            .map(|p| CandidatePlane::of(p, &known, scene.size).unwrap());
         let unit = scene.size.half_diagonal();
         let focal = scene.camera.focal();
         let offset = (scene.camera.principal_point() - scene.size.centre()) / unit;

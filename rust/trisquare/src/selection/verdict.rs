@@ -2,7 +2,7 @@
 
 use super::hypothesis::Hypothesis;
 use super::inliers::{CLOSE_RIVAL, Inliers, MAX_FITTED, MIN_EVIDENCE};
-use super::joint_fit::Fit;
+use super::joint_fit::JointFit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
@@ -130,12 +130,12 @@ impl Choice {
 pub(crate) fn doubt_of_choice<L: Lens>(
     inliers: &Inliers<'_, L>,
     best: &Hypothesis,
-    chosen: &Fit<L>,
-    others: Vec<Fit<L>>,
+    chosen: &JointFit<L>,
+    others: Vec<JointFit<L>>,
 ) -> Option<Doubt> {
     let problem = inliers.problem;
     let lens = chosen.refined.view.lens;
-    let focal = |fit: &Fit<L>| fit.refined.view.lens.focal().x;
+    let focal = |fit: &JointFit<L>| fit.refined.view.lens.focal().x;
     let close = inliers.worth(chosen) - CLOSE_RIVAL;
     let rival = others.into_iter().find(|other| {
         (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && inliers.worth(other) > close

@@ -25,7 +25,7 @@ const CHANCE: f64 = 0.01;
 const ENOUGH_GROUPS: usize = 10;
 
 /// How groups of planes scatter.
-pub(crate) struct Spread {
+pub(crate) struct GroupSpread {
     /// By how much more, in variance, than the covariance lets expect; 1 where that may be chance.
     pub variance_ratio: f64,
     /// Whether so many groups scatter that nothing else need tell how much they do.
@@ -40,7 +40,7 @@ pub(crate) fn spread_of_planes(
     system: &ArrowSystem,
     parts: &[DMatrix<f64>],
     total: &DMatrix<f64>,
-) -> Option<Spread> {
+) -> Option<GroupSpread> {
     let groups = groups_of(planes);
     if groups.len() < MIN_GROUPS || total.is_empty() {
         return None;
@@ -74,7 +74,7 @@ pub(crate) fn spread_of_planes(
     let freedom = expected * expected / square;
     let ratio = found / expected;
     let chance = chi_square_tail(ratio * freedom, freedom);
-    ratio.is_finite().then_some(Spread {
+    ratio.is_finite().then_some(GroupSpread {
         variance_ratio: if chance < CHANCE { ratio } else { 1.0 },
         is_enough: groups.len() >= ENOUGH_GROUPS,
     })
