@@ -164,6 +164,9 @@ pub enum Warning {
         /// Whether all planes are in one picture.
         #[cfg_attr(feature = "serde", serde(default))]
         one_picture: bool,
+        /// What the camera is known to, as of [`Warning::PlanesContradict`].
+        #[cfg_attr(feature = "serde", serde(default))]
+        known_to: Option<f64>,
     },
     /// The samples of a side err together, beyond their noise.
     #[error(
@@ -182,6 +185,9 @@ pub enum Warning {
         parameter: Text,
         /// Its standard deviation over what independent noise alone would give.
         factor: f64,
+        /// What the camera is known to, as of [`Warning::PlanesContradict`].
+        #[cfg_attr(feature = "serde", serde(default))]
+        known_to: Option<f64>,
     },
     /// The lens does what its model cannot.
     #[error(
@@ -447,9 +453,9 @@ pub enum Warning {
 /// do about sides that err together: the diagnosis names them.
 pub(crate) const NOTABLE_FACTOR: f64 = 2.0;
 
-/// Planes that contradict each other ask for a look, and no more, where focal lengths and principal
-/// point are still known to this part of the focal length or the width: an error of four such standard
-/// deviations is no larger than what three squares printed 0.3 % too long in one direction make.
+/// A warning that names only what standard deviations include is one step less severe if focal lengths
+/// and principal point are known to this part of the focal length or the width. An error of four such
+/// standard deviations is no larger than that of three squares printed 0.3 % too long in one direction.
 const HARMLESS: f64 = 0.001;
 
 /// What a stored warning says that does not tell how many planes there were.
@@ -517,10 +523,7 @@ impl Warning {
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
-            Self::PlanesContradict {
-                known_to: Some(part),
-                ..
-            } if *part < HARMLESS => Severity::Medium,
+            Self::PlanesContradict { known_to, .. } if is_harmless(*known_to) => Severity::Medium,
             Self::LensBeyondModel { .. }
             | Self::LensOfAnotherFamily { .. }
             | Self::PlanesContradict { .. }
@@ -543,11 +546,12 @@ impl Warning {
             | Self::LensEndsInPicture { .. }
             | Self::LensExtrapolated { .. }
             | Self::LinesNotUsed { sigmas: Some(_) } => Severity::Medium,
-            Self::PlanesVary { factor, .. } | Self::SidesErrTogether { factor, .. }
-                if *factor > NOTABLE_FACTOR =>
-            {
-                Severity::Medium
+            Self::PlanesVary {
+                factor, known_to, ..
             }
+            | Self::SidesErrTogether {
+                factor, known_to, ..
+            } if *factor > NOTABLE_FACTOR && !is_harmless(*known_to) => Severity::Medium,
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
             | Self::PlaneRejected { is_other: true, .. }
@@ -558,10 +562,13 @@ impl Warning {
         }
     }
 
-    /// The same of planes that contradict each other with what that leaves of the camera, the largest
-    /// standard deviation as a part of the focal length or of the width.
+    /// Sets what the camera is known to: its largest standard deviation, as a part of the focal length
+    /// or of the width.
     pub(crate) fn with_camera_known_to(mut self, part: Option<f64>) -> Self {
-        if let Self::PlanesContradict { known_to, .. } = &mut self {
+        if let Self::PlanesContradict { known_to, .. }
+        | Self::PlanesVary { known_to, .. }
+        | Self::SidesErrTogether { known_to, .. } = &mut self
+        {
             *known_to = part;
         }
         self
@@ -589,6 +596,11 @@ impl Warning {
             _ => None,
         }
     }
+}
+
+/// Whether an error within the standard deviations of a camera that is known to `part` is small.
+fn is_harmless(part: Option<f64>) -> bool {
+    part.is_some_and(|part| part < HARMLESS)
 }
 
 #[cfg(test)]
@@ -676,14 +688,23 @@ mod tests {
             height: None,
             parameter: "fx".into(),
             factor,
+            known_to: None,
         };
-        for (factor, expected) in [(1.5, Severity::Low), (2.5, Severity::Medium)] {
-            assert_eq!(together(factor).severity(), expected);
+        for (factor, part, expected) in [
+            (1.5, None, Severity::Low),
+            (2.5, None, Severity::Medium),
+            (2.5, Some(0.0011), Severity::Medium),
+            (2.5, Some(0.0009), Severity::Low),
+        ] {
+            let together = together(factor).with_camera_known_to(part);
+            assert_eq!(together.severity(), expected);
             for (one_picture, words) in [(true, "the planes disagree"), (false, "focus or zoom")] {
                 let vary = Warning::PlanesVary {
                     factor,
                     one_picture,
+                    known_to: None,
                 };
+                let vary = vary.with_camera_known_to(part);
                 assert_eq!(vary.severity(), expected);
                 assert!(vary.to_string().contains(words), "{vary}");
             }

@@ -86,6 +86,7 @@ impl ResidualCorrelation {
             warnings.push(Warning::PlanesVary {
                 factor: self.group_variance_ratio.sqrt(),
                 one_picture,
+                known_to: None,
             });
         }
         let (parameter, factor) = (free.names()[worst], factors[worst]);
@@ -102,6 +103,7 @@ impl ResidualCorrelation {
                 height: risen.map(|it| it.1),
                 parameter: parameter.into(),
                 factor,
+                known_to: None,
             });
         }
         warnings

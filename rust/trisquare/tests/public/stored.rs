@@ -113,6 +113,7 @@ fn every_warning_with_a_text_is() {
             height: None,
             parameter: "k1".into(),
             factor: 1.5,
+            known_to: Some(0.002),
         },
         Warning::LensBeyondModel {
             certain: true,
