@@ -128,7 +128,7 @@ pub fn calibrate_photographs<L: Lens>(
     calibrate_beside(edges, size, options, photographs, NestedOptima::default())
 }
 
-/// [`calibrate_photographs`] with known optima of nested models from a comparison.
+/// `calibrate_photographs` with known optima of nested models from a comparison.
 pub(crate) fn calibrate_beside<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

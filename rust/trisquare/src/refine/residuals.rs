@@ -43,7 +43,7 @@ pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Op
     residuals_near(planes, view, None)
 }
 
-/// [`residuals`] computed with curves near the view, if any.
+/// `residuals` computed with curves near the view, if any.
 pub(super) fn residuals_near<L: Lens>(
     planes: &[ObservedPlane],
     view: &View<L>,
