@@ -7,7 +7,8 @@ use trisquare::{Brown, DistortionModel, Fisheye, Lens, Rational, ThinPrism};
 
 use crate::errors::detached;
 
-/// The name of a model, all parameters of its lens, and the lens's valid radius.
+/// The name of a model, all parameters of its lens, and the radius up to which that lens is
+/// trusted.
 #[derive(FromPyObject)]
 pub struct CameraMembers(String, Vec<f64>, f64);
 

@@ -35,7 +35,8 @@ pub fn exception(error: Error) -> PyErr {
 type Place = Arc<Mutex<String>>;
 
 thread_local! {
-    /// In detached threads: place of the last panic of any of them, empty before the first.
+    /// In detached threads: place of the last panic in any of them, empty before the first; `None`
+    /// elsewhere.
     static DETACHED: RefCell<Option<Place>> = const { RefCell::new(None) };
 }
 

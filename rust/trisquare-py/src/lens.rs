@@ -418,7 +418,7 @@ pub enum LensMembers {
     Other(OtherMembers),
 }
 
-/// `fx, fy, cx, cy`, the name of a distortion model, and its coefficients.
+/// `fx, fy, cx, cy`, the name of a distortion's model, and its coefficients.
 #[derive(FromPyObject)]
 pub struct OtherMembers([f64; 4], String, Vec<f64>);
 

@@ -45,7 +45,8 @@ impl ImageSize {
 
     /// Checks that the picture is not empty.
     ///
-    /// # Errors [`Error::InvalidArgument`] for an empty picture.
+    /// # Errors
+    /// [`Error::InvalidArgument`] for an empty picture.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let Self { width, height } = self;
         if *width == 0 || *height == 0 {

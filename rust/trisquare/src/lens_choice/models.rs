@@ -106,7 +106,8 @@ pub fn calibrate_by_evidence<L: Lens>(
 
 /// Checks that the options allow a comparison of models.
 ///
-/// # Errors [`Error::InvalidArgument`] for the linear method or a fixed distortion.
+/// # Errors
+/// [`Error::InvalidArgument`] for the linear method or a fixed distortion.
 pub(crate) fn check_comparable<L: Lens>(options: &Options<L>) -> Result<(), Error> {
     if options.fixed.distortion || options.method == Method::Linear {
         return Err(Error::InvalidArgument(

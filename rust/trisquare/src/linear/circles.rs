@@ -94,7 +94,8 @@ pub(super) fn homography_of_circles(
 
 /// Checks that the images of circles are nested in the order of their radii.
 ///
-/// # Errors [`Error::InvalidArgument`] if a circle appears around one with a larger radius.
+/// # Errors
+/// [`Error::InvalidArgument`] if a circle appears around one with a larger radius.
 fn check_nesting(
     figure: usize,
     circles: &[Circle],

@@ -66,7 +66,8 @@ crate::stored::read_checked!(Straightening {
 impl Straightening {
     /// Checks values that were read.
     ///
-    /// # Errors [`Error::InvalidArgument`] for a number that is not finite, or a radius that is not
+    /// # Errors
+    /// [`Error::InvalidArgument`] for a number that is not finite, or a radius that is not
     /// positive.
     #[cfg(feature = "serde")]
     fn check(&self) -> Result<(), Error> {

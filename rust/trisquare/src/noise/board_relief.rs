@@ -1,11 +1,11 @@
 //! Relief of a board, or of the sheet of a square: its heights, and the displacement of samples by
 //! each.
 //!
-//! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i
-//! + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i +
-//! j`. Stiff sheets resist curvature, which grows with the square of the order: `n` is 4. If the
-//! relief of squares is fitted as well (`Sheets::All`), 12 is tried, too, and the likelier one is
-//! used: sheets rolled or twisted as a whole have hardly any terms but the lowest.
+//! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
+//! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`,
+//! `d = i + j`. Stiff sheets resist curvature, which grows with the square of the order: `n` is 4.
+//! If the relief of squares is fitted as well (`Sheets::All`), 12 is tried, too, and the likelier
+//! one is used: sheets rolled or twisted as a whole have hardly any terms but the lowest.
 
 use nalgebra::{Vector2, Vector3};
 

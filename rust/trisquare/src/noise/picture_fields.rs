@@ -1,9 +1,9 @@
 //! Smooth displacements of the whole picture by a lens beyond its model.
 //!
 //! With `q` the position of a pixel relative to the principal point, in units of the distance `R`
-//! of the picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, the two of a decentred
-//! lens, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not. R.
-//! Astron. Soc. 79 (1919) 384-390), and the four of a thin prism, `R |q|^2` and `R |q|^4` along
+//! of the picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, the two of a lens out
+//! of centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not.
+//! R. Astron. Soc. 79 (1919) 384-390), and the four of a thin prism, `R |q|^2` and `R |q|^4` along
 //! either axis (J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992) 965-980). Fields that the model
 //! includes are excluded.
 

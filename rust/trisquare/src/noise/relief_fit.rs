@@ -2,10 +2,10 @@
 //!
 //! A bump of height `z(X, Y)` displaces rows and columns of a board alike, towards the vanishing
 //! point of its normal, and the more so the more obliquely the board is seen: a displacement shared
-//! by whole sheets, which a single line cannot distinguish from distortion. The heights are `R sum
-//! a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4` (lower orders
-//! are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i + j`. `tau` and `n` are
-//! estimated from the residuals together with the strength of each side's own errors
+//! by whole sheets, which a single line cannot distinguish from distortion. The heights are
+//! `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4` (lower
+//! orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i + j`. `tau` and
+//! `n` are estimated from the residuals together with the strength of each side's own errors
 //! ([`crate::noise::side_errors`]). If there clearly is a relief, the camera is estimated by
 //! generalised least squares, with the heights eliminated like a pose, under a prior.
 

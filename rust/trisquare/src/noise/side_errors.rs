@@ -1,13 +1,13 @@
 //! Errors shared by the samples of a side, and the certainty lost by them.
 //!
 //! Paper curves, ink bleeds, and no lens is exactly its polynomial: the samples of a side then
-//! share an error that averaging does not remove. Every side is given a smooth displacement `sum_k
-//! a_k P_k(s)` of its image ([`crate::noise::side_basis`]), `a_k` normal with variance `tau^2 / (1
-//! + (k/2)^2)^1.5`: the spectrum of an error correlated over about a third of the side, as in the
-//! residuals of real boards. `tau` is estimated from the residuals by restricted maximum likelihood
-//! (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which takes into account what the
-//! fitted parameters have absorbed. Marginalised over the `a_k`, the normal equations keep their
-//! arrowhead structure.
+//! share an error that averaging does not remove. Every side is given a smooth displacement
+//! `sum_k a_k P_k(s)` of its image ([`crate::noise::side_basis`]), `a_k` normal with variance
+//! `tau^2 / (1 + (k/2)^2)^1.5`: the spectrum of an error correlated over about a third of the side,
+//! as in the residuals of real boards. `tau` is estimated from the residuals by restricted maximum
+//! likelihood (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which takes into
+//! account what the fitted parameters have absorbed. Marginalised over the `a_k`, the normal
+//! equations keep their arrowhead structure.
 
 use nalgebra::DMatrix;
 

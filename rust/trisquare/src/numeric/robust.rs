@@ -154,9 +154,9 @@ impl ResidualSpread {
         self.weights += other.weights;
     }
 
-    /// The factor from the inverse of the weighted information `sum w J^T J` to a covariance: `(sum
-    /// psi^2 / sum psi') (sum w / sum psi')`, for `unknowns` fitted parameters (Huber & Ronchetti,
-    /// Robust Statistics, 2nd ed., section 7.6).
+    /// The factor from the inverse of the weighted information `sum w J^T J` to a covariance:
+    /// `(sum psi^2 / sum psi') (sum w / sum psi')`, for `unknowns` fitted parameters (Huber &
+    /// Ronchetti, Robust Statistics, 2nd ed., section 7.6).
     pub fn covariance_factor(&self, unknowns: f64) -> f64 {
         let freedom = (self.count - unknowns).max(1.0);
         self.squares / self.slopes * self.weights / self.slopes * self.count / freedom

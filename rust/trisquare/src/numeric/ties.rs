@@ -1,9 +1,9 @@
 //! Linear equations that tie the blocks of an arrowhead system to each other, satisfied exactly.
 //!
 //! With multipliers `m`, the equations of block `p` are `H y + C s + T m = -g`, and those of the
-//! ties `sum T^T y = 0`. Eliminating the blocks leaves `D s + M m = -sum T^T H^-1 g`, with `D = sum
-//! T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers are a function of the shared parameters,
-//! whose equations keep the same structure as without ties.
+//! ties `sum T^T y = 0`. Eliminating the blocks leaves `D s + M m = -sum T^T H^-1 g`, with
+//! `D = sum T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers are a function of the shared
+//! parameters, whose equations keep the same structure as without ties.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 

@@ -24,7 +24,7 @@ const SURELY_HELD: f64 = 0.65;
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Width {
     Usual,
-    /// Twice as wide, where the usual one does not hold the blur.
+    /// Twice as wide, for a blur that does not fit into the usual one.
     Wide,
 }
 

@@ -17,8 +17,8 @@ pub(super) const BLUR_DIFFERENCES: usize = SIDES + VARIATION_PARAMETERS;
 pub(super) const SIDES: usize = 4;
 pub(super) const VARIATION_PARAMETERS: usize = 3;
 
-/// Mean along an outline of the squared distance from the centre, in sizes: 1/3 where it fills its
-/// box, and less where it is turned.
+/// Approximate mean along an outline of the squared distance from the centre, relative to the
+/// square of its box: 1/3 if it fills the box, and less if it is turned.
 const SQUARE_OF_OUTLINE: f64 = 0.25;
 
 /// Initial blur (px) of the fit: that of a sharp lens, the pixel's own box included.

@@ -1,10 +1,10 @@
 //! Normal equations of one figure's pixels, summed by the parameters the pixels depend on.
 //!
 //! Nearly all pixels cut by an edge are cut by one side. The derivatives of their distances by pose
-//! and camera are polynomials along it: the sums are over `(terms, residual, picture, light,
-//! blur)`, and pose and camera are applied once per side. The few pixels at corners are added row
-//! by row. Beside the edges all derivatives are smooth functions of the position: over the pixels
-//! beside one stretch of an outline they are linear.
+//! and camera are polynomials along it: the sums are over
+//! `(terms, residual, picture, light, blur)`, and pose and camera are applied once per side. The
+//! few pixels at corners are added row by row. Beside the edges all derivatives are smooth
+//! functions of the position: over the pixels beside one stretch of an outline they are linear.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
@@ -283,7 +283,7 @@ impl<'a> FigureSums<'a> {
         self.shared > self.free.len()
     }
 
-    /// Adds all sums to the plane's block; `None` where the lens does not see a side.
+    /// Adds all sums to the plane's block; `None` if the lens does not see a side.
     pub fn finish<L: Lens>(
         mut self,
         scene: &Scene<'_, L>,

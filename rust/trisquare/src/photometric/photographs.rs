@@ -18,8 +18,9 @@ pub struct Photographs<'a> {
 impl Photographs<'_> {
     /// Checks that pictures, tones and figures are consistent.
     ///
-    /// # Errors [`Error::InvalidArgument`] unless every picture has a tone curve and the given
-    /// size, and every figure a picture.
+    /// # Errors
+    /// [`Error::InvalidArgument`] unless every picture has a tone curve and the given size, and
+    /// every figure a picture.
     pub(crate) fn check(&self, edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
         let [pictures, tones] = [self.pictures.len(), self.tones.len()];
         if pictures != tones {

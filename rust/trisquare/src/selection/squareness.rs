@@ -62,7 +62,8 @@ pub(crate) struct Deviation {
 impl CandidatePlane {
     /// The undistorted first figure of a plane.
     ///
-    /// # Errors If the figure has no homography.
+    /// # Errors
+    /// If the figure has no homography.
     pub fn of<L: Lens>(
         plane: &ObservedPlane,
         undistortion: &Undistortion<L>,

@@ -124,7 +124,7 @@ impl<L: Lens> Straightened<L> {
         f64::max(curved / f64::max(freedom, 1.0), 1.0)
     }
 
-    /// Median over the planes of the mean square curvature, at least 1.
+    /// Lower median over the planes of the mean square curvature, at least 1.
     fn straighter_half(&self) -> f64 {
         let mut all: Vec<f64> = self.misfits.iter().map(curvature).collect();
         all.sort_by(f64::total_cmp);

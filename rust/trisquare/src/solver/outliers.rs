@@ -439,7 +439,7 @@ impl<L: Lens> Trial<L> {
         added / freedom / self.ordinary()
     }
 
-    /// Whether the left-out side is more curved than the others.
+    /// Whether the left-out side is clearly more curved than the others.
     fn shows_bent(&self, found: &Solution<L>, (plane, side): (usize, usize)) -> bool {
         curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
     }
