@@ -1,4 +1,5 @@
-//! The extension module that Python loads: a crate of its own, since what is linked for Python waits
-//! for all that it is made of, and the bindings compile while the crate does.
+//! The extension module loaded by Python. It is a separate crate because linking it has to wait for
+//! all its dependencies, whereas the bindings can compile at the same time as the crate
+//! `trisquare`.
 
 pub use trisquare_py::_core;

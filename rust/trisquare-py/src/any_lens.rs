@@ -1,4 +1,4 @@
-//! A camera as Python hands it over: a lens of any family.
+//! A camera as passed by Python: a lens of any family.
 
 use nalgebra::Matrix3;
 use pyo3::exceptions::PyValueError;
@@ -7,7 +7,8 @@ use trisquare::{Brown, DistortionModel, Fisheye, Lens, Rational, ThinPrism};
 
 use crate::errors::detached;
 
-/// The name of a model, all parameters of its lens, and the radius that lens is trusted up to.
+/// The name of a model, all parameters of its lens, and the radius up to which that lens is
+/// trusted.
 #[derive(FromPyObject)]
 pub struct CameraMembers(String, Vec<f64>, f64);
 
@@ -20,7 +21,7 @@ pub enum AnyLens {
     ThinPrism(ThinPrism),
 }
 
-/// Evaluates an expression with the lens that an [`AnyLens`] holds.
+/// Evaluates an expression with the lens in an [`AnyLens`].
 macro_rules! with_lens {
     ($any:expr, |$lens:ident| $value:expr) => {
         match $any {
@@ -44,7 +45,7 @@ impl CameraMembers {
     }
 }
 
-/// Makes the lenses of a family ones of any.
+/// Implements the conversion of each family's lens to [`AnyLens`].
 macro_rules! of_family {
     ($($family:ident),*) => {$(
         impl From<$family> for AnyLens {
@@ -66,7 +67,7 @@ fn filled<L: Lens>(py: Python<'_>, lens: L, parameters: &[f64], radius: f64) -> 
     detached(py, || lens.with_parameters(parameters).within(radius))
 }
 
-/// A lens of the first family that has a model; its parameters mean nothing.
+/// A lens of the first family that has a model of this name; its parameters are arbitrary.
 pub fn family_of(model: &str) -> PyResult<AnyLens> {
     let any = Matrix3::identity();
     let families: [AnyLens; 4] = [
@@ -101,7 +102,7 @@ fn names<L: Lens>(_: &L) -> Vec<String> {
     L::Model::NESTED.iter().map(|model| model.name()).collect()
 }
 
-/// The model of a name in a lens's family.
+/// The model with a name in a lens's family.
 pub fn model_of<L: Lens>(lens: &L, name: &str) -> PyResult<L::Model> {
     let mut models = L::Model::NESTED.iter().copied();
     models
@@ -109,7 +110,7 @@ pub fn model_of<L: Lens>(lens: &L, name: &str) -> PyResult<L::Model> {
         .ok_or_else(|| unknown_model(name, &names(lens)))
 }
 
-/// A lens as one of a family: itself, or its camera matrix alone where it is of another.
+/// Converts a lens to a family: unchanged if it belongs to it, otherwise only its camera matrix.
 pub fn in_family<L: Lens>(given: &AnyLens) -> L {
     with_lens!(given, |given| {
         let lens = L::from_camera_matrix(&given.camera_matrix());

@@ -1,4 +1,4 @@
-//! Between numpy arrays and nalgebra, always by copy.
+//! Conversion between numpy arrays and nalgebra, always by copy.
 
 use nalgebra::{Const, DMatrix, Dim, Dyn, Matrix, OMatrix, RawStorage, SMatrix, SVector};
 use numpy::ndarray::{Array2, Array3};

@@ -21,7 +21,7 @@ use crate::image::{KeptPixels, picture_tone};
 use crate::lens::size;
 use crate::observations::plane_edges;
 
-/// What became of a candidate plane.
+/// Verdict on a candidate plane.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct Verdict {
     /// Index of its first figure.
@@ -30,21 +30,22 @@ pub struct Verdict {
     residual: Option<f64>,
 }
 
-/// What is kept of the figures, and the calibration from it or why there is none.
+/// The choice among the figures, and the calibration from it or its error.
 #[pyclass(frozen, module = "trisquare._core")]
 pub struct Outcome {
-    /// Empty where nothing was to be chosen.
+    /// Empty if no choice was requested.
     #[pyo3(get)]
     verdicts: Vec<Py<Verdict>>,
     #[pyo3(get)]
     doubt: Option<String>,
-    /// Of an error, no exception is kept: its traceback would hold this in turn, for ever.
+    /// An error is kept as a value. A Python exception would hold a traceback that refers to this
+    /// object: a reference cycle.
     solution: Result<Py<Solution>, Error>,
 }
 
 #[pymethods]
 impl Outcome {
-    /// The calibration from the figures that are kept.
+    /// The calibration from the figures that are kept; raises its error.
     fn solution(&self, py: Python<'_>) -> PyResult<Py<Solution>> {
         match &self.solution {
             Ok(solution) => Ok(solution.clone_ref(py)),
@@ -53,7 +54,7 @@ impl Outcome {
     }
 }
 
-/// A calibrated camera, how well it is known, and where the planes stand.
+/// A calibrated camera with its uncertainty, and the poses of the planes.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct Solution {
     camera_matrix: Py<PyArray2<f64>>,
@@ -64,7 +65,7 @@ pub struct Solution {
     covariance: Py<PyArray2<f64>>,
     std: Py<PyDict>,
     planes: Vec<Py<SolvedPlane>>,
-    /// Index among the figures, root mean square distance, and whether it is used, of the lines of
+    /// Index among the figures, root mean square distance, and whether it is used, for each line of
     /// the scene.
     lines: Vec<(usize, Option<f64>, bool)>,
     residuals: Vec<Py<FigureResiduals>>,
@@ -72,26 +73,26 @@ pub struct Solution {
     noise_scale: f64,
     warnings: Vec<Py<SolutionWarning>>,
     stage: &'static str,
-    /// Model, logarithm of its evidence, and rms of those that were not chosen.
+    /// Model, logarithm of its evidence, and rms of each that was rejected.
     alternatives: Vec<(String, f64, f64)>,
     correlation: Py<ResidualCorrelation>,
     tones: Vec<Py<ToneFit>>,
     tone_growth: Option<f64>,
 }
 
-/// What may make a calibration wrong.
+/// A possible cause of a wrong calibration.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct SolutionWarning {
     text: String,
     code: &'static str,
     severity: &'static str,
-    /// The plane that it is about.
+    /// The plane concerned.
     plane: Option<usize>,
-    /// The picture that it is about, counted among those that were given.
+    /// The picture concerned, counted among those that were given.
     picture: Option<usize>,
 }
 
-/// Covariance of a pose for a given camera, (6, 6), and its change by the camera's parameters,
+/// Covariance of a pose for a given camera, (6, 6), and its derivative by the camera's parameters,
 /// (6, n).
 type PoseMembers = (Py<PyArray2<f64>>, Py<PyArray2<f64>>);
 
@@ -106,13 +107,13 @@ pub struct SolvedPlane {
     rms: f64,
     samples: usize,
     uncertainty: Option<PoseMembers>,
-    /// Of a rectangle of unknown aspect, its aspect and the standard deviation of that.
+    /// Aspect and its standard deviation, for a rectangle of unknown aspect.
     aspect: Option<(f64, f64)>,
-    /// Of circles of which some radii were unknown, all radii and their standard deviations.
+    /// All radii and their standard deviations, for circles with unknown radii.
     radii: Vec<(f64, f64)>,
 }
 
-/// How far the samples of a figure are from the images of its lines, line by line.
+/// Distances of a figure's samples from the images of its lines, line by line.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct FigureResiduals {
     plane: usize,
@@ -120,7 +121,7 @@ pub struct FigureResiduals {
     normals: Vec<Py<PyArray2<f64>>>,
 }
 
-/// How far the residuals are from independent noise.
+/// Departure of the residuals from independent noise.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct ResidualCorrelation {
     neighbours: f64,
@@ -129,7 +130,7 @@ pub struct ResidualCorrelation {
     contradiction: f64,
 }
 
-/// What the fit to the pixels told of how a picture was coded.
+/// The coding of a picture as estimated by the fit to the pixels.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct ToneFit {
     effective_gamma: f64,
@@ -137,12 +138,12 @@ pub struct ToneFit {
     shift: Option<(f64, f64)>,
 }
 
-/// Calibrates from figures and, where given, the pictures they were measured in; if `choosing`,
+/// Calibrates from figures and, if given, the pictures in which they were measured; if `choosing`,
 /// from the largest set of planes that one camera sees as true squares.
 ///
-/// `side_errors` are, of each picture, the standard deviations (px) of an error that the samples of
-/// a side share, and those of a board's line; many planes are fitted in so many `threads`;
-/// `orthogonal` and `parallel` are pairs of the planes that are used.
+/// `side_errors` are, for each picture, the standard deviations (px) of an error shared by the
+/// samples of a side, and of one shared by those of a board's line; many planes are fitted in
+/// `threads` threads; `orthogonal` and `parallel` are pairs of the planes that are used.
 #[pyfunction]
 #[pyo3(signature = (figures, image_size, *, choosing, method, model, fixed, initial, pictures, tones, threads=1, side_errors=Vec::new(), orthogonal=Vec::new(), parallel=Vec::new(), free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function
@@ -209,10 +210,10 @@ pub fn calibrate<'py>(
     })
 }
 
-/// The model that stands for the choice among "none" to "brown" and the fisheyes.
+/// Name of the choice among "none" to "brown" and the fisheyes.
 const AUTO: &str = "auto";
 
-/// Options with the usual model of a lens.
+/// Options with the default model of a lens.
 fn options_with<L: Lens>(method: Method, fixed: Fixed, initial: Option<&AnyLens>) -> Options<L> {
     Options {
         method,
@@ -222,7 +223,7 @@ fn options_with<L: Lens>(method: Method, fixed: Fixed, initial: Option<&AnyLens>
     }
 }
 
-/// What is asked for, whatever the lens.
+/// A calibration task, for any lens.
 struct Task<'a> {
     edges: Vec<PlaneEdges>,
     size: ImageSize,
@@ -233,7 +234,7 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// With the lens and the model that are asked for.
+    /// Calibrates with the given lens and model.
     fn outcome_with<L: Lens>(
         mut self,
         py: Python<'_>,
@@ -244,7 +245,7 @@ impl Task<'_> {
         let options = &Options { model, ..options };
         let (choice, found) = computed_in(py, self.threads, || {
             let choice = self.chosen(options)?;
-            // A lens of the wrong family makes squares of none.
+            // With a lens of the wrong family hardly any plane is a square.
             let choice = match self.choosing && kept(&choice) < 2 {
                 true => {
                     let wide = || self.chosen(&options.for_family::<Fisheye>());
@@ -267,7 +268,7 @@ impl Task<'_> {
         outcome(py, choice, found, |found| solution(py, &found, None))
     }
 
-    /// With the lens that the data ask for.
+    /// Calibrates with the family and model of the largest evidence.
     fn outcome_by_family(mut self, py: Python<'_>, options: &Options<Brown>) -> PyResult<Outcome> {
         let (choice, found) = computed_in(py, self.threads, || {
             let rich = Options {
@@ -296,7 +297,7 @@ impl Task<'_> {
         }
     }
 
-    /// Keeps the planes that are chosen, and relates those that are left.
+    /// Keeps the chosen planes, and relates those that remain.
     fn keep(&mut self, choice: Option<&Choice>) -> Result<(), Error> {
         if let Some(choice) = choice {
             choice.keep(&mut self.edges);
@@ -307,14 +308,14 @@ impl Task<'_> {
     }
 }
 
-/// Of choices that keep as many planes, one whose camera leaves less than this part of what another's
-/// leaves is better: a lens of the wrong family makes squares of other things.
+/// Ratio of the residuals of two choices that keep equally many planes, below which the one with
+/// less is better: with a lens of the wrong family other things become squares.
 const MUCH_LESS: f64 = 0.5;
 
-/// With less than this part it is better although it keeps fewer.
+/// Ratio below which it is better even if it keeps fewer.
 const FAR_LESS: f64 = 0.1;
 
-/// The better of two choices; the other is made where the first drops any.
+/// The better of two choices; the other is only made if the first drops a plane.
 fn better_choice(
     first: Result<Option<Choice>, Error>,
     other: impl FnOnce() -> Result<Option<Choice>, Error>,
@@ -348,7 +349,7 @@ fn is_better(one: &Option<Choice>, other: &Option<Choice>) -> bool {
     }
 }
 
-/// How many planes a choice keeps.
+/// Number of planes that a choice keeps.
 fn kept(choice: &Option<Choice>) -> usize {
     let verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
     verdicts.filter(|verdict| verdict.kept).count()
@@ -388,7 +389,7 @@ pub(crate) fn named<T: Copy>(name: &str, what: &str, known: &[(&str, T)]) -> PyR
     })
 }
 
-/// What is held: what is named, and the skew unless it is freed.
+/// The fixed parameters: those named, and the skew unless it is freed.
 pub(crate) fn fixed_parameters(names: &[String], free: &[String]) -> PyResult<Fixed> {
     if let Some(other) = free.iter().find(|name| *name != SKEW) {
         let text = format!("cannot free {other:?}: choose {SKEW}");
@@ -430,7 +431,8 @@ fn solution<L: Lens>(
     let found = &choice.calibration;
     let correlation = &found.residual_correlation;
     let alternatives = choice.alternatives.iter();
-    // How poses follow a skew matters where there is one: others' results stay as they were.
+    // The derivatives of poses by the skew are only included if there is one: other results are
+    // unchanged.
     let is_skewed = found.camera.skew() != 0.0 || found.parameters.contains(&SKEW);
     let columns = L::parameter_names().len() - usize::from(!is_skewed);
     Ok(Solution {
@@ -491,7 +493,7 @@ fn solution_warning(warning: &Warning) -> SolutionWarning {
     }
 }
 
-/// The message of a warning, which advises the keywords of the Python function.
+/// The message of a warning, with its advice as keywords of the Python function.
 fn message(warning: &Warning) -> String {
     let text = warning.to_string();
     let Some(advised) = warning.alternative() else {
@@ -508,7 +510,7 @@ fn message(warning: &Warning) -> String {
     text.replace(&advised.to_string(), &own)
 }
 
-/// Converts each of some values to an object of Python's.
+/// Converts each of some values to a Python object.
 fn each<T, U>(
     py: Python<'_>,
     values: &[T],

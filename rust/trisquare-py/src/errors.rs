@@ -16,7 +16,7 @@ pyo3::import_exception!(trisquare.errors, DegenerateGeometryError);
 pyo3::import_exception!(trisquare.errors, ConvergenceError);
 pyo3::import_exception!(trisquare.errors, InternalError);
 
-/// The exception that stands for an error of the crate.
+/// The Python exception for an error of the crate.
 pub fn exception(error: Error) -> PyErr {
     let mut message = error.to_string();
     if let Error::LinesAlone { .. } = error {
@@ -35,19 +35,21 @@ pub fn exception(error: Error) -> PyErr {
 type Place = Arc<Mutex<String>>;
 
 thread_local! {
-    /// In what runs detached: where the last panic of any of its threads was, once there was one.
+    /// In detached threads: place of the last panic in any of them, empty before the first; `None`
+    /// elsewhere.
     static DETACHED: RefCell<Option<Place>> = const { RefCell::new(None) };
 }
 
-/// Runs the crate without the GIL; a panic of it becomes an `InternalError`.
+/// Runs the crate without the GIL; a panic becomes an `InternalError`.
 ///
 /// # Errors
-/// `InternalError`, of which the message says what failed and where.
+/// `InternalError`, with a message that says what failed and where.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     once(work, |work| run_detached(py, work))
 }
 
-/// The result of work that `run` does: what runs it is compiled once for all kinds of work.
+/// The result of work done by `run`: not generic, so that `run` is compiled once for all kinds of
+/// work.
 fn once<T: Send>(
     work: impl FnOnce() -> T + Send,
     run: impl FnOnce(&mut (dyn FnMut() + Send)) -> PyResult<()>,
@@ -63,7 +65,7 @@ fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()>
     py.detach(|| {
         let place = Place::default();
         DETACHED.set(Some(place.clone()));
-        // What a panic leaves half done is dropped with it: nothing is read afterwards.
+        // State left incomplete by a panic is dropped with it: nothing reads it afterwards.
         let found = catch_unwind(AssertUnwindSafe(work));
         DETACHED.set(None);
         let place = place.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -77,7 +79,7 @@ fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()>
     })
 }
 
-/// As [`detached`], for what may refuse its input.
+/// As [`detached`], for work that may return an error.
 ///
 /// # Errors
 /// The exception of the crate's error, or `InternalError`.
@@ -88,10 +90,10 @@ pub fn computed<T: Send>(
     detached(py, work)?.map_err(exception)
 }
 
-/// As [`computed`], in a pool of so many threads where it is more than one.
+/// As [`computed`], in a pool of threads if `threads` is more than one.
 ///
 /// # Errors
-/// As of [`computed`].
+/// As [`computed`].
 pub fn computed_in<T: Send>(
     py: Python<'_>,
     threads: usize,
@@ -113,12 +115,12 @@ fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {
     });
     match pool {
         Some(Ok(pool)) => pool.install(work),
-        // A system that gives no further threads has the one that asks.
+        // If the system starts no further threads, the calling one does the work.
         _ => work(),
     }
 }
 
-/// Lets the place of a panic be told by the exception, and not on standard error.
+/// Passes the place of a panic to the exception instead of printing it on standard error.
 fn keep_panics_silent() {
     let before = take_hook();
     set_hook(Box::new(move |panic| {
@@ -143,7 +145,7 @@ fn said(panic: &(dyn Any + Send)) -> &str {
         .unwrap_or("a panic")
 }
 
-/// Panics, in one of so many threads: the way out of a panic can be tested only by one.
+/// Panics, in one of `threads` threads: the handling of panics can only be tested with one.
 ///
 /// # Errors
 /// `InternalError`.

@@ -1,4 +1,4 @@
-//! Photographs, copied once, and the edges in them.
+//! Photographs, copied once, and their edges.
 
 use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArrayDyn};
@@ -10,7 +10,7 @@ use crate::arrays;
 use crate::errors::detached;
 use crate::observations::plane_edges;
 
-/// The raw pixels of a photograph, `(H, W)` or `(H, W, 3)` in BGR order, in memory of its own.
+/// The raw pixels of a photograph, `(H, W)` or `(H, W, 3)` in BGR order, in their own memory.
 #[pyclass(frozen, module = "trisquare._core")]
 pub struct Picture {
     pub picture: trisquare::Picture,
@@ -39,7 +39,7 @@ impl Picture {
         Ok(Self { picture })
     }
 
-    /// The pixels that the fit to the pixels reads of a picture in which these figures were measured,
+    /// The pixels read by the fit to the pixels, in a picture in which these figures were measured,
     /// with sides of at most this blur (pixels).
     fn near(
         &self,
@@ -61,7 +61,7 @@ pub struct KeptPixels {
     pub pixels: trisquare::KeptPixels,
 }
 
-/// Width, height, channels and the values in row order, whatever the strides.
+/// Width, height, channels and the values in row order, for any strides.
 fn contiguous<T: Copy, D: Dimension>(
     view: ArrayView<'_, T, D>,
 ) -> PyResult<(usize, usize, usize, Vec<T>)> {
@@ -82,7 +82,7 @@ fn contiguous<T: Copy, D: Dimension>(
 }
 
 /// As [`tone`]; or gamma, toe, whether these are to be estimated, and the standard deviation of the
-/// shift that is left, which may be 0 if they are.
+/// remaining shift, which may be 0 if they are.
 pub fn picture_tone(value: &Bound<'_, PyAny>) -> PyResult<PictureTone> {
     let found = match value.extract::<(f64, f64, bool, f64)>() {
         Err(_) => PictureTone::Known(tone(value)?),
@@ -124,7 +124,7 @@ pub fn tone(value: &Bound<'_, PyAny>) -> PyResult<Tone> {
 
 type Bounds = (Option<usize>, Option<usize>);
 
-/// A stretch of edge that is known coarsely: the members of Python's `SideSpan`.
+/// A coarsely known stretch of edge: the members of Python's `SideSpan`.
 #[derive(FromPyObject)]
 pub struct SideSpan<'py> {
     path: PyReadonlyArray2<'py, f64>,
@@ -144,15 +144,15 @@ pub struct SideSpan<'py> {
 pub struct SideSamples {
     /// Shape (N, 2), pixels.
     points: Py<PyArray2<f64>>,
-    /// One standard deviation of each across the side, pixels.
+    /// Standard deviation of each across the side, pixels.
     std: Py<PyArray1<f64>>,
     /// Standard deviation of the edge's blur, pixels.
     blur: f64,
-    /// Displacement of each by one standard deviation of an estimated tone curve, pixels.
+    /// Displacement of each for one standard deviation of an estimated tone curve, pixels.
     drift: Option<Py<PyArray2<f64>>>,
 }
 
-/// The samples of a side, or why there are none.
+/// The samples of a side, or the reason why there are none.
 #[derive(IntoPyObject)]
 pub enum Measured {
     Samples(Py<SideSamples>),
@@ -168,25 +168,25 @@ pub struct ToneEstimate {
     std: f64,
     misfit_shift: f64,
     shift_std: Option<f64>,
-    /// How far a stated curve is from this one, in standard deviations.
+    /// Difference of a stated curve from this one, in standard deviations.
     contradiction: f64,
 }
 
-/// What is wrong with a picture as a whole.
+/// Faults of a picture as a whole.
 #[pyclass(frozen, module = "trisquare._core")]
 pub struct PictureFaults {
     found: trisquare::PictureFaults,
-    /// How far blue and red are displaced outward in the corners, pixels, where that matters.
+    /// Outward displacement of blue and red in the corners, pixels, if it matters.
     #[pyo3(get)]
     colour_shift: Option<(f64, f64)>,
-    /// Whether `mended` is of green light.
+    /// Whether `mended` uses green light only.
     #[pyo3(get)]
     is_green: bool,
 }
 
 #[pymethods]
 impl PictureFaults {
-    /// The share of the sides whose light is clipped.
+    /// The fraction of the sides whose light is clipped.
     #[getter]
     fn clipped(&self) -> f64 {
         self.found.clipped
@@ -198,56 +198,56 @@ impl PictureFaults {
         self.found.has_two_levels
     }
 
-    /// How far odd rows are displaced against the even ones, pixels, where that matters.
+    /// Displacement of odd rows relative to the even ones, pixels, if it matters.
     #[getter]
     fn row_shift(&self) -> Option<(f64, f64)> {
         self.found.row_shift().map(|shift| (shift.x, shift.y))
     }
 
-    /// The length of a motion, pixels, and its direction, degrees.
+    /// The length of the motion, pixels, and its direction, degrees.
     #[getter]
     fn motion(&self) -> Option<(f64, f64)> {
         let motion = self.found.motion?;
         Some((motion.length, motion.direction))
     }
 
-    /// The middle one of the sides' blurs, one standard deviation, pixels.
+    /// The median of the sides' blurs, as a standard deviation, pixels.
     #[getter]
     fn blur(&self) -> f64 {
         self.found.blur
     }
 
-    /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
+    /// The amplitude of a fine pattern over the picture, as a fraction of the sides' contrast.
     #[getter]
     fn pattern(&self) -> Option<f64> {
         self.found.pattern
     }
 
-    /// One standard deviation of what they leave unknown of each side's place, pixels.
+    /// Standard deviation of each side's position due to the faults, pixels.
     #[getter]
     fn side_error(&self) -> f64 {
         self.found.side_error
     }
 
-    /// The same of a board's lines, pixels.
+    /// Standard deviation of the position of a board's lines due to the faults, pixels.
     #[getter]
     fn line_error(&self) -> f64 {
         self.found.line_error
     }
 
-    /// What is to be measured in place of the picture; None for the picture itself.
+    /// The picture to measure instead; None for the picture itself.
     fn mended(&self, picture: &Picture) -> Option<Picture> {
         let picture = self.found.mended(&picture.picture)?;
         Some(Picture { picture })
     }
 }
 
-/// The samples of every span, and what their profiles tell of the tone curve and of faults.
+/// The samples of every span, and the tone curve and faults estimated from their profiles.
 type Localised = (Vec<Measured>, ToneEstimate, PictureFaults);
 
-/// Sub-pixel samples along coarsely known spans; a reason where there is no edge.
+/// Sub-pixel samples along coarsely known spans; a reason if there is no edge.
 ///
-/// Without a tone it is estimated, and the samples come with their displacement by one standard
+/// Without a tone it is estimated, and the samples include their displacement for one standard
 /// deviation of it.
 #[pyfunction]
 #[pyo3(signature = (picture, spans, tone))]

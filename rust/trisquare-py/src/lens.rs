@@ -1,4 +1,4 @@
-//! A camera's maps, for arrays of points.
+//! A camera's maps of arrays of points.
 
 use nalgebra::{Matrix6xX, Vector2, Vector3};
 use numpy::{
@@ -31,7 +31,7 @@ pub(crate) fn size((width, height): (u32, u32)) -> ImageSize {
     ImageSize { width, height }
 }
 
-/// The radius up to which a camera is trusted: its lens's own, or the one given if that is smaller.
+/// The valid radius of a camera: that of its lens, or the given one if that is smaller.
 #[pyfunction]
 #[pyo3(signature = (camera))]
 pub fn valid_radius(py: Python<'_>, camera: CameraMembers) -> PyResult<f64> {
@@ -47,7 +47,7 @@ pub fn valid_pixel_radius(py: Python<'_>, camera: CameraMembers) -> PyResult<f64
     })
 }
 
-/// The pixels at which points of camera coordinates are seen.
+/// The pixels of points in camera coordinates.
 #[pyfunction]
 #[pyo3(signature = (camera, points))]
 pub fn project_points<'py>(
@@ -57,7 +57,7 @@ pub fn project_points<'py>(
     mapped!(camera, points, |lens, points| lens.project_points(&points))
 }
 
-/// The unit rays along which pixels look.
+/// The unit rays of pixels.
 #[pyfunction]
 #[pyo3(signature = (camera, pixels))]
 pub fn unproject_pixels<'py>(
@@ -68,7 +68,7 @@ pub fn unproject_pixels<'py>(
         .unproject_pixels(&pixels))
 }
 
-/// Where the lens moves the pixels of a pinhole.
+/// The distorted pixels of a pinhole's pixels.
 #[pyfunction]
 #[pyo3(signature = (camera, ideal))]
 pub fn distort_pixels<'py>(
@@ -78,7 +78,7 @@ pub fn distort_pixels<'py>(
     mapped!(camera, ideal, |lens, ideal| lens.distort_pixels(&ideal))
 }
 
-/// Where a pinhole would have seen what pixels show.
+/// A pinhole's pixels of observed ones.
 #[pyfunction]
 #[pyo3(signature = (camera, observed))]
 pub fn undistort_pixels<'py>(
@@ -89,7 +89,7 @@ pub fn undistort_pixels<'py>(
         .undistort_pixels(&observed))
 }
 
-/// `fx, fy, cx, cy` of the pinhole that sees a camera's pictures undistorted.
+/// `fx, fy, cx, cy` of the pinhole of a camera's undistorted pictures.
 #[pyfunction]
 #[pyo3(signature = (camera, image_size, balance))]
 pub fn undistorted_view(
@@ -120,7 +120,7 @@ fn picture_view((surface, fx, fy, cx, cy): ViewMembers<'_>) -> PyResult<PictureV
     })
 }
 
-/// The directions (N, 3) that pixels of a view show, of any length.
+/// The directions (N, 3) of a view's pixels, not normalised.
 #[pyfunction]
 #[pyo3(signature = (view, pixels))]
 pub fn view_directions<'py>(
@@ -133,7 +133,7 @@ pub fn view_directions<'py>(
     Ok(arrays::from_points(py, &found))
 }
 
-/// The pixels (N, 2) of a view that show directions; NaN where none does.
+/// The pixels (N, 2) of directions in a view; NaN if a direction has none.
 #[pyfunction]
 #[pyo3(signature = (view, directions))]
 pub fn view_pixels<'py>(
@@ -149,7 +149,7 @@ pub fn view_pixels<'py>(
     Ok(arrays::from_points(py, &found.collect::<Vec<_>>()))
 }
 
-/// Fills the map of where a view's pixels lie in a camera's picture.
+/// Fills the map from a view's pixels to those of a camera's picture.
 #[pyfunction]
 #[pyo3(signature = (camera, image_size, view, whole, parts, valid))]
 pub fn fill_undistortion_map(
@@ -192,7 +192,7 @@ pub fn largest_rectangle(
     Ok(found.into())
 }
 
-/// Which points of camera coordinates a camera sees, in the picture or beside it.
+/// Whether points in camera coordinates are seen by a camera, inside or outside the picture.
 #[pyfunction]
 #[pyo3(signature = (camera, points))]
 pub fn can_project(
@@ -206,7 +206,7 @@ pub fn can_project(
     }))
 }
 
-/// Which of the pixels the lens model can follow back.
+/// Whether pixels can be unprojected by the lens model.
 #[pyfunction]
 #[pyo3(signature = (camera, pixels))]
 pub fn can_unproject(
@@ -262,16 +262,16 @@ pub fn projection_covariance<'py>(
     Ok(arrays::from_matrices(py, &found))
 }
 
-/// Standard deviations, p-value, degrees of freedom, rms left unexplained.
+/// Standard deviations, p-value, degrees of freedom, unexplained rms.
 type TestMembers<'py> = (Bound<'py, PyArray1<f64>>, f64, usize, f64);
-/// Rotation, differences (infinite where there is none), test.
+/// Rotation, differences (infinite where undefined), test.
 type DifferenceMembers<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
     Option<TestMembers<'py>>,
 );
 
-/// How far apart two cameras project over pixels, after the rotation that fits best.
+/// Differences between the projections of two cameras over pixels, after the best rotation.
 #[pyfunction]
 #[pyo3(signature = (first, second, pixels))]
 pub fn compare_projections<'py>(
@@ -319,7 +319,7 @@ fn pose((rotation, translation): &PoseMembers<'_>) -> PyResult<Pose> {
     })
 }
 
-/// The points of a plane that are seen at pixels.
+/// The points of a plane seen at pixels.
 #[pyfunction]
 #[pyo3(signature = (camera, pose, pixels))]
 pub fn points_on_plane<'py>(
@@ -336,11 +336,11 @@ pub fn points_on_plane<'py>(
 /// Points, shape (N, 2), and their covariance, (2 N, 2 N).
 type CertainPoints<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
-/// The covariance of a pose where the camera is given, and its derivative by the camera.
+/// The covariance of a pose given the camera, and its derivative by the camera.
 type PoseUncertaintyMembers<'py> = (PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>);
 
-/// Of a pose seen by a lens of so many parameters. The skew comes last; results without one leave
-/// out how poses follow it.
+/// Uncertainty of a pose seen by a lens of so many parameters. The last one is the skew; results
+/// without a skew omit the derivatives by it.
 fn pose_uncertainty(
     (given_camera, by_camera): &PoseUncertaintyMembers<'_>,
     parameters: usize,
@@ -385,7 +385,7 @@ pub fn angle_between_planes<'py>(
     })
 }
 
-/// The points of a plane that are seen at pixels, and their covariance.
+/// The points of a plane seen at pixels, and their covariance.
 #[pyfunction]
 #[pyo3(signature = (camera, pose, uncertainty, pixels, pixel_std))]
 pub fn points_on_plane_with_covariance<'py>(
@@ -422,10 +422,10 @@ pub enum LensMembers {
 #[derive(FromPyObject)]
 pub struct OtherMembers([f64; 4], String, Vec<f64>);
 
-/// `fx, fy, cx, cy`, coefficients, rms and largest distance, part of the picture covered.
+/// `fx, fy, cx, cy`, coefficients, rms and maximum distance, fraction of the picture covered.
 type NearestMembers = ((f64, f64, f64, f64), Vec<f64>, f64, f64, f64);
 
-/// The lens of some terms that comes nearest to another one over its picture.
+/// The lens with given terms that is nearest to another one over its picture.
 #[pyfunction]
 #[pyo3(signature = (lens, image_size, name, square_pixels, terms))]
 pub fn nearest_lens(

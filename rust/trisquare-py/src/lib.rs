@@ -15,7 +15,7 @@ mod search;
 #[pyo3::pymodule]
 pub mod _core {
     #[pymodule_export]
-    #[allow(non_upper_case_globals)] // Python's name for it
+    #[allow(non_upper_case_globals)] // its name in Python
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
     #[pymodule_export]

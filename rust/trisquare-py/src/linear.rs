@@ -1,4 +1,4 @@
-//! The paper's steps, one by one.
+//! The paper's steps, separately.
 
 use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
@@ -38,7 +38,7 @@ pub fn fit_distortion<'py>(
     ))
 }
 
-/// Maps observed pixels to their ideal places.
+/// Maps observed pixels to their ideal positions.
 #[pyfunction]
 #[pyo3(signature = (points, coefficients, centre, radius))]
 pub fn straighten<'py>(
@@ -77,7 +77,7 @@ pub fn homography_from_lines<'py>(
     Ok(arrays::from_matrix(py, &found))
 }
 
-/// The camera matrix of homographies, by the image of the absolute conic.
+/// The camera matrix from homographies, by the image of the absolute conic.
 #[pyfunction]
 #[pyo3(signature = (homographies))]
 pub fn camera_matrix_from_homographies<'py>(
@@ -94,7 +94,7 @@ pub fn camera_matrix_from_homographies<'py>(
     Ok(arrays::from_matrix(py, &found))
 }
 
-/// Rotation and translation of the plane that a homography shows.
+/// Rotation and translation of a plane from its homography.
 #[pyfunction]
 #[pyo3(signature = (camera_matrix, homography))]
 pub fn pose_from_homography<'py>(

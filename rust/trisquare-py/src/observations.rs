@@ -1,4 +1,4 @@
-//! From the Python class `PlaneEdges` to the crate's.
+//! Conversion from the Python class `PlaneEdges` to the crate's.
 
 use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
@@ -9,8 +9,8 @@ use trisquare::{CellSample, Freedom, GridLineSamples, PlaneEdges, Polarity};
 use crate::arrays;
 use crate::errors::{computed, detached};
 
-/// The lines of a rectangle whose sides were sampled in order round it, either way round; side 0 is
-/// `aspect` times as long as side 1.
+/// The lines of a rectangle whose sides were sampled in order around it, in either direction; side
+/// 0 is `aspect` times as long as side 1.
 #[pyfunction]
 #[pyo3(signature = (sides, aspect))]
 pub fn rectangle_lines<'py>(
@@ -23,7 +23,7 @@ pub fn rectangle_lines<'py>(
     Ok(arrays::from_lines(py, &rectangle.lines))
 }
 
-/// The lines of two orthogonal families of parallel lines that were sampled: their directions.
+/// The directions of sampled lines in two orthogonal families of parallels, as lines.
 #[pyfunction]
 #[pyo3(signature = (along_x, along_y))]
 pub fn family_lines<'py>(
@@ -55,8 +55,8 @@ type Samples<'py> = (
     Bound<'py, PyArray1<i64>>,
 );
 
-/// The samples of a chessboard's grid lines without their shift toward the light, and the shift;
-/// samples may be left out.
+/// The samples of a chessboard's grid lines corrected for their shift towards the light, and the
+/// shift; samples may be omitted.
 #[pyfunction]
 #[pyo3(signature = (lines))]
 pub fn remove_edge_shift<'py>(
@@ -100,7 +100,7 @@ fn grid_line((points, std, cells, contrast_sign): &GridLine<'_>) -> PyResult<Gri
     })
 }
 
-/// Copies a Python `PlaneEdges`, whose own constructor has checked it.
+/// Copies a Python `PlaneEdges`, which its constructor has checked.
 pub fn plane_edges(object: &Bound<'_, PyAny>) -> PyResult<PlaneEdges> {
     let lines: PyReadonlyArray2<'_, f64> = object.getattr("lines")?.extract()?;
     let points: Vec<PyReadonlyArray2<'_, f64>> = object.getattr("points")?.extract()?;

@@ -1,4 +1,4 @@
-//! The accuracy that a planned photograph will have.
+//! Predicted accuracy of a planned photograph.
 
 use nalgebra::{Vector2, Vector3};
 use numpy::{PyArray2, PyReadonlyArray2};
@@ -20,7 +20,7 @@ type Planned<'py> = (
     Vec<PyReadonlyArray2<'py, f64>>,
 );
 
-/// How well a camera will be known.
+/// Predicted uncertainty of a camera.
 #[pyclass(frozen, get_all, module = "trisquare._core")]
 pub struct Prediction {
     parameters: Vec<&'static str>,
@@ -28,7 +28,7 @@ pub struct Prediction {
     std: Py<PyDict>,
 }
 
-/// Predicts the covariance of a calibration from planes that are to be photographed.
+/// Predicts the covariance of a calibration from planned planes.
 #[pyfunction]
 #[pyo3(signature = (camera, image_size, planes, *, sigma, spacing, model, fixed, judged, free=Vec::new()))]
 #[allow(clippy::too_many_arguments)] // the keywords of the Python function

@@ -1,4 +1,4 @@
-//! The search for boards, contours with four sides, smooth sides, and edges as arcs.
+//! Search for boards, contours with four sides, smooth sides, and edges that are arcs.
 
 use nalgebra::Vector2;
 use numpy::ndarray::{Array2, Array3, Array4};
@@ -22,7 +22,7 @@ pub struct Lattice(trisquare::internals::Lattice);
 
 #[pymethods]
 impl Lattice {
-    /// In pixels of the photograph, shape (rows, columns, 2); NaN where there is none.
+    /// Crossings in pixels of the photograph, shape (rows, columns, 2); NaN for missing ones.
     #[getter]
     fn crossings<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f64>> {
         let [rows, columns] = self.0.size();
@@ -40,10 +40,10 @@ impl Lattice {
     }
 }
 
-/// Finds every lattice of 3 x 3 crossings and more in a grey photograph, the largest first, and counts
-/// the crossings beside them.
+/// Finds all lattices of at least 3 x 3 crossings in a grey photograph, the largest first, and
+/// counts the crossings outside them.
 ///
-/// The reduced pictures come from coarse to fine.
+/// The reduced pictures are given from coarse to fine.
 #[pyfunction]
 #[pyo3(signature = (photograph, pictures))]
 pub fn find_lattices(
@@ -62,8 +62,8 @@ pub fn find_lattices(
     Ok((lattices, found.crossings_beside))
 }
 
-/// Sides of quads, shape (Q, 4, N, 2), the levels at which they were seen, shape (Q,), and which of
-/// them are dark inside, shape (Q,).
+/// Sides of quads, shape (Q, 4, N, 2), the levels at which they were found, shape (Q,), and whether
+/// they are dark inside, shape (Q,).
 type FourSided<'py> = (
     Bound<'py, PyArray4<f64>>,
     Bound<'py, PyArray1<u8>>,
@@ -72,7 +72,7 @@ type FourSided<'py> = (
 
 /// Finds the contours with four corners at some levels of a grey picture.
 ///
-/// Their sides are about `least_side` long at least, and they are `margin` pixels from the border.
+/// Their sides are at least about `least_side` long, and they are `margin` pixels from the border.
 #[pyfunction]
 #[pyo3(signature = (picture, levels, least_side, margin))]
 pub fn find_four_sided<'py>(
@@ -98,9 +98,9 @@ pub fn find_four_sided<'py>(
     ))
 }
 
-/// Finds the four corners, shape (Q, 4, 2), of the regions of a mask that have as many.
+/// Finds the four corners, shape (Q, 4, 2), of the regions of a mask that have four.
 ///
-/// The regions' boxes are `least_side` wide at least.
+/// The regions' bounding boxes are at least `least_side` wide.
 #[pyfunction]
 #[pyo3(signature = (mask, least_side))]
 pub fn find_four_cornered<'py>(
@@ -129,8 +129,8 @@ fn grey<'a>(picture: &PyReadonlyArray2<'_, u8>, values: &'a [u8]) -> PyResult<Gr
     picture.ok_or_else(|| PyValueError::new_err("the picture is empty"))
 }
 
-/// The quads whose sides are smooth edges, shape (G,); their sides, shape (G, 4, N, 2), the steps
-/// across these, shape (G, 4), and where they are in sight, shape (G, 4, N).
+/// Indices of the quads whose sides are smooth edges, shape (G,); their sides, shape (G, 4, N, 2),
+/// the steps across these, shape (G, 4), and whether each point is visible, shape (G, 4, N).
 type FittedSides<'py> = (
     Bound<'py, PyArray1<usize>>,
     Bound<'py, PyArray4<f64>>,
@@ -138,10 +138,11 @@ type FittedSides<'py> = (
     Bound<'py, PyArray3<bool>>,
 );
 
-/// Measures the sides of rough quads, shape (Q, 4, N, 2), that are dark inside or not, shape (Q,).
+/// Measures the sides of rough quads, shape (Q, 4, N, 2); `is_dark`, shape (Q,), says which are
+/// dark inside.
 ///
-/// Of a side's points a share of `least_inliers` must lie on its curve, of the weakest side's
-/// `least_inliers_hidden`; the cosine at a corner is `most_cosine` at most.
+/// A fraction of at least `least_inliers` of a side's points must be on its curve, for the weakest
+/// side `least_inliers_hidden`; the cosine at a corner is at most `most_cosine`.
 #[pyfunction]
 #[pyo3(signature = (picture, rough, is_dark, least_inliers, least_inliers_hidden, most_cosine))]
 pub fn fit_sides<'py>(
@@ -199,7 +200,8 @@ pub fn fit_sides<'py>(
 /// Arcs of circles among the edges of a grey picture, each of shape (N, 2), in pixels.
 ///
 /// An edge's gradient is at least `weak`, and `strong` somewhere; the means of a few points are
-/// within `tolerance` of the arc, which has `shortest` points and `smallest_radius` at least.
+/// within `tolerance` of the arc, which has at least `shortest` points and a radius of at least
+/// `smallest_radius`.
 #[pyfunction]
 #[pyo3(signature = (picture, weak, strong, tolerance, shortest, smallest_radius))]
 pub fn find_arcs<'py>(

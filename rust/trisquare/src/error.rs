@@ -1,12 +1,12 @@
-//! The one error type: each variant carries the numbers a caller can act on.
+//! The error type: each variant carries numbers that a caller can act on.
 
 use crate::ill_conditioning::IllConditioning;
 
-/// Why a calibration, or one of its steps, gives no answer.
+/// Failure of a calibration, or of one of its steps.
 ///
-/// Figures, lines and samples are indices into what was given, in messages as well: the first is 0.
-/// A figure that is only being made, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0:
-/// [`of_figure`](Self::of_figure) names another.
+/// Figures, lines and samples are indices into the arguments, also in messages: the first is 0. A
+/// figure under construction, as by [`PlaneEdges::square`](crate::PlaneEdges::square), is figure 0:
+/// [`of_figure`](Self::of_figure) sets another index.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -20,14 +20,14 @@ use crate::ill_conditioning::IllConditioning;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An argument that no data could make right.
+    /// An argument that is invalid with any data.
     #[error("{0}")]
     InvalidArgument(String),
 
     /// A coordinate, a standard deviation or a coefficient is NaN or infinite.
     #[error("{what} must be finite")]
     NotFinite {
-        /// What was not finite.
+        /// Name of the quantity.
         what: &'static str,
     },
 
@@ -36,7 +36,7 @@ pub enum Error {
         "sample {sample} of line {line} of figure {figure} is not finite, or beyond 1e9 pixels"
     )]
     SampleNotFinite {
-        /// Index of the figure; 0 where the figure is only being made, or the line is on no figure.
+        /// Index of the figure; 0 for a figure under construction, or a line on no figure.
         figure: usize,
         /// Index of the line in the figure.
         line: usize,
@@ -44,7 +44,7 @@ pub enum Error {
         sample: usize,
     },
 
-    /// Points that the lens model says nothing about.
+    /// Points outside the domain of the lens model.
     #[error(
         "{} beyond the valid radius: the \
          distortion is monotonic and invertible only up to a radius of {radius:.6}, {degrees:.2} \
@@ -53,32 +53,32 @@ pub enum Error {
         if *degrees > 90.0 { ", and a pinhole sees less than 90" } else { "" }
     )]
     BeyondValidRadius {
-        /// How many there are.
+        /// Number of such points.
         count: usize,
         /// Index of the first one.
         first: usize,
         /// The valid radius of the lens, in its own measure.
         radius: f64,
-        /// The angle from the axis up to which the lens is trusted, degrees.
+        /// Angle from the axis up to which the lens is trusted, degrees.
         degrees: f64,
     },
 
-    /// Points that no camera sees.
+    /// Points behind the camera, which no camera sees.
     #[error("{} behind the camera (z <= 0)", points_lie(*.count, *.first))]
     BehindCamera {
-        /// How many there are.
+        /// Number of such points.
         count: usize,
         /// Index of the first one.
         first: usize,
     },
 
-    /// The sides of a square follow each other round it but for one sample.
+    /// The sides of a square follow each other around it except for one sample.
     #[error(
         "sample {sample} of line {line} of figure {figure} lies far off its line: without it the sides \
          are in order round the square"
     )]
     StraySample {
-        /// Index of the figure; 0 where it is only being made.
+        /// Index of the figure; 0 for a figure under construction.
         figure: usize,
         /// Index of the side.
         line: usize,
@@ -86,19 +86,19 @@ pub enum Error {
         sample: usize,
     },
 
-    /// The sides of a square do not follow each other round it.
+    /// The sides of a square do not follow each other around it.
     #[error(
         "the sides of figure {figure} are not in order round it: side {side} does not run between its \
          neighbours; give them in order, either way round"
     )]
     CrossedSides {
-        /// Index of the figure; 0 where it is only being made.
+        /// Index of the figure; 0 for a figure under construction.
         figure: usize,
-        /// The first side found out of place.
+        /// Index of the first side out of order.
         side: usize,
     },
 
-    /// Lines that are said to be parallel meet in the picture.
+    /// Lines stated to be parallel meet in the picture.
     #[error(
         "lines {} and {} of figure {figure} cross in the picture, so they are not parallel on one \
          plane: give each line to its own family",
@@ -122,23 +122,23 @@ pub enum Error {
         }
     )]
     NotEnoughPlanes {
-        /// Planes given.
+        /// Number of planes given.
         found: usize,
-        /// Planes needed.
+        /// Number of planes needed.
         needed: usize,
         /// Names of the free parameters that planes must determine.
         free: String,
     },
 
-    /// Lines of the scene, and no plane: [`fit_distortion`](crate::fit_distortion) finds what they
-    /// tell.
+    /// Lines of the scene without a plane: [`fit_distortion`](crate::fit_distortion) estimates the
+    /// distortion from them.
     #[error(
         "{} of the scene and no plane: lines determine the distortion only, the rest of the camera \
          needs squares",
         counted(*lines, "line")
     )]
     LinesAlone {
-        /// Lines given.
+        /// Number of lines given.
         lines: usize,
     },
 
@@ -150,13 +150,13 @@ pub enum Error {
     TooFewLines {
         /// Index of the figure.
         figure: usize,
-        /// Lines given.
+        /// Number of lines given.
         found: usize,
-        /// Lines needed.
+        /// Number of lines needed.
         needed: usize,
     },
 
-    /// A family of parallel lines has too few.
+    /// A family of parallel lines has too few lines.
     #[error(
         "a family of parallel lines of figure {figure} has {}, but needs {needed}",
         counted(*found, "line")
@@ -164,13 +164,13 @@ pub enum Error {
     TooFewParallels {
         /// Index of the figure.
         figure: usize,
-        /// Lines of the smaller family.
+        /// Number of lines of the smaller family.
         found: usize,
-        /// Lines needed of each.
+        /// Number of lines needed in each.
         needed: usize,
     },
 
-    /// A line is described by too few samples; those in one place count as one.
+    /// A line is described by too few samples; coincident ones count as one.
     #[error(
         "line {line} of figure {figure} has {}, but needs at least {needed}",
         counted(*found, "different sample")
@@ -180,13 +180,13 @@ pub enum Error {
         figure: usize,
         /// Index of the line in the figure.
         line: usize,
-        /// Different samples given.
+        /// Number of different samples given.
         found: usize,
-        /// Different samples needed.
+        /// Number of different samples needed.
         needed: usize,
     },
 
-    /// One circle, on whose plane nothing else stands that would tell its direction.
+    /// A single circle, with nothing else on its plane that determines its direction.
     #[error(
         "figure {figure} is one circle on a plane of its own: its image has five parameters and so has \
          its pose, which leaves no equation for the camera. Measure a circle concentric with it as \
@@ -197,29 +197,29 @@ pub enum Error {
         figure: usize,
     },
 
-    /// Planes contradict their stated relation, and leave no camera.
+    /// Planes contradict their stated relation, so that no camera is found.
     #[error("{0}")]
     ContradictedRelation(String),
 
-    /// All samples together do not exceed the unknowns.
+    /// The number of all samples does not exceed that of the unknowns.
     #[error("{samples} samples cannot determine {unknowns} unknowns: measure more points per side")]
     TooFewDegreesOfFreedom {
-        /// Samples given.
+        /// Number of samples given.
         samples: usize,
-        /// Parameters to be estimated.
+        /// Number of parameters to be estimated.
         unknowns: usize,
     },
 
-    /// The lines of one figure do not fix its homography.
+    /// The lines of one figure do not determine its homography.
     #[error("the lines of figure {figure} do not determine a homography: {reason}")]
     DegenerateHomography {
         /// Index of the figure.
         figure: usize,
-        /// What is wrong with them.
+        /// What is wrong with the lines.
         reason: &'static str,
     },
 
-    /// The planes do not fix the image of the absolute conic.
+    /// The planes do not determine the image of the absolute conic.
     #[error(
         "the planes do not determine the camera matrix (ratio of singular values {ratio:.1e}): \
          tilt the squares in different directions, or fix the principal point"
@@ -229,18 +229,18 @@ pub enum Error {
         ratio: f64,
     },
 
-    /// The image of the absolute conic found is not positive definite.
+    /// The estimated image of the absolute conic is not positive definite.
     #[error(
         "the image of the absolute conic is not positive definite: the planes contradict each \
          other or are too weakly tilted; tilt them further apart, or fix the principal point"
     )]
     IndefiniteConic,
 
-    /// The geometry leaves a parameter of the camera matrix open.
+    /// The geometry does not determine a parameter of the camera matrix.
     #[error("{0}")]
     IllConditioned(Box<IllConditioning>),
 
-    /// A rich lens model that fits best where it is no lens.
+    /// A rich lens model whose best fit turns back inside the picture, as no lens does.
     #[error(
         "the distortion that fits best with this lens model turns back {radius:.0} px from the \
          principal point, inside the picture (its farthest corner is {corner:.0} px away), as no \
@@ -254,13 +254,13 @@ pub enum Error {
         corner: f64,
     },
 
-    /// A lens of another family answers where the asked one does not.
+    /// A lens of another family has a solution and the requested one has none.
     #[error(
         "the lens is a fisheye: choose the lens model {model}, which fits the edges to {rms:.2} px (fx is \
          {focal:.1}); with the one asked for there is no answer"
     )]
     LensOfAnotherFamily {
-        /// The model that holds the lens.
+        /// The model that describes the lens.
         model: String,
         /// Root mean square distance of the edge samples with it, px.
         rms: f64,
@@ -274,21 +274,21 @@ pub enum Error {
         spent(*.iterations, *.rms)
     )]
     NotConverged {
-        /// The stage that gave up.
+        /// The stage that failed.
         stage: &'static str,
-        /// Iterations spent; 0 if it gave up before the first.
+        /// Number of iterations; 0 if it failed before the first.
         iterations: usize,
         /// Root mean square distance of the samples after them, px.
         rms: f64,
     },
 }
 
-/// A number of things, in words that agree with it.
+/// A count with its noun in the singular or plural.
 pub(crate) fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Which points lie where they may not.
+/// Text about the points at invalid places.
 fn points_lie(count: usize, first: usize) -> String {
     match count {
         1 => format!("the point of index {first} lies"),
@@ -296,7 +296,7 @@ fn points_lie(count: usize, first: usize) -> String {
     }
 }
 
-/// What an iteration spent, and where it stood.
+/// Text about the iterations used, and the residual reached.
 fn spent(iterations: usize, rms: f64) -> String {
     match iterations {
         0 => String::new(),
@@ -308,23 +308,23 @@ fn spent(iterations: usize, rms: f64) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// An argument is wrong in itself.
+    /// An argument is invalid in itself.
     InvalidArgument,
-    /// Fewer planes than unknowns need.
+    /// Fewer planes than the unknowns need.
     NotEnoughPlanes,
-    /// Fewer lines, samples or degrees of freedom than unknowns need.
+    /// Fewer lines, samples or degrees of freedom than the unknowns need.
     NotEnoughData,
-    /// Enough data, but of a geometry that cannot answer.
+    /// Enough data, but of a geometry that does not determine the camera.
     DegenerateGeometry,
     /// An iteration that did not converge.
     Convergence,
 }
 
 impl Error {
-    /// The same error, told of the figure of another index, where it names one.
+    /// The error with the figure's index replaced, if it has one.
     ///
-    /// [`PlaneEdges::square`](crate::PlaneEdges::square) and its like do not know which figure they make:
-    /// `PlaneEdges::square(sides).map_err(|error| error.of_figure(index))`.
+    /// [`PlaneEdges::square`](crate::PlaneEdges::square) and similar constructors do not know the
+    /// index of their figure: `PlaneEdges::square(sides).map_err(|error| error.of_figure(index))`.
     #[must_use]
     pub fn of_figure(mut self, index: usize) -> Self {
         match &mut self {

@@ -1,29 +1,29 @@
-//! Why a geometry does not determine the camera, and what would help.
+//! Reasons why a geometry does not determine the camera, and remedies.
 
 use std::fmt;
 
-/// Beyond this a standard deviation, which is predicted from an estimate that then is as far off,
-/// is stated as no more than that.
+/// Largest standard deviation that is stated as a number: a prediction above it comes from an
+/// estimate that is as uncertain, and is stated only as larger.
 const LARGEST_STATED_STD: f64 = 10.0;
 
-/// Why the camera matrix does not follow from the planes.
+/// Reason why the planes do not determine the camera matrix.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct IllConditioning {
-    /// What the planes lack.
+    /// Deficiency of the planes.
     pub cause: Cause,
-    /// Name of the parameter that is known worst.
+    /// Name of the least certain parameter.
     pub parameter: &'static str,
-    /// Its predicted standard deviation: of a focal length as a part of it, of the principal point
-    /// as a part of the picture's width (infinite where it is not observable).
+    /// Its predicted standard deviation: of a focal length as a fraction of it, of the principal
+    /// point as a fraction of the picture's width (infinite if it is not observable).
     pub std: f64,
     /// The largest standard deviation accepted, in the same unit.
     pub limit: f64,
-    /// What would help; each has been tried.
+    /// Remedies; each has been verified.
     pub remedies: Vec<Remedy>,
 }
 
-/// What a set of planes lacks.
+/// Deficiency of a set of planes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Cause {
@@ -55,12 +55,12 @@ pub enum Cause {
     },
     /// The figures cover only a small part of the picture.
     Huddled {
-        /// Part of the picture's width that they span.
+        /// Fraction of the picture's width that they span.
         width: f64,
-        /// Part of its height.
+        /// Fraction of its height.
         height: f64,
     },
-    /// Too much is free for the directions that the planes have.
+    /// Too many parameters are free for the directions of the planes.
     Open {
         /// Number of planes.
         planes: usize,
@@ -69,49 +69,49 @@ pub enum Cause {
     },
 }
 
-/// What would make a calibration succeed.
+/// A change that would make a calibration succeed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Remedy {
-    /// Free the focal lengths: the planes answer without their held values.
+    /// Free the focal lengths: the planes determine the camera without their fixed values.
     FreeFocal {
-        /// The values held.
+        /// The fixed values.
         held: (f64, f64),
     },
-    /// Free the principal point: the planes answer without its held value.
+    /// Free the principal point: the planes determine the camera without its fixed value.
     FreePrincipalPoint {
-        /// The value held.
+        /// The fixed value.
         held: (f64, f64),
     },
-    /// Hold the skew.
+    /// Fix the skew.
     HoldSkew,
-    /// Hold the ratio of the focal lengths.
+    /// Fix the ratio of the focal lengths.
     FixAspect,
-    /// Hold the principal point.
+    /// Fix the principal point.
     FixPrincipalPoint,
-    /// Hold both.
+    /// Fix both.
     FixAspectAndPrincipalPoint,
-    /// Tilt every square, each in a direction of its own.
+    /// Tilt every square, each in a different direction.
     Tilt {
         /// The tilt against the image plane, in degrees.
         degrees: f64,
     },
-    /// Show the squares larger, as they stand.
+    /// Show the squares larger, in the same orientation.
     Enlarge {
-        /// How many times.
+        /// Factor of enlargement.
         factor: f64,
     },
-    /// Both.
+    /// Tilt and enlarge the squares.
     TiltAndEnlarge {
         /// The tilt against the image plane, in degrees.
         degrees: f64,
-        /// How many times larger.
+        /// Factor of enlargement.
         factor: f64,
     },
 }
 
 impl Remedy {
-    /// Whether the principal point must be known.
+    /// Whether the remedy needs a known principal point.
     pub(crate) fn is_of_principal_point(&self) -> bool {
         matches!(
             self,
@@ -152,7 +152,7 @@ impl fmt::Display for IllConditioning {
     }
 }
 
-/// Writes a part in per cent with two significant digits, or all before its point.
+/// Formats a fraction in per cent with two significant digits, or all before the decimal point.
 fn percent(part: f64) -> String {
     let percent = 100.0 * part;
     let decimals = usize::from(percent < 9.95);

@@ -1,4 +1,4 @@
-//! The size of a picture, and the points that follow from it.
+//! The size of a picture, and points that follow from it.
 
 use nalgebra::Vector2;
 
@@ -37,12 +37,14 @@ impl ImageSize {
         [(0.0, 0.0), (far.x, 0.0), (far.x, far.y), (0.0, far.y)].map(|(x, y)| Vector2::new(x, y))
     }
 
-    /// Whether a point lies among the pixels' centres, or within `margin` pixels of them.
+    /// Whether a point is between the pixels' centres, or within `margin` pixels of them.
     pub(crate) fn contains(&self, point: &Vector2<f64>, margin: f64) -> bool {
         let far = self.centre() * 2.0;
         (0..2).all(|axis| (-margin..=far[axis] + margin).contains(&point[axis]))
     }
 
+    /// Checks that the picture is not empty.
+    ///
     /// # Errors
     /// [`Error::InvalidArgument`] for an empty picture.
     pub(crate) fn check(&self) -> Result<(), Error> {

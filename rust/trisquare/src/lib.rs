@@ -1,52 +1,51 @@
 #![doc = include_str!("../README.md")]
 //!
-//! # What to call, in order
+//! # Functions in the order of their use
 //!
 //! 1. [`Picture::from_u8`] (or `from_u16`, `from_f32`) takes the decoded pixels.
-//! 2. [`EdgeSpan::new`] names a stretch of edge, from an outline that is good to a few pixels. Finding
-//!    the outlines is left to the caller; the Python package does it with OpenCV. [`Chessboard::spans`]
-//!    names all lines of a board, from its corners.
+//! 2. [`EdgeSpan::new`] describes a stretch of edge, from an outline that is good to a few pixels.
+//!    Finding the outlines is left to the caller; the Python package does it with OpenCV.
+//!    [`Chessboard::spans`] describes all lines of a board, from its corners.
 //! 3. [`localise_with_unknown_tone`] measures the edges and estimates the tone curve, [`localise`]
-//!    measures them with a known one. Neither can fail as a whole: every span has its own samples, or
-//!    a [`NoEdge`].
-//! 4. [`PlaneEdges::square`] and its like sort the samples by figure, [`Chessboard::edges`] those of a
-//!    board. Edges that another program measured begin here.
-//! 5. [`choose`] tells which planes one camera explains, where some may be no true squares.
-//! 6. [`calibrate`] fits the camera to the samples, [`calibrate_photographs`] to the pixels, too (with
-//!    what [`pixels_to_keep`] keeps of a picture, and [`ToneEstimate::picture_tone`]).
-//!    [`calibrate_by_evidence`] chooses the lens model,
-//!    [`calibrate_by_family`] a fisheye or none. Every refusal is an [`Error`] with its numbers.
+//!    measures them with a known one. Neither can fail as a whole: every span has its own samples,
+//!    or a [`NoEdge`].
+//! 4. [`PlaneEdges::square`] and similar functions sort the samples by figure,
+//!    [`Chessboard::edges`] those of a board. Edges measured by another program enter here.
+//! 5. [`choose`] selects the planes that one camera explains, if some may not be true squares.
+//! 6. [`calibrate`] fits the camera to the samples, [`calibrate_photographs`] to the pixels, too
+//!    (with the pixels that [`pixels_to_keep`] returns, and [`ToneEstimate::picture_tone`]).
+//!    [`calibrate_by_evidence`] chooses the lens model, [`calibrate_by_family`] also between a
+//!    distorted pinhole and a fisheye. Every refusal is an [`Error`] with its numbers.
 //! 7. [`Calibration::estimates`] pairs the camera's parameters with their standard deviations;
 //!    `planes`, `covariance` and `warnings` have the rest.
-//! 8. The trait [`Lens`] projects a point and follows a pixel back, [`PointMaps`] many of them: bring
-//!    these into scope. [`UndistortedView::undistorted`] is the pinhole of pictures without distortion,
-//!    [`UndistortionMap`] their map for OpenCV; [`Calibration::projection_uncertainty`] says how well
-//!    a ray is known.
+//! 8. The trait [`Lens`] projects a point and unprojects a pixel, [`PointMaps`] many of them: both
+//!    traits have to be in scope. [`UndistortedView::undistorted`] is the pinhole of pictures
+//!    without distortion, [`UndistortionMap`] their map for OpenCV;
+//!    [`Calibration::projection_uncertainty`] gives the uncertainty of a ray.
 //!
-//! A lens of your own is a type with the trait [`Lens`]: `tests/public/equidistant.rs` of the package is
-//! a short one, which runs through the whole pipeline.
+//! A user's own lens is a type with the trait [`Lens`]: `tests/public/equidistant.rs` of the
+//! package is a short one, which runs through the whole pipeline.
 //!
-//! The example `picture` is steps 1 to 7 without 5, `chessboard` the same for boards, `edges` begins at
-//! 4, `boards` has several figures on each plane, `undistort` is 8. Straight lines
-//! without squares have [`fit_distortion`] alone. [`predict`] says beforehand how well planes would
-//! determine a camera. [`nalgebra`] is the version whose vectors the crate takes.
+//! The example `picture` covers steps 1 to 7 without 5, `chessboard` the same for boards, `edges`
+//! starts at 4, `boards` has several figures on each plane, `undistort` covers 8. For straight
+//! lines without squares there is only [`fit_distortion`]. [`predict`] predicts how well planes
+//! would determine a camera. [`nalgebra`] is re-exported in the version of the crate's vectors.
 //!
 //! # Conventions
 //!
 //! - Pixels are `(x, y)`, x right, y down, `(0, 0)` the centre of the top-left pixel; the image
 //!   centre is `((W - 1) / 2, (H - 1) / 2)`.
 //! - The camera matrix is `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`, the skew zero unless it is
-//!   freed; distortion maps ideal to observed
-//!   normalised points.
+//!   freed; distortion maps ideal to observed normalised points.
 //! - A pose is `cam_from_plane`: `X_cam = R X_plane + t`, the plane at Z = 0 with its Z axis away
 //!   from the camera. Every plane has its own unit: the side of its first square, the shorter side
-//!   of a rectangle, or what the lines or radii of its first figure are given in.
+//!   of a rectangle, or the unit in which the lines or radii of its first figure are given.
 //! - A line is `(a, b, c)` with `a x + b y + c = 0` and `a^2 + b^2 = 1`; it transforms as
 //!   `l_plane ~ H^T l_image` under `H_image_from_plane`.
 //! - A standard deviation is one sigma.
-//! - A figure is one [`PlaneEdges`]. Figures, planes, lines and samples are indices into what was given,
-//!   the first is 0: in errors and warnings as well. Where a warning names a plane and a figure, that
-//!   counts among the figures of the plane. A figure that is only being made, as by
+//! - A figure is one [`PlaneEdges`]. Figures, planes, lines and samples are indices into the
+//!   arguments, starting at 0, also in errors and warnings. If a warning has a plane and a figure,
+//!   the figure's index is among the figures of the plane. A figure under construction, as by
 //!   [`PlaneEdges::square`], is figure 0.
 
 mod calibrate;
@@ -119,8 +118,8 @@ pub use uncertainty::{
     points_on_plane,
 };
 
-/// What the Python package builds its detectors from, and the tests look into. Not stable: it may
-/// change in any release.
+/// Parts used by the detectors of the Python package and by the tests. Not stable: it may change in
+/// any release.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::image::GreyBytes;

@@ -1,8 +1,8 @@
-//! The standard deviations that a planned photograph will have.
+//! Prediction of the standard deviations of a planned photograph.
 //!
-//! The information of noise-free samples along the planned squares' edges, through the very normal
-//! equations, covariance and judgement of a calibration: a plan that would be refused when
-//! photographed is refused here, for the same reason.
+//! The information is that of noise-free samples along the planned squares' edges, by the same
+//! normal equations, covariance and checks as in a calibration: a plan whose photograph would be
+//! refused is refused here, for the same reason.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -21,17 +21,17 @@ use crate::uncertainty::{
     Conditioning, add_remedies, check_plane_count, covariance, judged_parameters,
 };
 
-/// Samples that stand for one side; more would change nothing, for the information varies slowly
-/// along it.
+/// Number of samples per side; more would change nothing, since the information varies slowly along
+/// it.
 const SAMPLES_PER_SIDE: usize = 64;
 
-/// A plane that is to be photographed.
+/// A planned plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedPlane {
     /// `cam_from_plane`.
     pub pose: Pose,
-    /// Corners of the figures on it, in plane units: the first one gives the plane its unit, of
-    /// any further one, concentric with it, the size is unknown.
+    /// Corners of the figures on it, in plane units: the first one defines the unit of the plane;
+    /// further ones, concentric with it, have unknown sizes.
     pub outlines: Vec<[Vector2<f64>; 4]>,
 }
 
@@ -57,16 +57,16 @@ fn square_of_side(side: f64) -> [Vector2<f64>; 4] {
     [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| Vector2::new(x, y) * side)
 }
 
-/// How well an edge will be measured.
+/// Expected accuracy of an edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgeNoise {
     /// Standard deviation of one sample across its edge, in pixels.
     pub sigma: f64,
-    /// Pixels of edge per sample.
+    /// Distance between samples along the edge, in pixels.
     pub spacing: f64,
 }
 
-/// How well the camera will be known.
+/// Predicted uncertainty of the camera.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Prediction {
@@ -74,21 +74,21 @@ pub struct Prediction {
     pub parameters: Vec<&'static str>,
     /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,
-    /// `fy / fx` where `fy` follows `fx`.
+    /// `fy / fx` if `fy` follows `fx`.
     pub aspect: Option<f64>,
 }
 
 impl Prediction {
-    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`).
+    /// One standard deviation of every free parameter (and of `fy` if it follows `fx`).
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         deviations(&self.parameters, &self.covariance, self.aspect)
     }
 }
 
-/// Predicts how well a camera will be known from planes that are to be photographed.
+/// Predicts the uncertainty of a camera calibrated from planned planes.
 ///
 /// The Cramer-Rao bound, which the refinement attains: the inverse of `sum J^T J / sigma^2` over
-/// the samples, the planes' own parameters eliminated. What `options` holds is held at the
+/// the samples, with the planes' own parameters eliminated. Parameters fixed by `options` have the
 /// camera's values; lengths in pixels, poses in units of the squares' sides.
 ///
 /// ```
@@ -116,7 +116,7 @@ impl Prediction {
 /// ```
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] naming a square that is not wholly in the picture,
+/// [`Error::InvalidArgument`] with the index of a square that is not wholly in the picture,
 /// [`Error::NotEnoughPlanes`], and [`Error::IllConditioned`] for a plan that a calibration would
 /// refuse.
 pub fn predict<L: Lens>(
@@ -139,10 +139,11 @@ pub fn predict<L: Lens>(
     }
 }
 
-/// As [`predict`], but large standard deviations are no reason to refuse: to compare set-ups.
+/// As [`predict`], but not refused because of large standard deviations: for comparisons of
+/// set-ups.
 ///
 /// # Errors
-/// As [`predict`]; [`Error::NotConverged`] if nothing is determined at all.
+/// As [`predict`]; [`Error::NotConverged`] if nothing is determined.
 pub fn predict_unjudged<L: Lens>(
     camera: &L,
     size: ImageSize,
@@ -153,7 +154,7 @@ pub fn predict_unjudged<L: Lens>(
     Plan::new(camera, size, planes, noise, options)?.prediction()
 }
 
-/// A scene as it will be photographed.
+/// A planned scene.
 struct Plan<L: Lens> {
     view: View<L>,
     seen: Vec<ObservedPlane>,
@@ -218,7 +219,7 @@ impl<L: Lens> Plan<L> {
         })
     }
 
-    /// The judgement of a calibration that holds `fixed`.
+    /// Checks the geometry as a calibration with `fixed` does.
     fn judge(&self, fixed: Fixed) -> Result<(), Error> {
         let options = Options {
             fixed,
@@ -249,7 +250,7 @@ impl<L: Lens> Plan<L> {
     }
 }
 
-/// Where a plane stands, its further figures' sizes free.
+/// State of a plane, with the sizes of its further figures free.
 fn state(plane: &PlannedPlane) -> PlaneState {
     let further = Placement {
         free: Placement::SIZE,
@@ -304,7 +305,7 @@ fn photographed<L: Lens>(
     })
 }
 
-/// Samples of one side, evenly spread and each weighted as the part of the side it stands for.
+/// Samples of one side, evenly spaced, each weighted by the part of the side that it represents.
 fn side<L: Lens>(
     camera: &L,
     size: ImageSize,
@@ -367,7 +368,8 @@ mod tests {
         poses.map(|pose| PlannedPlane::square(*pose)).collect()
     }
 
-    /// A calibration states what was predicted, but for the samples that it lacks at the corners.
+    /// A calibration's standard deviations are those predicted, except for the effect of missing
+    /// samples at the corners.
     #[test]
     fn prediction_is_what_a_calibration_states() {
         let scene = Scene::random(3, SceneOptions::default());
@@ -381,7 +383,8 @@ mod tests {
         }
     }
 
-    /// Frames know more than squares, and half the noise is half the standard deviation.
+    /// Frames determine the camera better than squares, and half the noise halves the standard
+    /// deviation.
     #[test]
     fn prediction_follows_figures_and_noise() {
         let scene = Scene::random(4, SceneOptions::default());

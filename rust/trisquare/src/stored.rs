@@ -1,17 +1,17 @@
-//! Values that are checked as serde reads them.
+//! Checks of values read by serde.
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
-/// How far a stored unit vector, or a rotation, may be off one, as by digits that were cut.
+/// Tolerance of a stored unit vector or rotation, for truncated digits.
 pub(crate) const CUT_DIGITS: f64 = 1e-6;
 
-/// Reads a type with a method `check` as its fields, and refuses what that refuses.
+/// Reads the fields of a type with a method `check`, and returns the error of that method.
 macro_rules! read_checked {
     ($type:ident { $($field:ident: $of:ty),+ $(,)? }) => {
         impl<'de> serde::Deserialize<'de> for $type {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                // Messages of serde state its name.
+                // Named like the type, as messages of serde contain the name.
                 #[derive(serde::Deserialize)]
                 struct $type {
                     $($field: $of),+
@@ -27,10 +27,10 @@ macro_rules! read_checked {
 
 pub(crate) use read_checked;
 
-/// Reads a number that must be positive, as a gamma or a standard deviation.
+/// Reads a number that must be positive, such as a gamma or a standard deviation.
 ///
 /// # Errors
-/// Those of the deserializer, and one for any other number.
+/// That of the deserializer, or one for a number that is not positive and finite.
 pub(crate) fn positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     let value = f64::deserialize(deserializer)?;
     match value > 0.0 && value.is_finite() {

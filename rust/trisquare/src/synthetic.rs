@@ -16,23 +16,23 @@ use crate::lens::{DefaultLens, INTRINSICS, Lens};
 use crate::numeric::cdf;
 use crate::observations::{PlaneEdges, rectangle_lines};
 
-/// Where the squares stand, in parts of the picture.
+/// Positions of the squares, as fractions of the picture.
 const PLACES: [(f64, f64); 3] = [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)];
 
-/// Samples keep this far (pixels) from the corners and from the picture's border.
+/// Minimum distance (pixels) of samples from the corners and from the picture's border.
 const MARGIN: f64 = 3.0;
 
-/// Draws allowed before a scene is given up; a few suffice.
+/// Maximum number of draws for a scene; a few suffice.
 const MAX_DRAWS: usize = 1000;
 
-/// Light of the squares and of the ground in a picture, 1 being the most that it can hold.
+/// Light of the squares and of the ground in a picture, 1 being white.
 const INK: f64 = 0.03;
 const GROUND: f64 = 0.6;
 
 /// Variance of a pixel's box, px^2.
 const BOX_VARIANCE: f64 = 1.0 / 12.0;
 
-/// A camera and the squares it sees.
+/// A camera and the squares that it sees.
 #[derive(Debug, Clone)]
 pub struct Scene<L = DefaultLens> {
     /// The true camera.
@@ -43,14 +43,14 @@ pub struct Scene<L = DefaultLens> {
     pub poses: Vec<Pose>,
 }
 
-/// What a scene is drawn from.
+/// Options of a random scene.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneOptions {
     /// The picture's size.
     pub size: ImageSize,
     /// Whether the lens distorts.
     pub distortion: bool,
-    /// Whether all squares are parallel (tilted alike, turned and placed differently).
+    /// Whether all squares are parallel (equally tilted, with different rotations and positions).
     pub parallel: bool,
 }
 
@@ -80,7 +80,7 @@ impl Scene {
 }
 
 impl<L: Lens> Scene<L> {
-    /// Draws a scene of three squares that a given camera sees.
+    /// Draws a scene of three squares seen by a given camera.
     ///
     /// # Panics
     /// As [`Scene::random`].
@@ -89,7 +89,7 @@ impl<L: Lens> Scene<L> {
         Self::draw(&mut rng, options, |_| camera)
     }
 
-    /// Draws another picture of the same camera.
+    /// Draws the scene of another picture of the same camera.
     ///
     /// # Panics
     /// As [`Scene::random`].
@@ -132,8 +132,8 @@ impl<L: Lens> Scene<L> {
             .collect()
     }
 
-    /// Samples of lines across every square, as on facades: along X where Y has the first values,
-    /// along Y where X has the second; otherwise as [`Scene::edges`].
+    /// Samples of lines across every square, as on facades: lines along X at the first values of Y,
+    /// then lines along Y at the second values of X; otherwise as [`Scene::edges`].
     ///
     /// # Errors
     /// As [`PlaneEdges::families`].
@@ -163,8 +163,8 @@ impl<L: Lens> Scene<L> {
     /// The picture of the squares, dark on light ground: 8-bit grey under the sRGB curve.
     ///
     /// `blur` is the standard deviation of the optics' blur in pixels, `noise` that of the pixels
-    /// in grey levels. The share of a square in a pixel is the product of the normal distribution
-    /// function of its distances to the images of the four sides.
+    /// in grey levels. The fraction of a pixel covered by a square is the product of the normal
+    /// distribution function of its distances to the images of the four sides.
     ///
     /// # Panics
     /// If the size is zero.
@@ -190,17 +190,17 @@ impl<L: Lens> Scene<L> {
             .expect("a scene has a picture that is not empty")
     }
 
-    /// Where the corners of every square are seen, pixels, clockwise on the screen.
+    /// Pixels of the corners of every square, clockwise on the screen.
     ///
     /// # Panics
-    /// If the lens does not see one of them, which does not happen in scenes drawn at random.
+    /// If the lens does not see one of them, which does not happen in random scenes.
     pub fn corners(&self) -> Vec<[Vector2<f64>; 4]> {
         let seen = |pose: &Pose, i| self.camera.project(&pose.transform(&corner(i)));
         let of_square = |pose: &Pose| [0, 1, 2, 3].map(|i| seen(pose, i).expect("it is seen"));
         self.poses.iter().map(of_square).collect()
     }
 
-    /// Samples between ends on every plane.
+    /// Samples between the ends of lines on every plane.
     fn measured(
         &self,
         ends: &[(Vector2<f64>, Vector2<f64>)],

@@ -1,4 +1,4 @@
-//! What fits of models that are compared have in common.
+//! State shared by the fits of models that are compared.
 
 use std::rc::Rc;
 
@@ -6,14 +6,14 @@ use crate::lens::Lens;
 use crate::observations::{ObservedPlane, View};
 use crate::solver::{NestedOptima, Work};
 
-/// What models that are compared share, and tell beside their calibration.
+/// State shared by models that are compared, and their results besides the calibration.
 pub(crate) struct Comparison<L: Lens> {
     pub(super) work: Option<Rc<Work>>,
     pub(super) nested: NestedOptima<L>,
-    /// Column and standard deviation of what the last one was held near zero by.
+    /// Column and standard deviation of the last model's priors about zero.
     pub priors: Vec<(usize, f64)>,
-    /// The planes with the outliers of the first one, and the view of the last one. Models that are
-    /// too poor would reject what they do not describe, side by side.
+    /// The planes with the outliers of the first model, and the view of the last one. Models that
+    /// are too poor would reject sides that they do not describe, one by one.
     pub(super) richer: Option<(Vec<ObservedPlane>, View<L>)>,
 }
 
@@ -29,8 +29,8 @@ impl<L: Lens> Default for Comparison<L> {
 }
 
 impl<L: Lens> Comparison<L> {
-    /// Optima that were found, unless work ran out before they were found as they are without
-    /// others.
+    /// The optima found; none if the work ran out, as they might differ from those found without a
+    /// comparison.
     pub fn into_nested(self) -> NestedOptima<L> {
         match self.work {
             Some(work) if !work.is_spent() => self.nested,

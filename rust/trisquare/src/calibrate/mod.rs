@@ -1,4 +1,4 @@
-//! From edges, and the photographs they are of, to a calibration.
+//! Calibration from edges and the photographs that show them.
 
 mod comparison;
 mod stages;
@@ -22,10 +22,10 @@ use crate::solver::NestedOptima;
 /// The paper's three steps (Zhou et al. 2013) and, unless `options.method` is linear, joint
 /// maximum likelihood over all of them. Pixels; standard deviations are one sigma.
 ///
-/// Two planes in different directions are the least that determine focal lengths and principal point,
-/// three tell them well; one does where the principal point or the focal length is held. Figures in
-/// several pictures of one camera, all of one size, have the index of theirs as
-/// [`image`](PlaneEdges::image).
+/// At least two planes in different directions are needed for focal lengths and principal point,
+/// and three determine them well; one suffices if the principal point or the focal length is fixed.
+/// Figures may be in several pictures of one camera, all of one size, with the index of their
+/// picture as [`image`](PlaneEdges::image).
 ///
 /// ```
 /// use nalgebra::{Rotation3, Vector2, Vector3};
@@ -62,8 +62,9 @@ use crate::solver::NestedOptima;
 /// ```
 ///
 /// # Errors
-/// Every variant of [`Error`] says what is wrong and what would help. Where the geometry is refused
-/// and a figure lies wholly outside the picture, that is said instead: its size is mistaken.
+/// Every variant of [`Error`] says what is wrong and what would help. If the geometry is degenerate
+/// and a figure lies wholly outside the picture, the error is about the size of the picture
+/// instead.
 pub fn calibrate<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -73,11 +74,11 @@ pub fn calibrate<L: Lens>(
 }
 
 /// As [`calibrate`], with the photographs themselves: the refined model is then fitted to the
-/// pixels around the edges, corners included, and taken where that improves the answer.
+/// pixels around the edges, corners included, and used if that improves the result.
 ///
 /// It needs maximum likelihood, and figures that are all outlines of four sides with their
-/// [`polarity`](PlaneEdges::polarity); otherwise the answer is that of the edges
-/// ([`Calibration::stage`] says which it is).
+/// [`polarity`](PlaneEdges::polarity); otherwise the result is that of the edges (see
+/// [`Calibration::stage`]).
 ///
 /// ```
 /// use trisquare::{
@@ -116,8 +117,8 @@ pub fn calibrate<L: Lens>(
 /// ```
 ///
 /// # Errors
-/// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs are not those of the figures:
-/// fewer than the figures name, not one tone for each, or another size.
+/// As [`calibrate`]; [`Error::InvalidArgument`] if the photographs do not match the figures: if
+/// they are fewer than the figures refer to, without one tone for each, or of another size.
 pub fn calibrate_photographs<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -127,7 +128,7 @@ pub fn calibrate_photographs<L: Lens>(
     calibrate_beside(edges, size, options, photographs, NestedOptima::default())
 }
 
-/// The same where models nested in each other were compared before, and optima of theirs are known.
+/// `calibrate_photographs` with known optima of nested models from a comparison.
 pub(crate) fn calibrate_beside<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,

@@ -1,4 +1,4 @@
-//! The stages, in order, and nothing else.
+//! The stages of a calibration, in order.
 
 use std::rc::Rc;
 use std::slice;
@@ -33,7 +33,7 @@ pub(super) struct CheckedInput<'a, L: Lens> {
     photographs: Option<&'a Photographs<'a>>,
 }
 
-/// A solution, and the warnings that name what it rejects.
+/// A solution, and warnings about the sides and planes that it rejects.
 type Solved<L> = (Solution<L>, Vec<Warning>);
 
 impl<'a, L: Lens> CheckedInput<'a, L> {
@@ -77,7 +77,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         Ok(problem)
     }
 
-    /// The calibration with a judgement of the geometry; some optima of nested models may be known.
+    /// The calibration with checks of the geometry; `nested` may contain optima of nested models.
     pub(super) fn answer(&self, mut nested: NestedOptima<L>) -> Result<Calibration<L>, Error> {
         let problem = self.problem(&self.work(), &mut nested)?;
         let advised = |failure| problem.advised(&self.planes, failure);
@@ -86,7 +86,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         self.judged(&problem, found)
     }
 
-    /// The calibration without a judgement, beside richer models that were fitted before.
+    /// The calibration without checks of the geometry, in a comparison with richer models fitted
+    /// before.
     pub(super) fn compared(&self, shared: &mut Comparison<L>) -> Result<Calibration<L>, Error> {
         let work = Rc::clone(shared.work.get_or_insert_with(|| self.work()));
         let problem = self.problem(&work, &mut shared.nested)?;
@@ -113,7 +114,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         Ok(calibration)
     }
 
-    /// The calibration of edges without a judgement, beside none.
+    /// The calibration of edges without checks of the geometry, and without a comparison.
     fn alone(
         edges: &[PlaneEdges],
         size: ImageSize,
@@ -123,8 +124,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         given.compared(&mut Comparison::default())
     }
 
-    /// The calibration if no plane or side has to be rejected; `None` where one has, or there is no
-    /// answer.
+    /// The calibration if no plane or side has to be rejected; `None` if one has, or if there is no
+    /// solution.
     pub(super) fn agreeing(&self) -> Option<Calibration<L>> {
         let problem = self.problem(&self.work(), &mut NestedOptima::default());
         let problem = problem.ok()?;
@@ -140,8 +141,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         }
     }
 
-    /// The calibration of a solution whose geometry can answer, with the warnings of all that may
-    /// make it wrong.
+    /// The calibration of a solution whose geometry determines the camera, with warnings about
+    /// everything that may make it wrong.
     fn judged(
         &self,
         problem: &JointProblem<'_, L>,
@@ -168,7 +169,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         Ok(calibration)
     }
 
-    /// What its solutions come from, before the pixels are asked.
+    /// Stage of the solutions without the pixels.
     fn stage(&self) -> Stage {
         match self.options.method {
             Method::Linear => Stage::Linear,
@@ -176,7 +177,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         }
     }
 
-    /// A solution as a calibration, improved by the pixels if there are any, with their optimum.
+    /// A solution as a calibration, improved by the pixels if there are any, and their optimum.
     fn stated(
         &self,
         problem: &JointProblem<'_, L>,
@@ -197,7 +198,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         (calibration, fitted)
     }
 
-    /// Adds the lines of the scene, if there are any, to the optimum for edges or for pixels.
+    /// Adds the lines of the scene, if any, to the optimum of the edges or of the pixels.
     fn join_lines(
         &self,
         problem: &JointProblem<'_, L>,
@@ -211,8 +212,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         problem.check_reach(&calibration.camera)
     }
 
-    /// Warns of what may make the answer wrong, and of how well it is known. What explains other
-    /// warnings comes before them, a consequence after its causes.
+    /// Adds warnings about possible errors of the result and about its uncertainty. Causes come
+    /// before their consequences.
     fn add_doubts(
         &self,
         (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
@@ -255,7 +256,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         calibration.warnings = warnings;
     }
 
-    /// Samples outside the picture, where there are any.
+    /// Warning about samples outside the picture, if any.
     fn outside_picture(&self) -> Option<Warning> {
         let (figure, samples, first) = samples_outside(self.edges, self.size)?;
         Some(Warning::OutsidePicture {
@@ -266,8 +267,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         })
     }
 
-    /// The error to report: one of the geometry is replaced by what causes it, a mistaken size of the
-    /// picture or a relation that the planes contradict.
+    /// The error to report: an error of the geometry is replaced by its cause, a mistaken size of
+    /// the picture or a relation contradicted by the planes.
     pub(super) fn cause_of(&self, error: Error) -> Error {
         if !matches!(
             error.kind(),
@@ -284,7 +285,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         }
     }
 
-    /// Of figures of which one is wholly outside the picture: no camera has seen them in it.
+    /// The error for a figure wholly outside the picture, which no camera can have seen in it.
     fn mistaken_size(&self) -> Option<Error> {
         let is_outside = |figure: &PlaneEdges| {
             let outside = samples_outside(slice::from_ref(figure), self.size);
@@ -298,7 +299,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         )))
     }
 
-    /// Relations between the planes that a calibration without them contradicts.
+    /// Warnings about relations between the planes that contradict a calibration without them.
     fn contradicted(&self) -> Vec<Warning> {
         let relations = relations_of(&self.planes);
         if relations.is_empty() {
@@ -316,7 +317,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
     }
 }
 
-/// Lines tell of the lens beside planes, which the linear steps do not know how to join.
+/// Checks that lines of the scene are given with planes, and not for the linear steps, which cannot
+/// use them.
 fn check_lines((planes, lines): (usize, usize), method: Method) -> Result<(), Error> {
     if lines == 0 {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Calibrations that are compared with others, without a judgement or without advice.
+//! Calibrations for comparisons, without checks of the geometry or without remedies.
 
 use std::rc::Rc;
 
@@ -11,8 +11,8 @@ use crate::observations::{Options, PlaneEdges, sort_by_plane};
 use crate::result::Calibration;
 use crate::solver::{JointProblem, NestedOptima, Work};
 
-/// As [`calibrate`], without a judgement of the geometry: to compare models, the richest first, of
-/// which the chosen one is judged. They share their work, which the first one bounds.
+/// As [`calibrate`], without checks of the geometry: for a comparison of models, the richest first,
+/// of which the chosen one is checked later. They share their work, which the first one bounds.
 pub(crate) fn calibrate_unjudged<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -22,8 +22,8 @@ pub(crate) fn calibrate_unjudged<L: Lens>(
     CheckedInput::check(edges, size, options, None)?.compared(shared)
 }
 
-/// As [`calibrate`], if no plane or side has to be rejected; `None` where one has, or there is no
-/// answer. What would help is not looked for, which takes longer than to see that they disagree.
+/// As [`calibrate`], if no plane or side has to be rejected; `None` if one has, or if there is no
+/// solution. Remedies are not computed: that takes longer than the test for disagreement.
 pub(crate) fn calibrate_agreeing<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -34,16 +34,17 @@ pub(crate) fn calibrate_agreeing<L: Lens>(
         .agreeing()
 }
 
-/// What one fit of a lens to all planes leaves.
+/// Result of one fit of a lens to all planes.
 pub(crate) struct FirstFit {
     /// Whether the planes agree.
     pub agrees: bool,
-    /// Of the residuals, in pixels.
+    /// Root mean square of the residuals, in pixels.
     pub rms: f64,
 }
 
 impl FirstFit {
-    /// Without the search for false planes; `None` where the fit fails, which that search may mend.
+    /// Fits without the search for false planes; `None` if the fit fails, which that search might
+    /// prevent.
     pub(crate) fn of<L: Lens>(
         edges: &[PlaneEdges],
         size: ImageSize,

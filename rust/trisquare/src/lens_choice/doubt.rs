@@ -1,9 +1,10 @@
-//! What the doubt about the model adds to the covariance of the chosen one.
+//! Contribution of the doubt about the model to the covariance of the chosen one.
 //!
-//! What could not be told from zero may still not be zero. The other models' answers therefore
-//! stay in the covariance of the chosen one, by their probabilities, all models being equally
-//! likely beforehand (J. A. Hoeting et al., Statistical Science 14 (1999) 382-417). What the chosen
-//! model leaves out is taken to be small rather than nothing.
+//! A coefficient that is not significantly different from zero may still not be zero. The results
+//! of the other models are therefore included in the covariance of the chosen one, weighted by
+//! their probabilities, with all models equally likely a priori (J. A. Hoeting et al., Statistical
+//! Science 14 (1999) 382-417). The coefficients that the chosen model omits are assumed to be small
+//! rather than zero.
 
 use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
 
@@ -12,20 +13,22 @@ use crate::lens::{DistortionModel, INTRINSICS, Lens, MAX_LENS_COLUMNS};
 use crate::observations::FreeParameters;
 use crate::result::Calibration;
 
-/// What a coefficient that was left out may be all the same, as a part of what lenses have.
+/// Prior standard deviation of an omitted coefficient, as a fraction of its usual spread over
+/// lenses.
 const SMALL: f64 = 0.03;
 
-/// Iterations of an eigenvalue problem of a handful of rows; it takes a few per row.
+/// Maximum number of iterations of an eigenvalue problem of a handful of rows; it takes a few per
+/// row.
 const MAX_EIGEN_ITERATIONS: usize = 100 * MAX_LENS_COLUMNS;
 
-/// What the doubt about the model adds to the covariance of the chosen one, over its free
+/// Contribution of the doubt about the model to the covariance of the chosen one, over its free
 /// parameters.
 ///
 /// With `w` a model's probability, `d` its difference from the chosen one in the latter's free
-/// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`; of the covariance
-/// differences only what raises it, and none of simpler models, whose certainty is that of
-/// their assumption. To that comes, whatever the probabilities, what coefficients may do that were
-/// left out and are [`SMALL`].
+/// parameters and `C` the covariances: `sum w (C_model - C_chosen + d d^T)`. Of the covariance
+/// differences only the part that increases the covariance is used, and none of simpler models,
+/// whose certainty follows from their assumption. The effect of omitted coefficients, with a prior
+/// of [`SMALL`], is added regardless of the probabilities.
 pub(super) fn doubt<L: Lens>(
     models: &[WeighedModel<L>],
     chosen: usize,
@@ -57,8 +60,8 @@ pub(super) fn doubt<L: Lens>(
     doubt.iter().all(|v| v.is_finite()).then_some(doubt)
 }
 
-/// The covariance of a richer fit, in the free parameters of `simpler`, once the coefficients that
-/// this one leaves out are held to zero with a standard deviation of [`SMALL`].
+/// The covariance of a richer fit, in the free parameters of `simpler`, with a prior of mean zero
+/// and standard deviation [`SMALL`] on the coefficients that `simpler` omits.
 fn with_small_coefficients<L: Lens>(
     simpler: &WeighedModel<L>,
     richer: &WeighedModel<L>,
@@ -80,7 +83,7 @@ fn with_small_coefficients<L: Lens>(
     shared(&held, fit, &simpler.fit)
 }
 
-/// A covariance of the free parameters of a richer fit, in those of `reference`.
+/// A covariance of a richer fit's free parameters, restricted to those of `reference`.
 fn shared<L: Lens>(
     covariance: &DMatrix<f64>,
     richer: &Calibration<L>,
@@ -92,8 +95,8 @@ fn shared<L: Lens>(
     Some(covariance.select_rows(&places).select_columns(&places))
 }
 
-/// What raises one covariance to another: their difference without its negative eigenvalues, in units
-/// of the first one's standard deviations.
+/// The increase from one covariance to another: their difference without its negative eigenvalues,
+/// in units of the first one's standard deviations.
 pub(super) fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = to.nrows();
     let unit = from.diagonal().map(|d| d.sqrt().max(f64::MIN_POSITIVE));

@@ -1,18 +1,18 @@
-//! The evidence for models that are nested in each other, from a fit of the richest.
+//! The evidence for nested models, from a fit of the richest.
 //!
 //! By the density ratio of J. M. Dickey (Ann. Math. Statist. 42 (1971) 204-223; I. Verdinelli & L.
 //! Wasserman, J. Am. Statist. Assoc. 90 (1995) 614-618): with `e` the coefficients that a model
-//! leaves out, `p(data | model) / p(data | richest) = p(e = 0 | data) / p(e = 0)`. The posterior is
-//! taken as normal, with the covariance that the calibration states: where its residuals show that
-//! whole sides err together, the covariance says so, and a bent sheet of paper does not buy
-//! coefficients. (Information criteria count samples as if each were worth its own.)
+//! omits, `p(data | model) / p(data | richest) = p(e = 0 | data) / p(e = 0)`. The posterior is
+//! approximated as normal, with the calibration's covariance: that includes errors shared by whole
+//! sides, so that a bent sheet of paper is no evidence for coefficients. (Information criteria
+//! count all samples as independent.)
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::lens::{DistortionModel, INTRINSICS, Lens};
 use crate::result::Calibration;
 
-/// A model, its fit to the edge samples, and the logarithm of its evidence but for a constant.
+/// A model, its fit to the edge samples, and the logarithm of its evidence up to a constant.
 pub(crate) struct WeighedModel<L: Lens> {
     pub model: L::Model,
     pub fit: Calibration<L>,
@@ -23,8 +23,8 @@ pub(crate) struct WeighedModel<L: Lens> {
 /// [`DistortionModel::NESTED`], against the fitted one.
 ///
 /// In units of the prior's standard deviations, with estimate `d` and covariance `C`, the posterior
-/// has the mean `(I + C E)^-1 d` and the covariance `(I + C E)^-1 C`, `E` being the prior's
-/// information less that which the fit was held by (column and standard deviation).
+/// has the mean `(I + C E)^-1 d` and the covariance `(I + C E)^-1 C`, with `E` the prior's
+/// information less that of the prior used in the fit (`held`: column and standard deviation).
 pub(super) fn log_evidence<L: Lens>(
     model: L::Model,
     fit: &Calibration<L>,
@@ -33,7 +33,7 @@ pub(super) fn log_evidence<L: Lens>(
     let coefficients: Vec<usize> = model.columns().iter().collect();
     let count = coefficients.len();
     if count == 0 {
-        return Some(vec![0.0]); // nothing to leave out, and the LU factors of nothing overflow
+        return Some(vec![0.0]); // nothing to omit, and the LU factors of an empty matrix overflow
     }
     let places: Vec<usize> = coefficients
         .iter()

@@ -1,7 +1,7 @@
-//! Which family of lenses the data ask for.
+//! Choice of the family of lenses.
 //!
-//! The models of each family are weighed among themselves, and the best of each against the other by
-//! their [odds](super::family_odds).
+//! The models of each family are compared by evidence, and those of different families by their
+//! [odds](super::family_odds).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,11 +18,11 @@ use crate::photometric::Photographs;
 use crate::result::Calibration;
 use crate::uncertainty::widen;
 
-/// What a fisheye may leave of the residuals of a distorted pinhole that leaves nothing but noise: with
-/// more it has no odds.
+/// Maximum ratio of a fisheye's residuals to those of a distorted pinhole with residuals of noise
+/// alone: above it the fisheye has no odds.
 const AS_GOOD: f64 = 1.1;
 
-/// A calibration with a lens of the family that the data ask for.
+/// A calibration with a lens of the chosen family.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FamilyChoice {
     /// A distorted pinhole.
@@ -31,13 +31,13 @@ pub enum FamilyChoice {
     Fisheye(ModelChoice<Fisheye>),
 }
 
-/// The best model of a family that was not chosen.
+/// The best model of a rejected family.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RejectedFamily {
     /// Its name.
     pub model: String,
-    /// Natural logarithm of its odds against what was chosen; not positive.
+    /// Natural logarithm of its odds against the chosen one; not positive.
     pub log_evidence: f64,
     /// Root mean square distance of the edge samples with it, in pixels.
     pub rms: f64,
@@ -45,10 +45,10 @@ pub struct RejectedFamily {
 
 /// Calibrates with the lens, of any family, that has the largest evidence.
 ///
-/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. A fisheye is only
-/// asked about where a distorted pinhole leaves sides that err together, or bends a wide field as a
-/// fisheye does. What the other family says of focal length and principal point stays, by its
-/// probability, in the covariance.
+/// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) within each family. Fisheyes are only
+/// fitted if a distorted pinhole leaves errors shared by whole sides, or bends a wide field as a
+/// fisheye does. The other family's estimates of focal length and principal point are included in
+/// the covariance, weighted by its probability.
 ///
 /// ```
 /// use trisquare::{Error, FamilyChoice, ImageSize, Options, PlaneEdges, calibrate_by_family};
@@ -64,8 +64,8 @@ pub struct RejectedFamily {
 ///
 /// # Errors
 /// As [`calibrate_by_evidence`](crate::calibrate_by_evidence) of a distorted pinhole.
-// Compiled by its callers alone, as all that is generic: here it would be the one function that
-// compiles a calibration with each lens in this crate, too.
+// Inlined so that only its callers compile it, as all that is generic: otherwise it would be the
+// only function that compiles a calibration with each lens in this crate, too.
 #[inline]
 pub fn calibrate_by_family(
     edges: &[PlaneEdges],
@@ -99,7 +99,7 @@ pub fn calibrate_by_family(
             return Ok((FamilyChoice::Pinhole(choice), None));
         }
         (None, None) => {
-            // No model converges: the error of the one that was asked for tells why.
+            // No model converges: the error of the requested one says why.
             let calibration = calibrate_photographs(edges, size, options, photographs)?;
             let choice = ModelChoice::without_alternatives(options.model, calibration);
             return Ok((FamilyChoice::Pinhole(choice), None));
@@ -120,11 +120,11 @@ pub fn calibrate_by_family(
     Ok((FamilyChoice::Pinhole(choice), Some(rejected)))
 }
 
-/// Parameters that mean the same in both families.
+/// Parameters with the same meaning in both families.
 const SHARED: [&str; 5] = ["fx", "fy", "cx", "cy", SKEW];
 
-/// Adds to a covariance what another family's answer is off by, and by how much it is less certain,
-/// times that one's probability. How certain it is, the model says that its family chose.
+/// Adds to a covariance the difference of another family's result, and its additional uncertainty,
+/// times that family's probability. The uncertainty is that of the model chosen within the family.
 fn add_doubt<A: Lens, B: Lens>(
     found: &mut Calibration<A>,
     other: &Calibration<B>,

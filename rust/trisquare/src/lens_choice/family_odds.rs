@@ -1,8 +1,8 @@
 //! The odds of a fisheye against a distorted pinhole.
 //!
-//! The two are not nested in each other. The models of each are weighed one by one against those of
-//! the other, by the criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464) on the edge samples,
-//! which count as so many independent ones as their correlation leaves.
+//! The two are not nested. Each model of one is compared with each model of the other, by the
+//! criterion of G. Schwarz (Ann. Statist. 6 (1978) 461-464) on the edge samples, whose effective
+//! number allows for their correlation.
 
 use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
@@ -17,28 +17,31 @@ use crate::result::Calibration;
 use crate::solver::step_of_some;
 use crate::uncertainty::unlikely_camera;
 
-/// Logarithm of the odds by which a fisheye must explain the samples better: one camera in twenty,
-/// or fewer, has such a lens.
+/// Minimum log odds by which a fisheye must explain the samples better: at most one camera in
+/// twenty has such a lens.
 const PREFERENCE: f64 = 3.0;
 
-/// The angle from the axis, in radians, from which on a fisheye is told from a distorted pinhole.
+/// Angle from the axis, in radians, from which on a fisheye differs noticeably from a distorted
+/// pinhole.
 const WIDE: f64 = 0.7;
 
-/// Whether the lens is a distorted pinhole, for which another may be looked for under these options.
+/// Whether the lens is a distorted pinhole, and the options allow a comparison with others.
 pub(super) fn may_be_another<L: Lens>(options: &Options<L>) -> bool {
     let is_fisheye = L::centre_columns().is_empty();
     !is_fisheye && check_comparable(options).is_ok()
 }
 
-/// Samples of a line that tell one family from another. A fisheye is asked sample by sample.
+/// Maximum number of samples per line in a comparison of families, as a fisheye's cost is per
+/// sample.
 const SAMPLES_PER_LINE: usize = 100;
 
-/// Edges that tell one family from another: of many planes some, unless they stand in relations.
+/// The edges used in a comparison of families: of many planes only some, unless they have
+/// relations.
 pub(super) fn subsampled(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     let mut planes = HashMap::new();
     let number = |(index, own): (usize, &PlaneEdges)| {
         let next = planes.len();
-        // A figure that shares no plane has one of its own.
+        // A figure without a shared plane is on a plane of its own.
         *planes.entry(own.plane.ok_or(index)).or_insert(next)
     };
     let numbers: Vec<usize> = edges.iter().enumerate().map(number).collect();
@@ -53,26 +56,26 @@ pub(super) fn subsampled(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     some.map(|(own, _)| own.thinned(SAMPLES_PER_LINE)).collect()
 }
 
-/// Where sides err together under a fisheye as well, it leaves at most this part of the residuals of
-/// every distorted pinhole: of the many lines of boards, ...
+/// Maximum ratio of a fisheye's residuals to those of every distorted pinhole, if errors are shared
+/// by whole sides under the fisheye as well: with boards, which have many lines, ...
 const MAX_LEFT_OF_BOARDS: f64 = 0.5;
 
-/// ... and of squares, whose few sides its coefficients follow more easily.
+/// ... and with squares, to whose few sides its coefficients adapt more easily.
 pub(super) const MAX_LEFT_OF_SQUARES: f64 = 0.25;
 
 /// A model of a lens, and its fit to the edge samples.
 pub(super) type FittedModel<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
 
-/// How the fisheye's models stand against those of a distorted pinhole: the best against the best.
+/// Comparison of the fisheye's models with those of a distorted pinhole: the best of each.
 pub(super) struct Standing<'a, A: Lens, B: Lens> {
     pub wide: FittedModel<'a, A>,
     pub plain: FittedModel<'a, B>,
-    /// Logarithm of the odds for the fisheye.
+    /// Log odds for the fisheye.
     pub odds: f64,
 }
 
-/// The fisheye that stands best; of equals the one with the largest evidence within its family. That
-/// does not count what is unlikely of a fit, and need not be the best.
+/// The fisheye with the best odds; of equals the one with the largest evidence within its family.
+/// The evidence does not include the improbability of a fit, so that it may choose another one.
 pub(super) fn best_standing<'a, A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     wide: &'a WeighedModels<A>,
@@ -87,13 +90,14 @@ pub(super) fn best_standing<'a, A: Lens, B: Lens>(
     })
 }
 
-/// One fisheye against every distorted pinhole: the odds are less the preference and what is unlikely
-/// of it beforehand. Where sides err together under it as well (targets that are not flat), its
-/// coefficients follow these, and it has to leave much less than every one.
+/// Compares one fisheye with every distorted pinhole: the odds are reduced by the preference and by
+/// the fisheye's improbability under the prior. If errors are shared by whole sides under it as
+/// well (targets that are not flat), its coefficients adapt to these, and its residuals have to be
+/// much smaller than those of every pinhole.
 ///
-/// Targets that are no squares are followed by coefficients that no lens has, or by a camera as
-/// hardly any is: then they are the likelier cause, unless there are boards, whose many lines hold
-/// their shape.
+/// Targets that are not squares lead to coefficients that no lens has, or to an unusual camera:
+/// then they are the likelier cause, unless there are boards, whose many lines determine their
+/// shape.
 fn standing<'a, A: Lens, B: Lens>(
     has_boards: bool,
     wide: FittedModel<'a, A>,
@@ -129,8 +133,8 @@ fn have_boards(edges: &[PlaneEdges]) -> bool {
     planes.iter().flat_map(|plane| &plane.figures).any(has_grid)
 }
 
-/// Minus the logarithm of the prior density of a lens's coefficients, over that of none: normal, as
-/// wide as where a calibration is held by it.
+/// Minus the logarithm of the prior density of a lens's coefficients, over that of zero: normal,
+/// with the widths of the prior used in a calibration.
 fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
     let usual = fit.camera.coefficient_priors(fit.image_size);
     let values = fit.camera.parameters();
@@ -140,30 +144,30 @@ fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
         .sum()
 }
 
-/// Whether the residuals of the samples show no sides that err together.
+/// Whether the residuals of the samples show no errors shared by whole sides.
 pub(super) fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
     fit.residual_correlation.probability < 0.5
 }
 
-/// Whether the picture's corners are imaged as far out as a fisheye would, rather than a pinhole, and
-/// see so far from the axis that both are told apart by more than noise.
+/// Whether the radius of the picture's corners is closer to that of a fisheye than to that of a
+/// pinhole, at angles from the axis at which the two differ by more than noise.
 ///
-/// The radius is the angle for one and its tangent for the other.
+/// The radius is the angle for a fisheye and its tangent for a pinhole.
 pub(super) fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
     let lens = &fit.camera;
     let bends = |corner: &Vector2<f64>| {
         lens.unproject(corner).is_none_or(|ray| {
             let radius = (lens.inverse_focal_matrix() * (corner - lens.principal_point())).norm();
             let angle = ray.xy().norm().atan2(ray.z);
-            // What lies beside the camera or behind it no pinhole sees.
+            // No pinhole sees points beside or behind the camera.
             angle > WIDE && radius < 0.5 * (angle + angle.min(FRAC_PI_2).tan())
         })
     };
     fit.image_size.corners().iter().any(bends)
 }
 
-/// Logarithm of the odds of one model's fit against another's. Where sides err together under the
-/// better one, they count by their smooth displacements, however many samples show them.
+/// Log odds of one model's fit against another's. If errors are shared by whole sides under the
+/// better one, the number of samples is limited to that of the sides' smooth displacements.
 fn log_odds<A: Lens, B: Lens>(
     (model, one): FittedModel<'_, A>,
     (other_model, other): FittedModel<'_, B>,

@@ -1,4 +1,5 @@
-//! Whether a fisheye explains edges of which a distorted pinhole leaves too much, or gives no answer.
+//! Test of whether a fisheye explains edges for which a distorted pinhole has large residuals, or
+//! no solution.
 
 use super::family_odds::{
     MAX_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, subsampled,
@@ -12,16 +13,17 @@ use crate::observations::{Fixed, Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 use crate::uncertainty::unlikely_camera;
 
-/// A fisheye that has to leave much less is only weighed if one fit of it leaves less than this
-/// part of the asked lens's: these are of all edges, the fit's of some.
+/// Ratio of the residuals of a first fit of a fisheye to those of the requested lens below which
+/// its models are compared. The residuals are of some edges for the fit, and of all for the
+/// requested lens.
 const WORTH_WEIGHING: f64 = 0.75;
 
-/// Warns first of all where a calibration with a distorted pinhole has what a fisheye explains
-/// better than any of its models.
+/// Inserts a warning as the first one if a fisheye explains the edges of a calibration with a
+/// distorted pinhole better than any of the pinhole's models.
 ///
-/// [`calibrate`](crate::calibrate) does not look for that by itself, which takes fits with the models
-/// of both lenses: call this after it where the lens may be a fisheye, with the same edges, size and
-/// options. Without warnings that make it look it costs nothing.
+/// [`calibrate`](crate::calibrate) does not do this itself, as it takes fits with the models of
+/// both lenses: call this after it if the lens may be a fisheye, with the same edges, size and
+/// options. It costs nothing if the calibration has no warnings that suggest it.
 /// [`calibrate_by_family`](crate::calibrate_by_family) chooses the lens instead.
 pub fn heed_fisheye<L: Lens>(
     edges: &[PlaneEdges],
@@ -32,18 +34,18 @@ pub fn heed_fisheye<L: Lens>(
     let shows = |is_shown: fn(&Warning) -> bool| calibration.warnings.iter().any(is_shown);
     let is_contradicted =
         |warning: &Warning| matches!(warning, Warning::RelationContradicted { .. });
-    // Planes that do not stand as they are said to explain all that does not fit.
+    // Planes that contradict their stated relations explain all residuals.
     let is_suspect = shows(is_symptom) && !shows(is_contradicted);
     if !is_suspect || !may_be_another(options) {
         return;
     }
-    // There is nothing to explain where a lens that bends as a pinhole's leaves noise alone.
+    // Nothing is left to explain if a lens that bends as a pinhole's does leaves noise alone.
     if is_clean(calibration) && !bends_as_a_fisheye(calibration) {
         return;
     }
     let some = subsampled(edges);
     let wide_options = options.for_family::<Fisheye>();
-    // Real boards are never quite flat, which a fisheye leaves as it is.
+    // Real boards are never quite flat, and a fisheye does not change that.
     let limit = WORTH_WEIGHING * calibration.rms;
     let may_explain = |fit: FirstFit| fit.agrees || fit.rms < limit;
     if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
@@ -51,7 +53,7 @@ pub fn heed_fisheye<L: Lens>(
     }
     let wide = WeighedModels::of(&some, size, &wide_options);
     let own = WeighedModels::of(&some, size, options);
-    // Sheets that rise explain such residuals as well, and a fisheye would follow them to a part.
+    // Sheets with relief explain such residuals as well, and a fisheye would partly fit them.
     let rises = |warning: &Warning| {
         matches!(
             warning,
@@ -102,12 +104,12 @@ fn is_symptom(warning: &Warning) -> bool {
         )
 }
 
-/// What to say of edges for which a distorted pinhole gave an error: that the lens is a fisheye, where
-/// one answers and explains them better than any distorted pinhole.
+/// The error for edges that had no solution with a distorted pinhole: that the lens is a fisheye,
+/// if one has a solution and explains them better than any distorted pinhole.
 ///
-/// [`calibrate`](crate::calibrate) does not look for that by itself: call this with its error where
-/// the lens may be a fisheye, and with the same edges, size and options. Any other error is
-/// returned as it is.
+/// [`calibrate`](crate::calibrate) does not do this itself: call this with its error if the lens
+/// may be a fisheye, and with the same edges, size and options. Any other error is returned
+/// unchanged.
 pub fn or_fisheye<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -121,7 +123,7 @@ pub fn or_fisheye<L: Lens>(
     explaining_fisheye(&some, size, options).unwrap_or(error)
 }
 
-/// Whether an error may come from a lens of another family.
+/// Whether an error may be due to a lens of another family.
 fn may_be_the_lens(error: &Error) -> bool {
     match error.kind() {
         ErrorKind::NotEnoughPlanes | ErrorKind::Convergence => true,

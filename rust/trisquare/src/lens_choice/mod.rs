@@ -1,7 +1,8 @@
-//! Which lens the data ask for.
+//! Choice of the lens.
 //!
-//! Within a family the models are nested, and chosen by their evidence. Families are chosen by their
-//! odds. Where one lens was asked for and another explains what it leaves, a warning names that one.
+//! Models of one family are nested, and chosen by their evidence. Families are chosen by their
+//! odds. If the requested lens leaves residuals that another explains, a warning names the other
+//! one.
 
 mod doubt;
 mod evidence;

@@ -1,8 +1,8 @@
-//! Which distortion coefficients the data ask for.
+//! Choice of the distortion coefficients.
 //!
 //! The models of a lens are nested: each is the next richer one with coefficients at zero. All are
-//! fitted, and weighed by their [evidence](super::evidence). What the others say stays in the
-//! covariance of the chosen one, as its [doubt](super::doubt).
+//! fitted, and weighed by their [evidence](super::evidence). The results of the others are included
+//! in the covariance of the chosen one, as its [doubt](super::doubt).
 
 use nalgebra::DMatrix;
 
@@ -18,8 +18,8 @@ use crate::result::{Calibration, Warning};
 use crate::solver::NestedOptima;
 use crate::uncertainty::widen;
 
-/// What a model's log evidence loses where its lens ends within the picture, which no camera's does:
-/// evidence that is not worth a mention does not choose it.
+/// Penalty on the log evidence of a model whose valid radius ends inside the picture, as no real
+/// camera's does. One unit is too little evidence to prefer such a model.
 const ENDS_IN_PICTURE: f64 = 1.0;
 
 /// A model that was considered and not chosen.
@@ -42,7 +42,7 @@ pub struct ModelAlternative<L: Lens = DefaultLens> {
     pub rms: f64,
 }
 
-/// A calibration with the model that the data ask for.
+/// A calibration with the model of the largest evidence.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(
     feature = "serde",
@@ -56,7 +56,7 @@ pub struct ModelAlternative<L: Lens = DefaultLens> {
 pub struct ModelChoice<L: Lens = DefaultLens> {
     /// The model chosen.
     pub model: L::Model,
-    /// The calibration with it; its covariance holds the doubt about the model as well.
+    /// The calibration with it; its covariance includes the doubt about the model.
     pub calibration: Calibration<L>,
     /// The models that were rejected, the simplest first; models that did not converge are left
     /// out.
@@ -65,8 +65,8 @@ pub struct ModelChoice<L: Lens = DefaultLens> {
 
 /// Calibrates with the lens model that has the largest evidence.
 ///
-/// The models are compared on edge samples; the photographs, if there are any, are fitted with the
-/// chosen one. `options.model` is only used where no model converges.
+/// The models are compared on edge samples; the photographs, if any, are fitted with the chosen
+/// one. `options.model` is only used if no model converges.
 ///
 /// ```
 /// use trisquare::{Error, ImageSize, Options, PlaneEdges, calibrate_by_evidence};
@@ -93,7 +93,7 @@ pub fn calibrate_by_evidence<L: Lens>(
     check_comparable(options)?;
     match WeighedModels::of(edges, size, options) {
         Some(weighed) => weighed.answer(edges, size, options, photographs),
-        // No model converges: the error of the one that was asked for tells why.
+        // No model converges: the error of the requested one says why.
         None => {
             let calibration = calibrate_photographs(edges, size, options, photographs)?;
             Ok(ModelChoice::without_alternatives(
@@ -104,6 +104,8 @@ pub fn calibrate_by_evidence<L: Lens>(
     }
 }
 
+/// Checks that the options allow a comparison of models.
+///
 /// # Errors
 /// [`Error::InvalidArgument`] for the linear method or a fixed distortion.
 pub(crate) fn check_comparable<L: Lens>(options: &Options<L>) -> Result<(), Error> {
@@ -118,7 +120,7 @@ pub(crate) fn check_comparable<L: Lens>(options: &Options<L>) -> Result<(), Erro
 }
 
 impl<L: Lens> ModelChoice<L> {
-    /// A calibration with the one model that was asked for.
+    /// A calibration with the requested model only.
     pub fn without_alternatives(model: L::Model, calibration: Calibration<L>) -> Self {
         Self {
             model,
@@ -136,7 +138,7 @@ pub(crate) struct WeighedModels<L: Lens> {
 }
 
 impl<L: Lens> WeighedModels<L> {
-    /// All with the outliers of the richest that converges; `None` where none does.
+    /// Fits all with the outliers of the richest that converges; `None` if none does.
     pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
         let mut shared = Comparison::default();
         let models = fitted(edges, size, options, &mut shared);
@@ -165,21 +167,21 @@ impl<L: Lens> WeighedModels<L> {
         models.find_map(|one| (one.model == model).then_some(&one.fit))
     }
 
-    /// What the doubt about the model adds to its covariance.
+    /// Contribution of the doubt about the chosen model to its covariance.
     fn doubt(&self, options: &Options<L>) -> Option<DMatrix<f64>> {
         let model = self.chosen().0;
         let options = Options { model, ..*options };
         doubt(&self.models, self.chosen, &options.free_parameters())
     }
 
-    /// The covariance of that fit, with the doubt about the model.
+    /// The covariance of the chosen fit, including the doubt about the model.
     pub(crate) fn covariance(&self, options: &Options<L>) -> DMatrix<f64> {
         let own = &self.chosen().1.covariance;
         self.doubt(options)
             .map_or_else(|| own.clone(), |doubt| own + doubt)
     }
 
-    /// The calibration with that model, with the doubt about it.
+    /// The calibration with the chosen model, including the doubt about it.
     pub(crate) fn answer(
         &self,
         edges: &[PlaneEdges],
@@ -198,7 +200,7 @@ impl<L: Lens> WeighedModels<L> {
         if let Some(doubt) = self.doubt(&options) {
             widen(&mut calibration, doubt, options.fixed);
         }
-        // The evidence has not asked for a model that would hold the lens.
+        // The evidence was not in favour of a model that would describe the lens.
         for warning in &mut calibration.warnings {
             if let Warning::LensBeyondModel {
                 certain,
@@ -231,7 +233,7 @@ fn fitted<L: Lens>(
     shared: &mut Comparison<L>,
 ) -> Vec<WeighedModel<L>> {
     let mut fits = Vec::with_capacity(L::Model::NESTED.len());
-    // The richest first: what it rejects, the others may leave out.
+    // The richest first: the others may leave out the outliers that it rejects.
     for &model in L::Model::NESTED.iter().rev() {
         let options = Options { model, ..*options };
         if let Ok(fit) = calibrate_unjudged(edges, size, &options, shared) {
@@ -239,7 +241,7 @@ fn fitted<L: Lens>(
         }
     }
     fits.reverse();
-    // The richest whose covariance can be weighed speaks for all models nested in it.
+    // The evidence of all nested models follows from the richest whose covariance can be used.
     while let Some((richest, fit, priors)) = fits.last() {
         if let Some(evidence) = log_evidence(*richest, fit, priors) {
             let of = |model: L::Model| {
@@ -350,7 +352,7 @@ mod tests {
 
     #[test]
     fn what_the_doubt_leaves_unknown_is_warned_of() {
-        // Squares about the middle of the picture tell little of the lens beyond them.
+        // Squares about the centre of the picture hardly determine the lens beyond them.
         let is_guess = |found: &Calibration| {
             let mut codes = found.warnings.iter().map(Warning::code);
             codes.any(|code| code == "lens_extrapolated")

@@ -1,4 +1,4 @@
-//! Whether another of OpenCV's models would hold a lens that the asked one does not.
+//! Test of whether another of OpenCV's models describes a lens that the requested one does not.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,16 +10,18 @@ use crate::numeric::chi_square_tail;
 use crate::observations::{Options, PlaneEdges};
 use crate::result::{Calibration, Warning};
 
-/// How often noise alone shows so much of the coefficients that a model has beyond the asked ones.
+/// Probability with which noise alone may cause the estimates of the coefficients beyond the
+/// requested ones.
 const CHANCE: f64 = 1e-4;
 
-/// Warns first of all of the lens where planes contradict each other under the asked model, or no
-/// richer one holds the lens, and one of OpenCV's models leaves nothing to warn of.
+/// Inserts a warning about the lens as the first one if planes contradict each other under the
+/// requested model, or no richer one describes the lens, and one of OpenCV's models has no such
+/// warnings.
 ///
-/// Targets that are no squares hardly ever let that happen: a few coefficients more make them no
-/// squares of a usual camera, with sides that show noise alone. Call this after
-/// [`heed_fisheye`](crate::heed_fisheye), with the same edges, size and options. Without such warnings
-/// it costs nothing.
+/// With targets that are not squares that is rare: a few more coefficients hardly ever turn them
+/// into squares of a usual camera, with sides that show noise alone. Call this after
+/// [`heed_fisheye`](crate::heed_fisheye), with the same edges, size and options. It costs nothing
+/// without such warnings.
 pub fn heed_opencv_lens<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -39,7 +41,7 @@ pub fn heed_opencv_lens<L: Lens>(
         .into_iter()
         .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
         .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
-    // What a part of the edges does not show no lens can explain by them.
+    // No lens explains by a part of the edges what these do not show.
     let is_shown = || calibrate(&some, size, options).is_ok_and(|own| fits_badly(&own));
     if cure.is_none() || !is_shown() {
         return;
@@ -63,7 +65,7 @@ pub fn heed_opencv_lens<L: Lens>(
     calibration.warnings.insert(0, warning);
 }
 
-/// Whether planes contradict each other, or the lens comes first of what is warned of.
+/// Whether planes contradict each other, or the first warning is about the lens.
 fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
     let contradicts = |warning: &Warning| {
         matches!(
@@ -75,13 +77,13 @@ fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
     first.is_some_and(Warning::is_lens_beyond_model) || found.warnings.iter().any(contradicts)
 }
 
-/// Whether a warning only tells where targets are missing in the picture.
+/// Whether a warning is only about regions of the picture without targets.
 fn is_of_places(warning: &Warning) -> bool {
     matches!(warning, Warning::LensExtrapolated { .. })
 }
 
-/// The name of a model and `fx` with it, if it leaves nothing to warn of by coefficients that are
-/// not asked for.
+/// The name of a model and `fx` with it, if coefficients beyond the requested ones leave no
+/// warnings.
 fn of_lens<A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -97,8 +99,8 @@ fn of_lens<A: Lens, B: Lens>(
         .then(|| (model.name(), found.camera.focal().x))
 }
 
-/// Whether the coefficients beyond the asked parameters are other than zero: if not, the lens is no
-/// other, and the search for the asked one has gone astray.
+/// Whether the coefficients beyond the requested parameters differ significantly from zero: if not,
+/// the lens is the same, and the search for the requested one has failed.
 fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bool {
     let free = found.parameters.iter().enumerate();
     let others: Vec<_> = free.filter(|(_, name)| !asked.contains(name)).collect();

@@ -1,5 +1,5 @@
-//! Homographies of figures that are circles: of two on a plane from these alone, of others on a
-//! plane whose homography is known.
+//! Homographies of figures that are circles: of two on a plane from these alone, of others from a
+//! known homography of the plane.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -9,10 +9,10 @@ use crate::geometry::{
 };
 use crate::observations::{Curve, Figure, Radius};
 
-/// Where a pinhole would see what is seen at a pixel.
+/// Map from a pixel to the pixel of a pinhole.
 pub(super) type Undistort<'a> = &'a dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>>;
 
-/// A circle of a figure as a pinhole would see it.
+/// A circle of a figure in the image of a pinhole.
 struct Circle {
     radius: Radius,
     points: Vec<Vector2<f64>>,
@@ -41,8 +41,8 @@ fn circles(figure: &Figure, undistort: Undistort<'_>) -> Result<Vec<Circle>, Err
     Ok(circles)
 }
 
-/// The homography of circles, turned about the first one's centre in an arbitrary way; of a single
-/// one with the help of a circle on the same plane.
+/// The homography of circles, with an arbitrary rotation about the first one's centre; that of a
+/// single circle uses another circle on the same plane.
 pub(super) fn homography_of_circles(
     figure: &Figure,
     beside: Option<&Figure>,
@@ -92,8 +92,10 @@ pub(super) fn homography_of_circles(
     Ok((homography, own[0].points[0]))
 }
 
+/// Checks that the images of circles are nested in the order of their radii.
+///
 /// # Errors
-/// [`Error::InvalidArgument`] if a circle is seen around one that is said to be larger.
+/// [`Error::InvalidArgument`] if a circle appears around one with a larger radius.
 fn check_nesting(
     figure: usize,
     circles: &[Circle],
@@ -117,7 +119,7 @@ fn check_nesting(
     )))
 }
 
-/// The homography of circles on a plane whose own is given.
+/// The homography of circles on a plane with a known homography.
 pub(super) fn homography_of_further_circles(
     figure: &Figure,
     plane: &Matrix3<f64>,
@@ -137,7 +139,7 @@ pub(super) fn homography_of_further_circles(
     placed().ok_or_else(|| degenerate(figure, "it is no circle on its plane"))
 }
 
-/// The radii of a figure that are to be estimated, by its homography.
+/// The free radii of a figure, by its homography.
 pub(super) fn free_radii(
     figure: &Figure,
     homography: &Matrix3<f64>,

@@ -1,4 +1,4 @@
-//! The third of the paper's linear steps, the conic, and the first view that all three give.
+//! The third of the paper's linear steps, the conic, and the first view from all three.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -12,17 +12,18 @@ use crate::observations::{
     Figure, Freedom, ObservedPlane, Options, Placement, PlaneState, View, relations_of,
 };
 
-/// Focal lengths tried, in image widths, where the conic gives none.
+/// Focal lengths tried, in image widths, if the conic gives none.
 const FOCAL_GUESSES: [f64; 3] = [1.0, 0.6, 2.0];
 
-/// A figure this close to its plane's first one's centre (in that one's units) is concentric.
+/// Maximum distance of a concentric figure's centre from that of its plane's first figure, in units
+/// of the latter.
 const CONCENTRIC_SHIFT: f64 = 0.05;
 
-/// A concentric figure is turned by at most this (radians) from a quarter turn.
+/// Maximum rotation (radians) of a concentric figure from a multiple of a quarter turn.
 const CONCENTRIC_ANGLE: f64 = 0.09;
 
-/// The view of some planes that a lens implies, whose homographies are those of `samples`: the same
-/// planes, or fewer samples of them.
+/// The view of some planes implied by a lens. The homographies are computed from `samples`: the
+/// same planes, or fewer samples of them.
 pub(crate) fn view_by_lens<L: Lens>(
     lens: &L,
     samples: &[ObservedPlane],
@@ -36,7 +37,8 @@ pub(crate) fn view_by_lens<L: Lens>(
     first_view(&matrix, &homographies, planes, &known, size, options)
 }
 
-/// Step 3: the camera matrix from the image of the absolute conic, which takes the skew as zero.
+/// Step 3: the camera matrix from the image of the absolute conic, under the assumption of zero
+/// skew.
 pub(crate) fn conic_camera_matrix<L: Lens>(
     homographies: &Homographies,
     size: ImageSize,
@@ -54,8 +56,8 @@ pub(crate) fn conic_camera_matrix<L: Lens>(
     Ok(options.with_known_skew(found))
 }
 
-/// Camera matrices to start from where the conic gives none, or a useless one: the principal
-/// point at the image centre, then focal lengths from experience.
+/// Starting camera matrices in case the conic gives none, or a useless one: the principal point at
+/// the image centre, then typical focal lengths.
 pub(crate) fn fallback_camera_matrices<L: Lens>(
     homographies: &Homographies,
     size: ImageSize,
@@ -83,8 +85,8 @@ pub(crate) fn fallback_camera_matrices<L: Lens>(
     starts
 }
 
-/// Camera matrices of focal lengths in image widths, all else as it is known; none where the focal
-/// length is held.
+/// Camera matrices with focal lengths in image widths, and all else as known; none if the focal
+/// length is fixed.
 pub(crate) fn guessed_camera_matrices<L: Lens>(
     focals: [f64; 3],
     size: ImageSize,
@@ -107,7 +109,7 @@ fn matrix_of(focal: Vector2<f64>, centre: Vector2<f64>) -> Matrix3<f64> {
     )
 }
 
-/// The camera with its poses and placements that a camera matrix and the homographies imply.
+/// The camera with its poses and placements implied by a camera matrix and the homographies.
 pub(crate) fn first_view<L: Lens>(
     camera_matrix: &Matrix3<f64>,
     homographies: &Homographies,
@@ -162,7 +164,7 @@ pub(crate) fn first_view<L: Lens>(
     Ok(view)
 }
 
-/// Where a further figure lies on the plane that the first one fixes.
+/// Placement of a further figure on the plane defined by the first one.
 fn placement(
     figure: &Figure,
     plane: &Matrix3<f64>,
@@ -179,7 +181,7 @@ fn placement(
         .try_inverse()
         .ok_or_else(|| degenerate("it is singular"))?;
     let map = inverse * own;
-    // The map is a similarity but for noise: its Jacobian at the figure's origin.
+    // Up to noise the map is a similarity: its Jacobian at the figure's origin.
     let shift = Vector2::new(map.m13, map.m23) / map.m33;
     if let (Freedom::Offsets, Some(line)) = (figure.freedom, figure.sides[0].line()) {
         return Ok(Placement {

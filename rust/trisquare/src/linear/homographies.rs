@@ -1,4 +1,4 @@
-//! The first two of the paper's linear steps: straighten, and homographies.
+//! The first two of the paper's linear steps: straightening, and homographies.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -10,18 +10,20 @@ use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sample, Side};
 
-/// Cosine of the angle with the axis up to which a pinhole sees a ray at no great distance.
+/// Cosine of the angle from the axis up to which a ray is imaged by a pinhole at a moderate
+/// distance.
 const AHEAD: f64 = 0.1;
 
-/// The pictures' samples freed from distortion, before any camera matrix is known.
+/// Removal of the distortion from the pictures' samples, before any camera matrix is known.
 ///
-/// Homographies and conic ask for what a pinhole would see: of a lens that is known, the lines of
-/// samples beside or behind the camera as well, for those are planes through its centre.
+/// Homographies and conic need the image of a pinhole. With a known lens, lines can also be
+/// computed from samples beside or behind the camera, since a line defines a plane through the
+/// camera's centre.
 #[derive(Debug, Clone)]
 pub(crate) enum Undistortion<L> {
     /// Estimated from straightness.
     Straightened(Straightening),
-    /// Held at that of a given camera.
+    /// Fixed at that of a given camera.
     Known(L),
 }
 
@@ -47,10 +49,10 @@ impl<L: Lens> Undistortion<L> {
             .map(|side| side.samples.iter().map(|s| s.pixel).collect())
             .collect();
         if curves.is_empty() {
-            // Circles alone: the refinement finds the distortion.
+            // Only circles: the refinement finds the distortion.
             return Ok(Self::Straightened(Straightening::identity(size)));
         }
-        // Where the refinement follows, it finds the centre itself.
+        // If the refinement follows, it estimates the centre itself.
         let held = options.fixed.principal_point || options.method == Method::MaximumLikelihood;
         let centre = held.then(|| {
             let fixed = options.known_intrinsics(&size).principal_point;
@@ -66,7 +68,7 @@ impl<L: Lens> Undistortion<L> {
         }
     }
 
-    /// The line on which a pinhole would see samples, and where it would see those ahead of it.
+    /// The pinhole's image line of samples, and the pinhole's pixels of those ahead of it.
     fn line(&self, samples: &[Sample]) -> Result<(Line, Vec<Vector2<f64>>), &'static str> {
         const NO_RAY: &str = "samples lie where the distortion is not invertible";
         const ONE_PLACE: &str = "all samples of a line coincide";
@@ -92,7 +94,7 @@ impl<L: Lens> Undistortion<L> {
         }
     }
 
-    /// The lens that goes with a camera matrix.
+    /// The lens with a camera matrix.
     pub fn lens(&self, camera_matrix: &Matrix3<f64>, size: ImageSize, model: L::Model) -> L {
         match self {
             Self::Straightened(found) if !found.coefficients.is_empty() => {
@@ -167,7 +169,7 @@ impl Homographies {
         })
     }
 
-    /// Those of several sets of planes, one after the other.
+    /// Concatenates the homographies of several sets of planes.
     pub fn joined<'a>(sets: impl Iterator<Item = &'a Self>) -> Self {
         let mut all = Self {
             figures: Vec::new(),
@@ -182,7 +184,7 @@ impl Homographies {
         all
     }
 
-    /// The first figure's homography of every plane, and what is known of the figure.
+    /// The homography of the first figure of every plane, and whether its aspect is unknown.
     pub fn of_planes(&self) -> Vec<PlaneHomography> {
         let first = self.figures.iter().map(|figures| figures[0]);
         let planes = first.zip(&self.any_aspect);
@@ -194,8 +196,8 @@ impl Homographies {
     }
 }
 
-/// A plane's first figure with the sides of those that are given in its coordinates: the first one
-/// alone may be a small part of the whole.
+/// A plane's first figure, extended by the sides of the figures given in its coordinates: the first
+/// one alone may be a small part of the whole.
 fn with_fixed(plane: &ObservedPlane) -> Figure {
     let mut first = plane.figures[0].clone();
     for figure in &plane.figures[1..] {
@@ -210,7 +212,8 @@ fn with_fixed(plane: &ObservedPlane) -> Figure {
     first
 }
 
-/// A figure's homography, which of a single circle asks for another one on its plane.
+/// The homography of a figure, and a pixel on it. A single circle needs another figure on its
+/// plane.
 pub(crate) fn homography_of_figure<L: Lens>(
     figure: &Figure,
     beside: Option<&Figure>,
@@ -245,8 +248,8 @@ pub(crate) fn homography_of_figure<L: Lens>(
     Ok((homography, witness))
 }
 
-/// A plane's homography moved to where it shows the line of a figure, through the origin with a known
-/// normal.
+/// A plane's homography translated to the line of a figure, which passes through the origin with a
+/// known normal.
 fn homography_of_offset<L: Lens>(
     (figure, normal): (&Figure, Vector2<f64>),
     plane: &Matrix3<f64>,
@@ -263,7 +266,7 @@ fn homography_of_offset<L: Lens>(
     Ok(plane * Matrix3::new_translation(&(normal * offset)))
 }
 
-/// Where a pinhole with the same camera matrix would see a unit ray, if at no great distance.
+/// A pinhole's pixel of a unit ray, with the same camera matrix; `None` beyond a moderate distance.
 fn seen_ahead<L: Lens>(camera: &L, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
     (ray.z > AHEAD).then(|| (camera.camera_matrix() * ray).xy() / ray.z)
 }

@@ -1,10 +1,10 @@
 //! Step 1: distortion from the straightness of curves, before any camera matrix is known.
 //!
-//! About a centre, `r_u = r_d (1 + a1 rho^2 + a2 rho^4 + ...)`, `rho = r_d / S`, `S` half the
-//! image diagonal (Zhou et al. 2013, section 2; F. Devernay & O. Faugeras, Machine Vision and
-//! Applications 13 (2001) 14-24). What is minimised is the distance of the samples to the straight
-//! line that fits them best, measured back in the distorted picture: in undistorted coordinates,
-//! noise would reward whatever shrinks the picture.
+//! About a centre, `r_u = r_d (1 + a1 rho^2 + a2 rho^4 + ...)`, `rho = r_d / S`, `S` half the image
+//! diagonal (Zhou et al. 2013, section 2; F. Devernay & O. Faugeras, Machine Vision and
+//! Applications 13 (2001) 14-24). The cost is the distance of the samples from the straight line
+//! that fits them best, measured in the distorted picture: in undistorted coordinates, noise would
+//! favour a map that shrinks the picture.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
@@ -15,31 +15,33 @@ use crate::lens::increases_up_to;
 use crate::numeric::{ArrowStep, ArrowSystem, Limits, Minimum, Problem, minimise};
 use crate::observations::check_samples;
 
-/// Coefficients a straightening may have.
+/// Maximum number of coefficients of a straightening.
 pub const MAX_COEFFICIENTS: usize = 3;
 
-/// Derivatives and residual of one sample: coefficients, centre, a line's angle and offset.
+/// Length of a sample's row: derivatives by coefficients, centre, a line's angle and offset; and
+/// residual.
 const ROW: usize = MAX_COEFFICIENTS + 5;
 
-/// Evaluations allowed; from zero distortion about six are needed.
+/// Maximum number of evaluations; from zero distortion about six are needed.
 const MAX_ITERATIONS: usize = 60;
 
-/// Fall of half the sum of squares (px^2) below which a step is the last.
+/// Decrease of half the sum of squares (px^2) below which a step is the last.
 const LAST_DECREASE: f64 = 1e-9;
 
-/// The centre is freed where its predicted std is below this part of the width.
+/// Predicted standard deviation of the centre, as a fraction of the width, below which it is freed.
 const CENTRE_STD_LIMIT: f64 = 0.05;
 
-/// Noise assumed at least (px) when the centre's std is predicted, so that noise-free curves
-/// without distortion do not seem to determine it.
+/// Lower bound of the noise (px) in the prediction of the centre's standard deviation, so that
+/// noise-free curves without distortion do not appear to determine it.
 const MIN_NOISE: f64 = 0.01;
 
 /// The map from observed to ideal pixels that makes curves straight.
 ///
-/// With `q` the observed pixel's distance from the centre in units of `S`, half the image diagonal,
-/// the ideal one is `q (1 + a1 |q|^2 + a2 |q|^4 + a3 |q|^6)`. A straight line tells no focal length, and
-/// undistorted pictures need none: [`from_straightening`](crate::Lens::from_straightening) makes a
-/// lens of any focal length of it, by [`Self::ideal_radius`]; the example `undistort` does.
+/// With `q` the observed pixel's offset from the centre in units of `S`, half the image diagonal,
+/// the ideal one is `q (1 + a1 |q|^2 + a2 |q|^4 + a3 |q|^6)`. Straight lines determine no focal
+/// length, and undistorted pictures need none:
+/// [`from_straightening`](crate::Lens::from_straightening) creates a lens of any focal length from
+/// it, by [`Self::ideal_radius`], as the example `undistort` does.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Straightening {
@@ -62,8 +64,11 @@ crate::stored::read_checked!(Straightening {
 });
 
 impl Straightening {
+    /// Checks values that were read.
+    ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for a number that is not finite, or a radius that is not positive.
+    /// [`Error::InvalidArgument`] for a number that is not finite, or a radius that is not
+    /// positive.
     #[cfg(feature = "serde")]
     fn check(&self) -> Result<(), Error> {
         let mut numbers = self.coefficients.iter().chain(self.centre.iter());
@@ -76,7 +81,7 @@ impl Straightening {
         Ok(())
     }
 
-    /// The straightening that changes nothing.
+    /// The identity map.
     pub fn identity(size: ImageSize) -> Self {
         Self {
             coefficients: Vec::new(),
@@ -86,7 +91,7 @@ impl Straightening {
         }
     }
 
-    /// Maps an observed pixel to its ideal place; `None` where the map is not invertible.
+    /// Maps an observed pixel to its ideal position; `None` if the map is not invertible there.
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
@@ -110,7 +115,7 @@ impl Straightening {
         (1.0 + square * factor, factor + square * slope)
     }
 
-    /// Whether the map increases all the way to a squared distance from the centre, in units of `S`.
+    /// Whether the map increases up to a squared distance from the centre, in units of `S`.
     fn reaches(&self, square: f64) -> bool {
         let mut coefficients = [0.0; MAX_COEFFICIENTS];
         let given = coefficients.iter_mut().zip(&self.coefficients);
@@ -118,7 +123,7 @@ impl Straightening {
         increases_up_to(coefficients, square)
     }
 
-    /// The map around one pixel; it need not increase up to there.
+    /// The map around one pixel, also if it does not increase up to there.
     fn bend(&self, pixel: &Vector2<f64>) -> Bend {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
@@ -141,10 +146,10 @@ struct Bend {
     jacobian: Matrix2<f64>,
 }
 
-/// Finds the distortion that makes all curves straight at once.
+/// Finds the distortion that makes all curves straight.
 ///
-/// With no `centre` given, the image centre is used, or freed where the curves determine it to
-/// better than 5 % of the width. Points in pixels.
+/// Without `centre`, the image centre is used, or freed if the curves determine it to better than 5
+/// % of the width. Points in pixels.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -246,8 +251,9 @@ fn solve(problem: &Straight<'_>, start: Straightening) -> Result<Minimum<Straigh
     })
 }
 
-/// The straightness of all curves as a least-squares problem in the coefficients (and the centre): to
-/// them belong the lines that fit best then (variable projection; L. Kaufman, BIT 15 (1975) 49-57).
+/// The straightness of all curves as a least-squares problem in the coefficients (and the centre),
+/// with the best lines for each of their values (variable projection; L. Kaufman, BIT 15 (1975)
+/// 49-57).
 struct Straight<'a> {
     curves: &'a [Vec<Vector2<f64>>],
     /// Fixed origin of the ideal coordinates.
@@ -267,8 +273,8 @@ impl Straight<'_> {
         }
     }
 
-    /// The straight line nearest to a curve, in ideal coordinates (units of `S` about the
-    /// origin), distances being measured back in the picture.
+    /// The straight line nearest to a curve, in ideal coordinates (units of `S` about the origin),
+    /// with distances measured in the distorted picture.
     fn line_of(&self, state: &Straightening, bends: &[Bend]) -> Option<Line> {
         let place = |bend: &Bend| self.ideal(state, bend);
         let first = Line::fit(bends.iter().map(|b| (place(b), 1.0)))?;
@@ -299,7 +305,7 @@ impl Problem for Straight<'_> {
             let line = self.line_of(state, &bends)?;
             let normal = line.normal();
             let tangent = Vector2::new(-normal.y, normal.x);
-            // By what is shared, by the line's angle and offset, and the residual; then zeros.
+            // Shared parameters, the line's angle and offset, and the residual; then zeros.
             let mut row = SVector::<f64, ROW>::zeros();
             let mut sums = SMatrix::<f64, ROW, ROW>::zeros();
             for bend in &bends {
@@ -330,7 +336,7 @@ impl Problem for Straight<'_> {
                 sums.ger(1.0, &row, &row, 1.0);
             }
             cost += 0.5 * sums[(last, last)];
-            // The line follows what is shared: it is eliminated (Schur complement).
+            // The line depends on the shared parameters: it is eliminated (Schur complement).
             let own = sums.fixed_view::<2, 2>(shared, shared).cholesky()?;
             let half = own
                 .l_dirty()

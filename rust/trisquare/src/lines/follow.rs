@@ -1,21 +1,21 @@
-//! The planes follow the lens that lines have moved.
+//! Planes under the lens as changed by lines of the scene.
 
 use crate::lens::Lens;
 use crate::numeric::{Limits, Loss, minimise};
 use crate::observations::{Fixed, FreeParameters, ObservedPlane, Placement, PlaneState, View};
 use crate::refine::{EdgeProblem, Refined};
 
-/// Evaluations allowed; about four are used.
+/// Maximum number of evaluations; about four are used.
 const MAX_ITERATIONS: usize = 50;
 
-/// Fall of the cost, in units of the noise variance, below which a step is the last.
+/// Decrease of the cost, in units of the noise variance, below which a step is the last.
 const LAST_DECREASE: f64 = 1e-4;
 
-/// So many times its scale, no residual is an outlier.
+/// Factor of the scale for which no residual is an outlier.
 const QUADRATIC: f64 = 1e4;
 
-/// The samples of an optimum, each with the weight that the robust loss gives it there: under
-/// another lens all are off together.
+/// The samples of an optimum with the weights of the robust loss there: under another lens the
+/// residuals of all change together.
 pub(super) fn with_weights_held<L: Lens>(
     planes: &[ObservedPlane],
     optimum: &Refined<L>,
@@ -35,7 +35,7 @@ pub(super) fn with_weights_held<L: Lens>(
     held
 }
 
-/// The least squares of samples whose weights are held.
+/// The least-squares problem of samples with fixed weights.
 pub(super) fn least_squares<'a, L: Lens>(
     held: &'a [ObservedPlane],
     free: &'a FreeParameters,
@@ -44,8 +44,8 @@ pub(super) fn least_squares<'a, L: Lens>(
     EdgeProblem::new(held, free, QUADRATIC * optimum.scale)
 }
 
-/// The planes of an optimum under another lens, each where its samples are nearest; `None` where it
-/// does not see all of them.
+/// The planes of an optimum under another lens, each fitted to its samples; `None` if the lens does
+/// not see all of them.
 pub(super) fn planes_under<L: Lens>(
     lens: L,
     held: &[ObservedPlane],
@@ -73,7 +73,7 @@ pub(super) fn planes_under<L: Lens>(
     Some(minimise(&problem, start, limits)?.state.planes)
 }
 
-/// A plane moved by as much as another estimate of it moved.
+/// A plane moved by the difference between two estimates.
 pub(super) fn moved_like(
     plane: &PlaneState,
     before: &PlaneState,

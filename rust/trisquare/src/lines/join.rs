@@ -1,4 +1,4 @@
-//! The lines joined with what the planes say.
+//! Combination of the lines of the scene with the planes.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -14,35 +14,35 @@ use crate::refine::{Refined, residuals, robust_scale};
 use crate::result::{Calibration, Plane, SceneLine, Warning};
 use crate::solver::{JointProblem, Solution};
 
-/// Rounds of measuring, sorting and moving allowed; about four are used.
+/// Maximum number of rounds of measuring, classifying and moving; about four are used.
 const MAX_ROUNDS: usize = 30;
 
-/// Part of a step that is taken where it is no shorter than the last.
+/// Factor of a step that is not shorter than the previous one.
 const SHORTENED: f64 = 0.5;
 
-/// Square of the last step, in standard deviations.
+/// Square of the length of a step, in standard deviations, below which it is the last.
 const LAST_STEP: f64 = 1e-3;
 
-/// A line's own scale of the noise counts beside that of all as if this rested on so many degrees of
-/// freedom.
+/// Degrees of freedom attributed to the common scale of the noise, when it is combined with a
+/// line's own.
 const SHARED_FREEDOM: f64 = 8.0;
 
-/// Part of all lines that has to be straight: of ten curves one may be straight under some lens that
-/// the planes allow.
+/// Minimum fraction of the lines that have to be straight: of ten curves one may be straight under
+/// some lens that the planes allow.
 const MIN_STRAIGHT: f64 = 0.2;
 
-/// How often chance alone makes lines and planes differ so much.
+/// Probability of the difference between lines and planes by chance below which they contradict.
 const CHANCE: f64 = 1e-4;
 
-/// Where lines and planes agree.
+/// Joint estimate from lines and planes.
 struct Joined<L> {
     lens: L,
     covariance: DMatrix<f64>,
     is_used: Vec<bool>,
 }
 
-/// Adds the lines of the scene to a calibration from planes alone, `solution` being the edges'
-/// optimum and `fitted` that of the pixels, where the calibration is from these.
+/// Adds the lines of the scene to a calibration from planes alone. `solution` is the edges' optimum
+/// and `fitted` that of the pixels, if the calibration is from these.
 pub(crate) fn add_lines<L: Lens>(
     problem: &JointProblem<'_, L>,
     (solution, fitted): (&Solution<L>, Option<&Solution<L>>),
@@ -90,8 +90,8 @@ pub(crate) fn add_lines<L: Lens>(
     calibration.lines = lines.iter().zip(is_used).map(line).collect();
 }
 
-/// Where lines and planes agree, and by how many standard deviations they do not, if beyond chance;
-/// `None` where no line is of use.
+/// The joint estimate from lines and planes, and their difference in standard deviations, if beyond
+/// chance; `None` if no line is of use.
 fn join<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &Planes<'_, L>,
@@ -138,12 +138,12 @@ fn join<L: Lens>(
     None
 }
 
-/// What lines and planes say together of a lens.
+/// Combination of lines and planes at a lens.
 struct Balance {
     is_straight: Vec<bool>,
-    /// Of the information of both.
+    /// Factor of their joint information.
     factor: Cholesky<f64, Dyn>,
-    /// To where they agree, and the square of its length in standard deviations.
+    /// Step to the joint optimum, and the square of its length in standard deviations.
     step: DVector<f64>,
     length: f64,
 }
@@ -166,7 +166,7 @@ impl Balance {
         })
     }
 
-    /// By how many standard deviations lines and planes differ, if beyond chance.
+    /// Difference between lines and planes in standard deviations, if beyond chance.
     fn contradiction(&self, said: &Said, covariance: &DMatrix<f64>) -> Option<f64> {
         let square = said.deviation.dot(&(&said.information * &said.deviation));
         let square = square.max(said.square);
@@ -176,7 +176,7 @@ impl Balance {
     }
 }
 
-/// The lines whose samples a lens sees, with their numbers.
+/// The lines whose samples are seen by a lens, with their indices.
 fn measured<L: Lens>(
     problem: &JointProblem<'_, L>,
     lens: &L,
@@ -189,7 +189,7 @@ fn measured<L: Lens>(
     lines.iter().enumerate().filter_map(measured).collect()
 }
 
-/// What measured lines say, each by its own noise.
+/// Smooth displacements of measured lines, each with its own noise.
 fn smoothed(
     measured: Vec<(usize, ObservedLine)>,
     lines: &[ObservedPlane],
@@ -219,7 +219,7 @@ fn smoothed(
         .collect()
 }
 
-/// An optimum with its planes moved to where they stand under another lens.
+/// An optimum with its planes moved to their poses under another lens.
 fn moved<L: Lens>(planes: &Planes<'_, L>, optimum: &Solution<L>, lens: L) -> Option<Solution<L>> {
     let own = &optimum.refined.view;
     let (before, after) = (planes.under(planes.lens)?, planes.under(lens)?);
@@ -245,7 +245,8 @@ fn moved<L: Lens>(planes: &Planes<'_, L>, optimum: &Solution<L>, lens: L) -> Opt
     })
 }
 
-/// Puts a moved optimum in a calibration; how well the poses are known beside the camera stays.
+/// Copies a moved optimum to a calibration; the poses' uncertainties given the camera are
+/// unchanged.
 fn take<L: Lens>(
     problem: &JointProblem<'_, L>,
     moved: &Solution<L>,

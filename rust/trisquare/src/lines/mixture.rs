@@ -1,36 +1,36 @@
-//! Which lines are straight, and how straight these are.
+//! Classification of lines as straight or curved, and estimation of the straight ones' bend.
 //!
-//! Real edges bend a little, and some of what looks like a line is a cable or an arch. A straight
-//! line's smooth displacement has the variance `tau^2`, a curved one's a larger one, and says
-//! nothing of the lens. Which are which, and `tau`, follow from the restricted likelihood (H. D.
-//! Patterson & R. Thompson, Biometrika 58 (1971) 545-554) of all lines together with what the planes
-//! say of the lens.
+//! Real edges bend a little, and some apparent lines are cables or arches. A straight line's smooth
+//! displacement has the variance `tau^2`; that of a curved one is larger, and gives no information
+//! on the lens. The classes and `tau` are estimated by restricted likelihood (H. D. Patterson & R.
+//! Thompson, Biometrika 58 (1971) 545-554) of all lines together with the planes' information on
+//! the lens.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::observed_line::{LinePart, SmoothLine};
 use crate::noise::variance_of;
 
-/// Root mean square bends (px) that are tried of straight lines: from the largest to none.
+/// Root mean square bends (px) tried for straight lines, in descending order.
 const BENDS: [f64; 10] = [0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.003, 0.0];
 
-/// Probability beforehand that straight lines do not bend at all.
+/// Prior probability that straight lines do not bend at all.
 const UNBENT: f64 = 0.5;
 
-/// That from which they count as curved; how much more these bend says nothing.
+/// Root mean square bend (px) of curved lines; larger bends carry no information.
 const CURVED: f64 = 0.3;
 
-/// Minus twice the logarithm of the odds beforehand that a line is curved: one in ten.
+/// Minus twice the logarithm of the prior odds of a curved line: one in ten.
 const CURVED_PENALTY: f64 = 4.4;
 
-/// What lines and planes say together of the free parameters.
+/// Joint information of lines and planes on the free parameters.
 pub(super) struct Mixture {
     pub is_straight: Vec<bool>,
     pub information: DMatrix<f64>,
     pub gradient: DVector<f64>,
 }
 
-/// Sums over the straight lines and what is known beforehand.
+/// Sums over the straight lines and the planes' information.
 #[derive(Clone)]
 struct Sums {
     information: DMatrix<f64>,
@@ -47,7 +47,7 @@ impl Sums {
         }
     }
 
-    /// Minus twice the logarithm of the restricted likelihood, but for a constant.
+    /// Minus twice the restricted log likelihood, up to a constant.
     fn criterion(&self) -> f64 {
         let Some(factor) = self.information.clone().cholesky() else {
             return f64::INFINITY;
@@ -57,7 +57,7 @@ impl Sums {
     }
 }
 
-/// Sorts the lines beside what is known of the parameters: its information and gradient.
+/// Classifies the lines, given information and gradient of the parameters from other sources.
 pub(super) fn sorted(
     lines: &[SmoothLine],
     known: (&DMatrix<f64>, &DVector<f64>),
@@ -92,7 +92,7 @@ pub(super) fn sorted(
         }
         sums
     };
-    // The less lines may bend, the more are curved.
+    // The less lines may bend, the more of them are curved.
     let mut is_straight = vec![true; lines.len()];
     let mut best: Option<(f64, Vec<bool>)> = None;
     for parts in &all {
@@ -117,8 +117,8 @@ pub(super) fn sorted(
     })
 }
 
-/// Takes straight lines for curved or the other way round, one by one, as long as that lowers the
-/// criterion, and returns it.
+/// Switches lines between straight and curved, one by one, as long as that lowers the criterion;
+/// returns the criterion.
 fn switch(mut now: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [bool]) -> f64 {
     let mut criterion = now.criterion();
     for _ in 0..2 * parts.len() {
@@ -139,7 +139,7 @@ fn switch(mut now: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [
     criterion
 }
 
-/// The root mean square bend over all that were tried, by their probabilities.
+/// The root mean square bend over all that were tried, weighted by their probabilities.
 fn mean_bend(criteria: &[f64]) -> f64 {
     let least = criteria.iter().copied().fold(f64::INFINITY, f64::min);
     let (mut total, mut squares) = (0.0, 0.0);

@@ -1,9 +1,10 @@
-//! Lines of the scene: what is known of the lens from the planes, joined with that straight lines
-//! are straight.
+//! Lines of the scene: the planes' information on the lens, combined with the straightness of
+//! lines.
 //!
-//! A line's image under a lens is that of a plane `l` through the camera's centre: two numbers, so
-//! that lines say nothing of the camera matrix, and never vouch for it where the planes do not
-//! determine it. The lines join what the planes say by generalised least squares; the poses follow.
+//! A line's image under a lens is that of a plane `l` through the camera's centre, which has two
+//! parameters. Lines therefore give no information on the camera matrix, and do not replace planes
+//! that fail to determine it. They are combined with the planes by generalised least squares; the
+//! poses follow.
 
 mod follow;
 mod join;

@@ -1,4 +1,5 @@
-//! A line of the scene under a lens: what its samples say of the lens, and of its own bend.
+//! A line of the scene under a lens: the information of its samples on the lens, and on its own
+//! bend.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3x2, Vector2, Vector3};
 
@@ -9,24 +10,24 @@ use crate::numeric::{Loss, median_scale};
 use crate::observations::{FreeParameters, Sample};
 use crate::refine::{MIN_SCALE, Residual};
 
-/// Steps to the line that fits best in pixels, from that which fits the rays best.
+/// Number of steps from the line that fits the rays best to that which fits best in pixels.
 const LINE_STEPS: usize = 2;
 
-/// Rounds of robust weights about the smooth displacement.
+/// Number of rounds of robust weights about the smooth displacement.
 const ROUNDS: usize = 3;
 
-/// No sample is known better (px): less is rounding, and the planes' computed samples tell as much.
+/// Lower bound of the noise (px): less is rounding, as in the planes' computed samples.
 const MIN_NOISE: f64 = 1e-5;
 
-/// Samples that an order of the smooth displacement needs, and orders that any line has: a straight
-/// line's, and a bend.
+/// Number of samples required per order of the smooth displacement, and orders of any line: those
+/// of a straight one, and a bend.
 const SAMPLES_PER_ORDER: usize = 4;
 const STRAIGHT: usize = 2;
 const BENT: usize = 3;
 
 /// The samples of a line under a lens.
 pub(super) struct ObservedLine {
-    /// From the line that fits them best, px.
+    /// Distances from the line that fits them best, px.
     distances: DVector<f64>,
     /// Derivatives of the distances by the line, by the free parameters, and the basis of smooth
     /// displacements.
@@ -40,7 +41,7 @@ pub(super) struct ObservedLine {
 }
 
 impl ObservedLine {
-    /// `None` where the lens does not see all samples, or they are all in one place.
+    /// `None` if the lens does not see all samples, or if these coincide.
     pub fn of<L: Lens>(lens: &L, free: &FreeParameters, samples: &[Sample]) -> Option<Self> {
         let rays = samples
             .iter()
@@ -84,7 +85,7 @@ impl ObservedLine {
         (self.distances.norm_squared() / self.distances.len() as f64).sqrt()
     }
 
-    /// Orders of a smooth displacement that so many samples tell from noise.
+    /// Number of orders of a smooth displacement that the samples distinguish from noise.
     fn orders(&self) -> usize {
         (self.distances.len() / SAMPLES_PER_ORDER).clamp(STRAIGHT, ORDERS)
     }
@@ -119,8 +120,8 @@ impl ObservedLine {
         DVector::from_fn(rough.len(), |i, _| weight(i))
     }
 
-    /// The smooth displacement, with the scale of the noise and the variance of the mean of many
-    /// neighbours over that of independent ones; `None` where samples lie in too few places.
+    /// The smooth displacement, given the scale of the noise and the variance of the mean of many
+    /// neighbours over that of independent ones; `None` if samples are in too few places.
     pub fn smooth(&self, scale: f64, correlation: f64) -> Option<SmoothLine> {
         let rough = DVector::from_iterator(
             self.rough.len(),
@@ -141,7 +142,7 @@ impl ObservedLine {
     }
 }
 
-/// What a line says, in coefficients of a smooth displacement.
+/// Measurement of a line, as coefficients of a smooth displacement.
 pub(super) struct SmoothLine {
     /// Covariance under the samples' noise alone.
     noise: DMatrix<f64>,
@@ -151,23 +152,24 @@ pub(super) struct SmoothLine {
     shared: DMatrix<f64>,
 }
 
-/// What a line says of the free parameters under bends of some variance, its own two eliminated.
+/// Information of a line on the free parameters for bends of some variance, with its own two
+/// eliminated.
 pub(super) struct LinePart {
     pub information: DMatrix<f64>,
     pub gradient: DVector<f64>,
-    /// Weighted square of its displacement, and the logarithm of the determinants of a restricted
+    /// Weighted square of its displacement, and logarithm of the determinants in a restricted
     /// likelihood.
     pub square: f64,
     pub log_determinant: f64,
 }
 
 impl SmoothLine {
-    /// Numbers that tell of a bend.
+    /// Number of coefficients of a bend.
     pub fn freedom(&self) -> f64 {
         (self.values.len() - STRAIGHT) as f64
     }
 
-    /// With every free parameter in a unit of its own.
+    /// The measurement with free parameters in the given units.
     pub fn in_units(&self, units: &DVector<f64>) -> Self {
         Self {
             noise: self.noise.clone(),
@@ -177,7 +179,7 @@ impl SmoothLine {
         }
     }
 
-    /// Under bends of a variance `tau^2` (px^2).
+    /// The information for bends of variance `tau^2` (px^2).
     pub fn part(&self, bend: f64) -> Option<LinePart> {
         let mut spread = self.noise.clone();
         for order in 0..self.values.len() {
@@ -206,13 +208,13 @@ fn scaled_rows(matrix: &DMatrix<f64>, weights: &DVector<f64>) -> DMatrix<f64> {
     })
 }
 
-/// Two directions in which a unit line may turn.
+/// Two directions in which a unit line may rotate.
 fn tangents(line: &Vector3<f64>) -> Matrix3x2<f64> {
     let first = line.cross(&Vector3::ith(line.iamin(), 1.0)).normalize();
     Matrix3x2::from_columns(&[first, line.cross(&first)])
 }
 
-/// The line after a step towards the one whose distances are least in pixels.
+/// The line after a step towards the one with the smallest distances in pixels.
 fn nearer<L: Lens>(
     lens: &L,
     rays: &[L::PixelRay],

@@ -1,9 +1,9 @@
-//! What the planes say of the lens, at any lens.
+//! Information of the planes on the lens, at any lens.
 //!
 //! At the planes' own optimum that is the calibration's covariance `C`, which is larger than the
-//! inverse of the information `A = L L^T` of the edge samples by all that makes them worth less.
-//! With `M = L^T C L` there, the information at another lens is `L M^-1 L^T` with that one's `L`, and
-//! the planes' optimum is one Newton step away: the fit stays joint where it is not linear.
+//! inverse of the edge samples' information `A = L L^T` by everything that reduces their worth.
+//! With `M = L^T C L` there, the information at another lens is `L M^-1 L^T` with that lens's `L`,
+//! and the planes' optimum is one Newton step away: the fit remains joint where it is not linear.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -15,20 +15,21 @@ use crate::refine::Refined;
 use crate::result::Calibration;
 use crate::solver::{JointProblem, Solution};
 
-/// What the planes say at a lens, the free parameters in units of their standard deviations.
+/// Information of the planes at a lens, with free parameters in units of their standard deviations.
 pub(super) struct Said {
     pub information: DMatrix<f64>,
-    /// How far the lens is from where the planes would have it.
+    /// Deviation of the lens from the planes' optimum.
     pub deviation: DVector<f64>,
-    /// Square of that in standard deviations: what the planes' samples are farther off than at their
-    /// own lens, which no linear step tells where they see a second optimum.
+    /// Square of the deviation in standard deviations, from the cost of the planes' samples
+    /// relative to that at their own lens: a linear step does not give it if there is a second
+    /// optimum.
     pub square: f64,
 }
 
 /// The planes of a calibration.
 pub(super) struct Planes<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
-    /// The optimum of the edge samples, and these with its weights.
+    /// The optimum of the edge samples, and the samples with its weights.
     optimum: &'a Refined<L>,
     held: Vec<ObservedPlane>,
     pub lens: L,
@@ -36,13 +37,13 @@ pub(super) struct Planes<'a, L: Lens> {
     pub units: DVector<f64>,
     /// `M^-1`.
     worth: DMatrix<f64>,
-    /// What the edge samples alone would still move the lens, and their cost.
+    /// Step that remains by the edge samples alone, and their cost.
     left: DVector<f64>,
     cost: f64,
 }
 
 impl<'a, L: Lens> Planes<'a, L> {
-    /// `None` where nothing is free.
+    /// `None` if no parameter is free.
     pub fn of(
         problem: &'a JointProblem<'a, L>,
         solution: &'a Solution<L>,
@@ -72,7 +73,7 @@ impl<'a, L: Lens> Planes<'a, L> {
         (size > 0).then_some(planes)
     }
 
-    /// What they say at a lens; `None` where it does not see all samples.
+    /// Information of the planes at a lens; `None` if the lens does not see all samples.
     pub fn at(&self, lens: L) -> Option<Said> {
         let (factor, deviation, cost) = self.normal_equations(lens)?;
         let worth = self.worth.trace() / self.worth.nrows() as f64;
@@ -83,14 +84,14 @@ impl<'a, L: Lens> Planes<'a, L> {
         })
     }
 
-    /// A lens after a step in the units.
+    /// The lens after a step in `units`.
     pub fn moved(&self, step: &DVector<f64>, from: &L) -> L {
         let step = step.component_mul(&self.units);
         self.problem.free.advance(from, &step)
     }
 
-    /// The lens with its distortion held to what lenses are like: of small squares alone it may see
-    /// no corner of the picture.
+    /// The lens with the usual prior on its distortion: with small squares alone it may not see any
+    /// corner of the picture.
     pub fn usual(&self) -> Option<L> {
         let (values, usual) = (
             self.lens.parameters(),
@@ -111,13 +112,13 @@ impl<'a, L: Lens> Planes<'a, L> {
         Some(self.moved(&step, &self.lens))
     }
 
-    /// Where they stand under a lens; `None` where it does not see all samples.
+    /// The planes under a lens; `None` if it does not see all samples.
     pub fn under(&self, lens: L) -> Option<Vec<PlaneState>> {
         planes_under(lens, &self.held, self.optimum, self.problem.options.model)
     }
 
-    /// The factor of the edge samples' information, poses eliminated, and how far they would move
-    /// the lens back; and their cost.
+    /// The factor of the edge samples' information with poses eliminated, the deviation of the lens
+    /// from their optimum, and their cost.
     fn normal_equations(&self, lens: L) -> Option<(Cholesky<f64, Dyn>, DVector<f64>, f64)> {
         let view = View {
             lens,

@@ -1,11 +1,11 @@
-//! The relief of a board, or of the sheet of a square: which heights it has, and how far each
-//! displaces a sample.
+//! Relief of a board, or of the sheet of a square: its heights, and the displacement of samples by
+//! each.
 //!
 //! The heights are `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and
 //! `2 <= i + j <= 4` (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`,
 //! `d = i + j`. Stiff sheets resist curvature, which grows with the square of the order: `n` is 4.
-//! Where the relief of squares is asked for as well (`Sheets::All`), 12 is tried, too, and the
-//! likelier is kept: sheets rolled or twisted as a whole have hardly any terms but the lowest.
+//! If the relief of squares is fitted as well (`Sheets::All`), 12 is tried, too, and the likelier
+//! one is used: sheets rolled or twisted as a whole have hardly any terms but the lowest.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -13,26 +13,27 @@ use crate::lens::Lens;
 use crate::numeric::BlockEquations;
 use crate::observations::{BoardRelief, Heights, ObservedPlane, PlaneState, Sample, View};
 
-/// Lowest and highest order of a term; what is finer than a quarter of a board is left to the
+/// Lowest and highest order of a term; variations finer than a quarter of a board are part of the
 /// sides' own errors.
 const ORDERS: std::ops::RangeInclusive<usize> = 2..=4;
 
-/// Steps across a relief that show its height.
+/// Number of intervals across a relief at which its height is sampled.
 const HEIGHT_PLACES: u8 = 10;
 
-/// Fixed-point steps to where a ray meets a relief: each leaves a slope's part of the error.
+/// Number of fixed-point steps to the intersection of a ray with a relief: each reduces the error
+/// by a factor of the slope.
 const MEETING_STEPS: u8 = 4;
 
-/// How steeply variances fall with the order: those of stiff sheets, and of sheets that are rolled or
-/// twisted as wholes.
+/// Exponents `n` of the decrease of variances with the order: of stiff sheets, and of sheets that
+/// are rolled or twisted as a whole.
 pub(super) const STIFF: i32 = 4;
 pub(super) const ROLLED: i32 = 12;
 
-/// `tau^2` that counts as none: heights of a millionth of the extent, far below any pixel.
+/// `tau^2` of a flat board: heights of a millionth of the extent, far below any pixel.
 pub(crate) const FLAT: f64 = 1e-12;
 
 impl BoardRelief {
-    /// A flat one; `None` where nothing of the plane is seen.
+    /// A flat relief; `None` if no point of the plane is seen.
     pub fn flat<L: Lens>(
         plane: &ObservedPlane,
         view: &View<L>,
@@ -53,8 +54,8 @@ impl BoardRelief {
         })
     }
 
-    /// The displacement (px) of a sample from its line that each unit of height makes; the
-    /// distance's derivative by the line is given.
+    /// The displacement (px) of a sample from its line per unit of each height, given the
+    /// distance's derivative by the line.
     ///
     /// A point `P + z n` on the ray `x = (P + z n) / s` of a line through `P` has
     /// `l . x = z (l . n) / s`, and the derivative by the line is `x / |d(l.x)/dp|`.
@@ -67,8 +68,8 @@ impl BoardRelief {
     ) -> Option<Heights> {
         let (point, distance, towards) = on_plane(lens, state, &sample.pixel)?;
         let per_height = line.dot(&state.pose.normal()) * wrt_line.norm() / distance;
-        // The sample has been moved back across its line: along it the point that was seen is not
-        // yet where its pixel looks on flat paper.
+        // The sample has been moved back across its line only. Along the line, the point seen still
+        // differs from the point at which its pixel looks on flat paper.
         let height = self.radius * self.heights.dot(&terms(&self.place(&point)));
         let along = state.pose.rotation.tr_mul(&state.pose.normal().cross(line));
         let along = along.xy().normalize();
@@ -76,9 +77,9 @@ impl BoardRelief {
         Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
     }
 
-    /// The displacement (px) of a sample from its line by the relief's heights, of a sample that has
-    /// not been moved back: not to first order, as [`Self::displacements`] is, but where the ray
-    /// meets the relief.
+    /// The displacement (px) of an uncorrected sample from its line by the relief's heights:
+    /// computed at the intersection of the ray with the relief, not to first order as in
+    /// [`Self::displacements`].
     pub fn displacement<L: Lens>(
         &self,
         (lens, state): (&L, &PlaneState),
@@ -96,7 +97,7 @@ impl BoardRelief {
         Some(height * line.dot(&state.pose.normal()) * wrt_line.norm() / distance)
     }
 
-    /// From its lowest to its highest place, over its extent.
+    /// Difference of its highest and lowest place, over its extent.
     pub fn height(&self) -> f64 {
         let places =
             || (0..=HEIGHT_PLACES).map(|i| 2.0 * f64::from(i) / f64::from(HEIGHT_PLACES) - 1.0);
@@ -105,7 +106,7 @@ impl BoardRelief {
         let range = heights.fold((f64::MAX, f64::MIN), |(low, high), z| {
             (low.min(z), high.max(z))
         });
-        // In units of half the extent.
+        // Heights are in units of half the extent.
         0.5 * (range.1 - range.0)
     }
 
@@ -114,7 +115,7 @@ impl BoardRelief {
         (point - self.centre) / self.radius
     }
 
-    /// Precision of every height at a variance.
+    /// Precision of each height coefficient at a variance.
     fn precisions(&self, variance: f64) -> Heights {
         let mut precisions = Heights::zeros();
         for (precision, (i, j)) in precisions.iter_mut().zip(orders()) {
@@ -123,8 +124,8 @@ impl BoardRelief {
         precisions
     }
 
-    /// Adds what is known of the heights to their plane's equations, of which they are the last own
-    /// parameters; returns its part of minus twice the log likelihood.
+    /// Adds the prior of the heights to their plane's equations, in which they are the last own
+    /// parameters; returns its contribution to minus twice the log likelihood.
     pub fn hold(&self, variance: f64, equations: &mut BlockEquations) -> f64 {
         let precisions = self.precisions(variance);
         let gradient = precisions.component_mul(&self.heights);
@@ -139,7 +140,7 @@ fn orders() -> impl Iterator<Item = (usize, usize)> {
     ORDERS.flat_map(|order| (0..=order).map(move |i| (i, order - i)))
 }
 
-/// Legendre's products at a place.
+/// Products of Legendre polynomials at a place.
 fn terms(place: &Vector2<f64>) -> Heights {
     let legendre = |s: f64| {
         let square = s * s;
@@ -159,8 +160,8 @@ fn terms(place: &Vector2<f64>) -> Heights {
     values
 }
 
-/// The point of a plane at which a pixel looks, how far it is from the camera, and the direction in
-/// which the pixel looks, in the plane's axes.
+/// The point of a plane seen at a pixel, its distance from the camera (in lengths of the pixel's
+/// ray), and the ray in the plane's axes.
 fn on_plane<L: Lens>(
     lens: &L,
     state: &PlaneState,

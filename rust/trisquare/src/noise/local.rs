@@ -1,5 +1,5 @@
-//! The noise of neighbouring samples: what remains once each side's smooth displacement is taken
-//! out, plane by plane, and how far it reaches from one sample to the next.
+//! Noise of neighbouring samples, plane by plane: the scale of the residuals without each side's
+//! smooth displacement, and their correlation along the side.
 
 use nalgebra::Cholesky;
 
@@ -9,41 +9,42 @@ use crate::numeric::{Loss, ResidualSpread, median_scale, polynomial_at};
 use crate::observations::ObservedPlane;
 use crate::refine::{MIN_SCALE, Refined, Residual, Residuals};
 
-/// A displacement is hardly held: to so many times the scale of the noise.
+/// Prior standard deviation of a fitted displacement, in scales of the noise: hardly a constraint.
 const LOOSE: f64 = 1e3;
 
-/// Samples that an order of the displacement needs.
+/// Number of samples required per order of the displacement.
 const SAMPLES_PER_ORDER: usize = 4;
 
-/// Lags, in samples, over which noise may be correlated; beyond, it is a side's displacement.
+/// Maximum lag, in samples, of correlated noise; at larger lags it is a side's displacement.
 const MAX_LAG: usize = 6;
 
-/// A correlation coefficient this many of its own standard deviations above zero is no accident.
+/// Threshold of a correlation coefficient, in its own standard deviations, above which it is
+/// significant.
 const SIGNIFICANT: f64 = 2.0;
 
-/// Part of the noise's power that smooth displacements may have taken: of more, too little is left
-/// to tell.
+/// Maximum fraction of the noise's power absorbed by smooth displacements: with more, too little is
+/// left to estimate it.
 const MAX_TAKEN: f64 = 0.5;
 
 /// The noise of a plane's samples, in units of their given standard deviations.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LocalNoise {
     pub scale: f64,
-    /// Degrees of freedom that it rests on.
+    /// Its degrees of freedom.
     pub freedom: f64,
 }
 
 /// Robust local noise of every plane, and the correlation of neighbours.
 #[derive(Clone)]
 pub(crate) struct Noise {
-    /// What the residuals of every side sum to, by plane.
+    /// Moments of the residuals of every side, by plane.
     pub sides: Vec<Vec<SideMoments>>,
-    /// The scale at which they are summed.
+    /// The scale of the residuals in these sums.
     pub summed_at: f64,
     pub planes: Vec<LocalNoise>,
-    /// That of all planes.
+    /// Noise of all planes together.
     pub scale: f64,
-    /// Variance of the mean of many neighbours over what independent ones would have, at least 1.
+    /// Variance of the mean of many neighbours over that of independent ones, at least 1.
     pub correlation: f64,
 }
 
@@ -55,12 +56,12 @@ struct Neighbours {
 }
 
 impl Noise {
-    /// Measures the noise that the residuals of an optimum show.
+    /// Measures the noise from the residuals of an optimum.
     pub fn of_optimum<L>(planes: &[ObservedPlane], refined: &Refined<L>) -> Self {
         Self::of(planes, &refined.residuals, refined.scale)
     }
 
-    /// Measures the noise that `residuals` show at a robust `scale` of all of them.
+    /// Measures the noise from `residuals`, given a robust `scale` of all of them.
     pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
         let mut neighbours = Neighbours::default();
         let (mut own, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
@@ -106,7 +107,7 @@ impl Noise {
         }
     }
 
-    /// Marks the stray samples among the residuals that it was measured from: they do not count.
+    /// Marks the stray samples among the residuals that this was measured from: they do not count.
     pub fn set_strays_aside(&self, planes: &[ObservedPlane], residuals: &mut Residuals) {
         for ((plane, moments), residuals) in planes.iter().zip(&self.sides).zip(residuals) {
             let mut first = 0;
@@ -120,15 +121,15 @@ impl Noise {
     }
 }
 
-/// Variance of the noise in units of the scale at which the residuals of an optimum are summed.
+/// Variance of the noise in units of the scale of an optimum's residuals in these sums.
 pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
-    // The mean of the robust weights is below 1, as if the noise were that much smaller.
+    // The mean of the robust weights is below 1, which is equivalent to less noise.
     Loss::Tukey.mean_weight() * noise.correlation * (noise.scale / refined.scale).powi(2)
 }
 
 impl LocalNoise {
-    /// The scale of residuals from which smooth displacements took some degrees of freedom: that
-    /// of an M-estimator, begun at their median size.
+    /// The scale of residuals from which smooth displacements took some degrees of freedom: an
+    /// M-estimate that starts from their median size.
     fn of(rough: &[f64], taken: f64) -> Self {
         let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
         let mut spread = ResidualSpread::default();
@@ -144,12 +145,12 @@ impl LocalNoise {
     }
 }
 
-/// Orders of the displacement that so many samples show.
+/// Orders of the displacement that can be fitted to so many samples.
 fn orders(samples: usize) -> usize {
     ORDERS.min(samples / SAMPLES_PER_ORDER)
 }
 
-/// Degrees of freedom that displacement and fit together take: at least a line's two.
+/// Degrees of freedom taken by displacement and fit together: at least the two of a line.
 fn degrees_taken(samples: usize) -> usize {
     orders(samples).max(2).min(samples)
 }
@@ -189,12 +190,13 @@ impl Neighbours {
         }
     }
 
-    /// `c = 1 + 2 sum rho`, over the lags from the first one on that are correlated beyond chance.
+    /// `c = 1 + 2 sum rho`, over the lags from the first one on that are significantly correlated.
     ///
-    /// Taking out a side's smooth displacement takes a part `t` of the degrees of freedom, where
+    /// Removing a side's smooth displacement takes a fraction `t` of the degrees of freedom, where
     /// correlated noise has `c` times its mean power: of the variance 1, `1 - t c` is left, and of
     /// the covariance `rho`, `rho - t c`. With `r` their ratio, `rho = r + t c (1 - r)`; `c` is
-    /// that of the lags before, for solving for it would make more of chance than of correlation.
+    /// that of the preceding lags, because solving for it would amplify chance more than
+    /// correlation.
     fn correlation(&self, freedom: f64) -> f64 {
         let variance = self.products[0] / self.pairs[0];
         let taken = 1.0 - freedom / self.pairs[0];
@@ -216,7 +218,8 @@ impl Neighbours {
             .max(1.0)
     }
 
-    /// By how much the noise is larger than degrees of freedom that are all alike make it.
+    /// Factor by which the noise exceeds the estimate that assumes equal power in all degrees of
+    /// freedom.
     fn raised(&self, freedom: f64, correlation: f64) -> f64 {
         let taken = 1.0 - freedom / self.pairs[0];
         ((1.0 - taken) / (1.0 - taken * correlation)).sqrt()

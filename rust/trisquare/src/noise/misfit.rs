@@ -1,5 +1,4 @@
-//! How far sides miss their lines beyond the noise: as straight lines in the wrong place, and as
-//! curves.
+//! Misfit of sides beyond the noise: displacement of straight lines, and curvature.
 
 use super::local::Noise;
 use super::side_basis::ORDERS;
@@ -7,30 +6,30 @@ use super::side_moments::{Moments, SideMoments};
 use crate::lens::MATRIX;
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
-/// Sides in the wrong place by so many times the variance of their curvature disagree:
-/// chance does so once in two thousand times, where there are two degrees of freedom.
+/// Threshold on the ratio of the variance of sides' displacements to that of their curvature: by
+/// chance it is exceeded once in two thousand times, with two degrees of freedom.
 const CONTRADICTION: f64 = 9.0;
 
-/// Orders of a displacement that leave a side straight.
+/// Number of orders of a displacement that leave a side straight.
 const STRAIGHT: usize = 2;
 
-/// Squared smooth displacements, in units of what independent noise makes of them.
+/// Sums of squared smooth displacements, in units of their value under independent noise.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Misfit {
     pub straight: f64,
     pub curved: f64,
     pub straight_freedom: f64,
     pub curved_freedom: f64,
-    /// What errors of the sides that were known beforehand add to `straight` by its freedom.
+    /// Contribution of the known errors of sides to `straight`, per degree of freedom.
     pub expected: f64,
-    /// Sum of the squared displacements behind `straight`, px^2, ...
+    /// Sum of the squared displacements in `straight`, px^2, ...
     pub displaced: f64,
-    /// ... and of how many sides.
+    /// ... and the number of sides.
     pub sides: f64,
 }
 
 impl Misfit {
-    /// Exact samples.
+    /// Misfit of exact samples.
     pub const NONE: Self = Self {
         straight: 0.0,
         curved: 0.0,
@@ -41,12 +40,12 @@ impl Misfit {
         sides: 0.0,
     };
 
-    /// Of one side, in units of the noise.
+    /// Misfit of one side, in units of the noise.
     pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
         Self::of_sums(&noise.sides[plane][side], noise)
     }
 
-    /// Of what the residuals of a side sum to, in units of the noise.
+    /// Misfit of a side from the moments of its residuals, in units of the noise.
     pub fn of_sums(moments: &SideMoments, noise: &Noise) -> Self {
         let Moments { gram, gradient } = &moments.plain;
         let power = |orders: usize| {
@@ -69,7 +68,7 @@ impl Misfit {
         }
     }
 
-    /// Of all sides of one plane, in units of the noise.
+    /// Misfit of all sides of one plane, in units of the noise.
     pub fn of_plane(noise: &Noise, plane: usize) -> Self {
         let mut all = Self::default();
         for side in 0..noise.sides[plane].len() {
@@ -78,7 +77,8 @@ impl Misfit {
         all
     }
 
-    /// Of all sides that count at an optimum, whose parameters took their share of freedom.
+    /// Misfit of all sides used at an optimum, with the degrees of freedom of the parameters
+    /// subtracted.
     pub fn of<L>(
         planes: &[ObservedPlane],
         view: &View<L>,
@@ -103,9 +103,9 @@ impl Misfit {
                 STRAIGHT as f64 * plane.sides().filter(|side| !side.is_outlier).count() as f64;
             all.straight_freedom -= state.unknowns() as f64;
         }
-        // The parameters take as large a part of these errors as of any others.
+        // The parameters absorb the same fraction of these errors as of any others.
         all.expected /= observed.max(1.0);
-        // The camera matrix moves lines; what is left of the camera curves them.
+        // The camera matrix displaces lines; the other parameters of the camera curve them.
         let moving = MATRIX.iter().filter(|name| free.position(name).is_some());
         let moving = moving.count() as f64;
         all.straight_freedom = (all.straight_freedom - moving).max(1.0);
@@ -122,7 +122,7 @@ impl Misfit {
         self.sides += other.sides;
     }
 
-    /// Root mean square distance, px, of the sides from the lines that the optimum asks for.
+    /// Root mean square distance, px, of the sides from their lines at the optimum.
     pub fn displacement(&self) -> f64 {
         (self.displaced / self.sides.max(1.0)).sqrt()
     }
@@ -140,8 +140,8 @@ impl Misfit {
         self.total() / self.freedom()
     }
 
-    /// By how much more, in variance, the sides lie in the wrong place than they are bent; 1 if it
-    /// may be chance.
+    /// Ratio of the variance of the sides' displacements to that of their curvature; 1 if it may be
+    /// chance.
     pub fn between_plane_variance_ratio(&self) -> f64 {
         let bent = (self.curved / self.curved_freedom).max(1.0);
         let ratio = self.straight / self.straight_freedom / (bent + self.expected);

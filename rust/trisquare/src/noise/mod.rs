@@ -1,5 +1,5 @@
-//! What the residuals of an optimum say of their noise: local noise, errors that sides share,
-//! boards that are not flat, tone curves that are off.
+//! Noise of an optimum's residuals: local noise, errors shared along sides, boards that are not
+//! flat, and errors of tone curves.
 
 mod board_relief;
 mod local;

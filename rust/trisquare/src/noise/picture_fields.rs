@@ -1,11 +1,11 @@
-//! Smooth displacements of the whole picture: what a lens does beyond any model of it.
+//! Smooth displacements of the whole picture by a lens beyond its model.
 //!
-//! With `q` the place of a pixel from the principal point, in units of the distance `R` of the
-//! picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, the two of a lens out of
-//! centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not. R.
-//! Astron. Soc. 79 (1919) 384-390), and the four of a thin prism, `R |q|^2` and `R |q|^4` along
-//! either axis (J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992) 965-980). Those that the model
-//! has are left to it.
+//! With `q` the position of a pixel relative to the principal point, in units of the distance `R`
+//! of the picture's corners, the fields are `R q |q|^(2k)`, `k` from 1 to 4, the two of a lens out
+//! of centre, `R (2 x y, |q|^2 + 2 y^2)` and `R (|q|^2 + 2 x^2, 2 x y)` (A. E. Conrady, Mon. Not.
+//! R. Astron. Soc. 79 (1919) 384-390), and the four of a thin prism, `R |q|^2` and `R |q|^4` along
+//! either axis (J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992) 965-980). Fields that the model
+//! includes are excluded.
 
 use nalgebra::Vector2;
 
@@ -16,16 +16,16 @@ use crate::observations::FreeParameters;
 /// Number of fields.
 pub(crate) const FIELDS: usize = 10;
 
-/// The coefficients of whose terms they are.
+/// The lens coefficient that corresponds to each field.
 const COEFFICIENTS: [&str; FIELDS] = ["k1", "k2", "k3", "k4", "p1", "p2", "s1", "s2", "s3", "s4"];
 
-/// How strong each may be beforehand, as a part of the radius at the picture's corner: three times
-/// what lenses have of a coefficient beyond the usual ones.
+/// Prior standard deviation of each, as a fraction of the radius at the picture's corner: three
+/// times the usual size, over lenses, of a coefficient beyond the usual ones.
 const DEVIATIONS: [f64; FIELDS] = [
     0.15, 0.15, 0.15, 0.15, 0.006, 0.006, 0.003, 0.0015, 0.003, 0.0015,
 ];
 
-/// What counts as none.
+/// Prior standard deviation of an excluded field.
 const NOTHING: f64 = 1e-7;
 
 /// The fields of a picture.
@@ -36,7 +36,7 @@ pub(crate) struct PictureFields {
 }
 
 impl PictureFields {
-    /// About the principal point of a lens.
+    /// Fields about the principal point of a lens.
     pub fn of<L: Lens>(lens: &L, size: ImageSize) -> Self {
         Self {
             centre: lens.principal_point(),
@@ -44,7 +44,7 @@ impl PictureFields {
         }
     }
 
-    /// How far (px) each field displaces a pixel along a direction.
+    /// Displacement (px) of a pixel by each field along a direction.
     pub fn along(&self, pixel: &Vector2<f64>, direction: &Vector2<f64>) -> [f64; FIELDS] {
         let place = (pixel - self.centre) / self.radius;
         let (x, y, square) = (place.x, place.y, place.norm_squared());
@@ -65,8 +65,8 @@ impl PictureFields {
         ]
     }
 
-    /// Standard deviations beforehand; next to none where the lens is taken to have no fields, and
-    /// of those whose coefficients are free: two columns that are alike leave only rounding.
+    /// Prior standard deviations; nearly zero if `any` is false, and for fields whose coefficients
+    /// are free: two equal columns would leave only rounding errors.
     pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
         std::array::from_fn(|field| match any && !is_modelled(free, field) {
             true => DEVIATIONS[field],
@@ -74,7 +74,7 @@ impl PictureFields {
         })
     }
 
-    /// How many fields are not the model's own.
+    /// Number of fields that are not part of the model.
     pub fn count(free: &FreeParameters) -> f64 {
         (0..FIELDS)
             .filter(|field| !is_modelled(free, *field))

@@ -1,13 +1,13 @@
-//! The out-of-plane shape of boards, and of the sheets of squares: a smooth relief.
+//! Fit of the out-of-plane shape of boards, and of the sheets of squares: a smooth relief.
 //!
-//! A bump of height `z(X, Y)` displaces rows and columns of a board alike, toward the vanishing
-//! point of its normal and the more the flatter the board is looked at: a displacement that whole
-//! sheets share, and that no line alone can tell from distortion. The heights are
-//! `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4`
-//! (lower orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i + j`. `tau`
-//! and `n` follow from the residuals together with the strength of what every side errs on its own
-//! ([`crate::noise::side_errors`]), and where it is beyond doubt the camera is that of generalised
-//! least squares, the heights eliminated like a pose whose size is known beforehand.
+//! A bump of height `z(X, Y)` displaces rows and columns of a board alike, towards the vanishing
+//! point of its normal, and the more so the more obliquely the board is seen: a displacement shared
+//! by whole sheets, which a single line cannot distinguish from distortion. The heights are
+//! `R sum a_ij P_i(X / R) P_j(Y / R)` with `R` half the board's extent and `2 <= i + j <= 4` (lower
+//! orders are the pose), `a_ij` normal with variance `tau^2 / (d / 2)^n`, `d = i + j`. `tau` and
+//! `n` are estimated from the residuals together with the strength of each side's own errors
+//! ([`crate::noise::side_errors`]). If there clearly is a relief, the camera is estimated by
+//! generalised least squares, with the heights eliminated like a pose, under a prior.
 
 use nalgebra::Vector2;
 
@@ -22,40 +22,42 @@ use crate::observations::{
 };
 use crate::refine::{EdgeProblem, Refined, residuals, robust_scale};
 
-/// `tau^2` tried: from heights of a ten-thousandth of half the board's extent, which is less than
-/// a tenth of a pixel on the largest boards, to a tenth, which is no board any more.
+/// Smallest `tau^2` tried, the ratio of successive ones, and their number: from heights of a
+/// ten-thousandth of half the board's extent, which is less than a tenth of a pixel on the largest
+/// boards, to a tenth, far beyond any board.
 const FIRST_VARIANCE: f64 = 1e-8;
 const VARIANCE_RATIO: f64 = 4.0;
 const VARIANCES: i32 = 11;
 
-/// Twice the log likelihood that a relief has to gain: chance does so once in a hundred times.
+/// Minimum gain of twice the log likelihood by a relief: by chance it is exceeded once in a hundred
+/// times.
 const CLEARLY: f64 = 6.6;
 
-/// Generalised least-squares steps; two or three are used, and nine where the fit of flat boards
-/// was far off.
+/// Maximum number of generalised least-squares steps; two or three are usual, and nine if the fit
+/// of flat boards was far off.
 const MAX_STEPS: usize = 20;
 
-/// Predicted fall of the cost, in units of the noise variance, below which a step is the last.
+/// Predicted decrease of the cost, in units of the noise variance, below which a step is the last.
 const LAST_DECREASE: f64 = 0.03;
 
-/// How much more the sides err than an error of the tone curve shifts them, by its standard
-/// deviation: otherwise both would claim the same.
+/// Minimum ratio of the sides' errors to the standard deviation of their shift by an error of the
+/// tone curve: otherwise both would explain the same errors.
 const BEYOND_DRIFT: f64 = 2.0;
 
-/// Pixels over which a distance's gradient is taken.
+/// Step (px) of the numerical gradient of a distance.
 const GRADIENT_STEP: f64 = 0.01;
 
-/// Whose relief is asked for.
+/// Planes whose relief is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Sheets {
-    /// That of boards: their many lines tell it from all else.
+    /// Boards only: their many lines distinguish relief from all else.
     Boards,
-    /// That of squares as well.
+    /// Boards and squares.
     All,
 }
 
-/// The samples with the boards' out-of-plane shape taken out, and the optimum of generalised least
-/// squares there; `None` where no board has one.
+/// The samples corrected for the boards' out-of-plane shape, and the generalised least-squares
+/// optimum of these; `None` if there is no relief.
 pub(crate) fn account_for_relief<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -89,8 +91,8 @@ pub(crate) fn account_for_relief<L: Lens>(
     for board_relief in planes.iter_mut().filter_map(|p| p.board_relief.as_mut()) {
         (board_relief.variance, board_relief.steepness) = (variance, steepness);
     }
-    // Always moved from where they were given: moved by step after step, samples would be off to the
-    // second order of the heights.
+    // Samples are always moved from their given positions: moved step after step, they would be
+    // wrong to the second order of the heights.
     let given = planes.clone();
     for _ in 0..MAX_STEPS {
         let errors = errors(&planes, free, &found)?;
@@ -117,7 +119,7 @@ pub(crate) fn account_for_relief<L: Lens>(
     None
 }
 
-/// The errors of sides and boards that the residuals of an optimum show.
+/// The errors of sides and boards in the residuals of an optimum.
 fn errors<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -128,8 +130,8 @@ fn errors<L: Lens>(
     SideErrors::gather(planes, (free, None), &refined.view, &noise, white)
 }
 
-/// The mean variance of the relief, weighed by how likely each is, and its steepness, if there
-/// clearly is any; `drift` (px) is the standard deviation of a shift by the tone curve.
+/// The mean variance of the relief, weighted by likelihood, and its steepness; `None` if there is
+/// not clearly any. `drift` (px) is the standard deviation of a shift by the tone curve.
 fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64, i32)> {
     let at = |relief: f64| Assumption {
         relief,
@@ -168,7 +170,7 @@ fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64,
     best.1
 }
 
-/// A plane with another relief taken out of its samples than its own.
+/// A plane whose samples are corrected for `relief` instead of its own.
 fn raised<L: Lens>(
     given: &ObservedPlane,
     relief: BoardRelief,

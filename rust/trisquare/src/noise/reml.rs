@@ -1,4 +1,4 @@
-//! The variances of side errors, by restricted maximum likelihood (H. D. Patterson & R. Thompson,
+//! Variances of side errors by restricted maximum likelihood (H. D. Patterson & R. Thompson,
 //! Biometrika 58 (1971) 545-554).
 
 use nalgebra::{DMatrix, DVector};
@@ -6,48 +6,49 @@ use nalgebra::{DMatrix, DVector};
 use super::side_errors::SideErrors;
 use crate::numeric::{BlockEquations, Reduced, chi_square_tail};
 
-/// Variances tried: each so many times the last, to what moves a side by pixels.
+/// Ratio of successive variances tried, and their number: up to errors of pixels.
 const VARIANCE_RATIO: f64 = 3.0;
 const VARIANCES: usize = 19;
 
-/// Probability, before the residuals are seen, that sides do not err together; the rest is spread
-/// evenly over the variances tried.
+/// Prior probability of no common errors along sides; the rest is spread evenly over the variances
+/// tried.
 const PRIOR_OF_WHITE: f64 = 0.5;
 
-/// Twice the log likelihood that is lost where a variance is beyond all doubt too large.
+/// Loss of twice the log likelihood above which a variance is certainly too large.
 pub(super) const HOPELESS: f64 = 20.0;
 
-/// How often variances of each plane's own are taken where all planes share one.
+/// Significance level for separate variances per plane: the probability of choosing them if all
+/// planes share one.
 const CHANCE: f64 = 0.01;
 
-/// How strongly the sides of each plane err together, all strengths weighed by how well they
-/// explain the residuals.
+/// Strength of the common errors along the sides of each plane, averaged over all strengths with
+/// weights by their likelihood.
 pub(crate) struct Strength {
-    /// Probability that they do at all.
+    /// Probability that there are any.
     pub probability: f64,
     /// Mean of `tau^2` for every plane, px^2.
     pub mean: Vec<f64>,
 }
 
 impl Strength {
-    /// Mean of `tau^2` for every plane if they do, px^2.
+    /// Mean of `tau^2` for every plane, given that there are any, px^2.
     pub fn if_any(&self) -> Vec<f64> {
         let probability = self.probability.max(f64::MIN_POSITIVE);
         self.mean.iter().map(|mean| mean / probability).collect()
     }
 }
 
-/// What one plane, or several, say of the shared parameters, and last of the multipliers that tie
-/// planes, their own eliminated.
+/// Information of one or several planes on the shared parameters, followed by the multipliers that
+/// tie planes; their own parameters are eliminated.
 #[derive(Clone)]
 struct Part {
     reduced: Reduced,
-    /// Their own part of minus twice the log likelihood.
+    /// Their contribution to minus twice the log likelihood.
     criterion: f64,
 }
 
 impl Part {
-    /// Adds another so many times.
+    /// Adds another, multiplied by `times`.
     fn add(&mut self, other: &Self, times: f64) {
         let (own, others) = (&mut self.reduced, &other.reduced);
         let add = |sum: &mut f64, value: f64| *sum += times * value;
@@ -57,7 +58,7 @@ impl Part {
     }
 }
 
-/// What is assumed beside the sides' errors.
+/// Assumptions besides the sides' errors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Assumption<'a> {
     /// Variance of the planes' relief.
@@ -69,15 +70,16 @@ pub(crate) struct Assumption<'a> {
 /// One strength of the side errors.
 struct Hypothesis {
     variances: Vec<f64>,
-    /// What each plane says with its variance.
+    /// Part of each plane at its variance.
     parts: Vec<Part>,
     criterion: f64,
 }
 
 impl SideErrors {
-    /// Weighs no side errors, and those of growing strength, by their restricted likelihood.
+    /// Weights hypotheses of no side errors, and of errors of increasing strength, by their
+    /// restricted likelihood.
     ///
-    /// One strength is common to all planes unless they clearly differ.
+    /// All planes share one strength unless they clearly differ.
     pub fn strength(&self) -> Option<Strength> {
         let planes = self.system.blocks.len();
         let mut found = self.hypotheses(&vec![1.0; planes])?;
@@ -87,8 +89,9 @@ impl SideErrors {
         combined(&found)
     }
 
-    /// The likeliest variances of the sides, of every plane's own where they clearly differ, and
-    /// minus twice their restricted log likelihood; from the likeliest common one and its own.
+    /// The likeliest variances of the sides, separate per plane if they clearly differ, and minus
+    /// twice their restricted log likelihood. `common` is the likeliest common variance and its
+    /// criterion.
     pub fn likeliest(&self, common: (f64, f64)) -> Option<(Vec<f64>, f64)> {
         let planes = self.system.blocks.len();
         let (variance, criterion) = common;
@@ -107,8 +110,8 @@ impl SideErrors {
     }
 
     /// The likeliest common variance of the sides and its criterion for every assumption, in their
-    /// order: no larger than one given, for what a relief explains the sides do not. What does not
-    /// differ between assumptions is computed once.
+    /// order. The variance is at most `largest`, if given, since a relief reduces the sides'
+    /// errors. Computations common to several assumptions are done once.
     pub fn likeliest_under(
         &mut self,
         assumptions: &[Assumption<'_>],
@@ -132,8 +135,8 @@ impl SideErrors {
                     let least = best[i].map_or(f64::INFINITY, |(_, least)| least);
                     match criterion {
                         Some(found) if found < least => best[i] = Some((variance, found)),
-                        // A relief that explains a part leaves two optima: one of the sides, one of
-                        // its own.
+                        // With a relief that explains a part there are two optima: one of the
+                        // sides' errors, one of the relief.
                         Some(found) => open[i] = largest.is_some() || found <= least + HOPELESS,
                         None => open[i] = false,
                     }
@@ -143,7 +146,7 @@ impl SideErrors {
         best
     }
 
-    /// What all planes say together at a common variance of their sides, for some variances of their
+    /// Sum of all planes' parts at a common variance of their sides, for each variance of their
     /// relief.
     fn sums(&self, reliefs: &[f64], variance: f64) -> Vec<Option<Part>> {
         let mut sums = vec![Some(self.nothing()); reliefs.len()];
@@ -162,12 +165,12 @@ impl SideErrors {
         sums
     }
 
-    /// White noise, then common variances times those of the planes.
+    /// Hypotheses of white noise, then of common variances times the relative ones of the planes.
     fn hypotheses(&self, relative: &[f64]) -> Option<Vec<Hypothesis>> {
         let mut found = vec![self.hypothesis(relative, 0.0)?];
         let mut best = found[0].criterion;
         for variance in self.variances() {
-            // Rounding may leave nothing of the information where next to nothing is left.
+            // Rounding may leave no information if next to none is left.
             let Some(next) = self.hypothesis(relative, variance) else {
                 break;
             };
@@ -191,8 +194,8 @@ impl SideErrors {
         })
     }
 
-    /// Variances of each plane's own, if they explain the residuals clearly better than one that all
-    /// share, which have been tried.
+    /// Separate variances of the planes, relative to the common one, if they explain the residuals
+    /// clearly better; `together` are the common ones already tried.
     fn relative_variances(&self, together: &[Hypothesis]) -> Option<Vec<f64>> {
         let best = likeliest(together);
         let common = *best.variances.first().filter(|v| **v > 0.0)?;
@@ -234,7 +237,7 @@ impl SideErrors {
         clearly.then(|| variances.iter().map(|v| v / common).collect())
     }
 
-    /// Minus twice the restricted log likelihood of the planes' variances, but for a constant.
+    /// Minus twice the restricted log likelihood of the planes' variances, up to a constant.
     #[cfg(test)]
     pub(super) fn criterion(&self, variances: &[f64]) -> Option<f64> {
         self.restricted(self.joined(&self.parts(variances)?))
@@ -247,13 +250,13 @@ impl SideErrors {
         variances.iter().enumerate().map(part).collect()
     }
 
-    /// What one plane says of the shared parameters, and of its variances.
+    /// Information of one plane on the shared parameters, and its criterion.
     fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
         let begun = self.before_relief(plane, variance)?;
         self.finished(plane, board_relief, begun)
     }
 
-    /// The same from its equations before its relief.
+    /// `part` from the plane's equations without its relief.
     fn finished(
         &self,
         plane: usize,
@@ -274,7 +277,7 @@ impl SideErrors {
         (0..VARIANCES).map(move |index| first * VARIANCE_RATIO.powi(index as i32))
     }
 
-    /// Minus twice the restricted log likelihood of what all planes say together.
+    /// Minus twice the restricted log likelihood of all planes together.
     fn restricted(&self, all: Part) -> Option<f64> {
         let Part {
             reduced,
@@ -290,14 +293,14 @@ impl SideErrors {
         criterion.is_finite().then_some(criterion)
     }
 
-    /// What several planes say together.
+    /// Sum of several planes' parts.
     fn joined(&self, parts: &[Part]) -> Part {
         let mut all = self.nothing();
         parts.iter().for_each(|part| all.add(part, 1.0));
         all
     }
 
-    /// What no plane says.
+    /// Part without information.
     fn nothing(&self) -> Part {
         let size = self.system.prior.nrows() + self.system.tie_count();
         Part {
@@ -318,7 +321,7 @@ fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
         .unwrap_or(&hypotheses[0])
 }
 
-/// Probability and mean over all hypotheses, the first of which is white noise.
+/// Averages over all hypotheses, the first of which is white noise.
 fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
     let best = likeliest(hypotheses);
     let prior = |index: usize| match index {
@@ -338,7 +341,7 @@ fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
         }
     }
     Some(Strength {
-        // Not as one less the rest, which rounding may make 0 where the mean is not.
+        // Not one minus the rest, which rounding may make 0 although the mean is not.
         probability: weights[1..].iter().sum::<f64>() / total,
         mean,
     })

@@ -1,4 +1,4 @@
-//! Places along a side, and smooth displacements of its image.
+//! Positions along a side, and smooth displacements of its image.
 
 use std::sync::LazyLock;
 
@@ -8,7 +8,7 @@ use crate::geometry::Line;
 use crate::numeric::{coefficients, node_places};
 use crate::observations::Sample;
 
-/// Orders of a smooth displacement: what is slower than a fifth of a side.
+/// Number of orders of a smooth displacement: variations slower than a fifth of a side.
 pub(crate) const ORDERS: usize = 6;
 
 /// Coefficients of a displacement, or the values of its basis at a place.
@@ -29,7 +29,7 @@ pub(crate) fn basis(s: f64) -> Basis {
     values
 }
 
-/// The basis in Chebyshev's polynomials: a row for each of its orders.
+/// The basis in terms of Chebyshev polynomials, a row for each order.
 pub(crate) fn basis_by_polynomials() -> &'static SMatrix<f64, ORDERS, ORDERS> {
     static ROWS: LazyLock<SMatrix<f64, ORDERS, ORDERS>> = LazyLock::new(|| {
         let at_nodes = node_places().map(|place| <[f64; ORDERS]>::from(basis(place)));
@@ -39,13 +39,13 @@ pub(crate) fn basis_by_polynomials() -> &'static SMatrix<f64, ORDERS, ORDERS> {
     &ROWS
 }
 
-/// The direction in which a side's samples extend; `None` where they are one point.
+/// The direction in which a side's samples extend; `None` if they coincide.
 pub(crate) fn direction(samples: &[Sample]) -> Option<Vector2<f64>> {
     let line = Line::fit(samples.iter().map(|sample| (sample.pixel, 1.0)))?;
     Some(Vector2::new(-line.normal().y, line.normal().x))
 }
 
-/// Where each sample lies along a direction, from -1 for the first to 1 for the last.
+/// Position of each sample along a direction, from -1 for the first to 1 for the last.
 pub(crate) fn places(samples: &[Sample], along: &Vector2<f64>) -> Vec<f64> {
     let mut places: Vec<f64> = samples.iter().map(|s| along.dot(&s.pixel)).collect();
     let (low, high) = places
@@ -58,7 +58,7 @@ pub(crate) fn places(samples: &[Sample], along: &Vector2<f64>) -> Vec<f64> {
     places
 }
 
-/// Where each sample of an arc lies along it, from -1 to 1, in their order.
+/// Position of each sample of an arc along it, from -1 to 1, in their order.
 pub(crate) fn places_on_arc(samples: &[Sample]) -> Vec<f64> {
     let mut length = 0.0;
     let mut places = vec![0.0];

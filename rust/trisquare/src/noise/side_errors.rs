@@ -1,13 +1,13 @@
-//! Do the samples of a side err together, and how much less is then known?
+//! Errors shared by the samples of a side, and the certainty lost by them.
 //!
 //! Paper curves, ink bleeds, and no lens is exactly its polynomial: the samples of a side then
-//! share an error that averaging does not remove. Every side is granted a smooth displacement
+//! share an error that averaging does not remove. Every side is given a smooth displacement
 //! `sum_k a_k P_k(s)` of its image ([`crate::noise::side_basis`]), `a_k` normal with variance
-//! `tau^2 / (1 + (k/2)^2)^1.5`: the spectrum of an error that is correlated over about a third of
-//! the side, as the residuals of real boards have it. `tau` follows from the residuals by
-//! restricted maximum likelihood (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554),
-//! which allows for what the fitted parameters have absorbed. Marginalised over the `a_k`, the
-//! normal equations keep the shape of an arrow.
+//! `tau^2 / (1 + (k/2)^2)^1.5`: the spectrum of an error correlated over about a third of the side,
+//! as in the residuals of real boards. `tau` is estimated from the residuals by restricted maximum
+//! likelihood (H. D. Patterson & R. Thompson, Biometrika 58 (1971) 545-554), which takes into
+//! account what the fitted parameters have absorbed. Marginalised over the `a_k`, the normal
+//! equations keep their arrowhead structure.
 
 use nalgebra::DMatrix;
 
@@ -19,26 +19,27 @@ use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Block, BlockEquations};
 use crate::observations::{BoardRelief, FreeParameters, ObservedPlane, TERMS, View};
 
-/// The first variance tried, as a part of what noise alone leaves of a side's mean.
+/// The first variance tried, as a fraction of the variance of a side's mean by noise alone.
 const FIRST_VARIANCE: f64 = 0.2;
 
-/// Part of the first variance that counts as none where sides are to be marginalised all the same.
+/// Fraction of the first variance used for a variance of zero if sides have to be marginalised
+/// nevertheless.
 const NO_VARIANCE: f64 = 1e-6;
 
-/// The normal equations with what every side says of its displacement.
+/// The normal equations, with the information of every side on its displacement.
 pub(crate) struct SideErrors {
-    /// Under white noise.
+    /// The equations under white noise.
     pub(super) system: ArrowSystem,
     /// In the order of the planes.
     families: Vec<Family>,
-    /// A part of the variance that noise alone leaves of a side's mean.
+    /// The first variance tried, px^2.
     pub(super) first_variance: f64,
-    /// Of the boards' out-of-plane shape, by plane.
+    /// Relief of the boards, by plane.
     board_reliefs: Vec<Option<BoardRelief>>,
 }
 
 impl SideErrors {
-    /// From what the residuals of a view sum to, `white` being the variance of their noise in units
+    /// Gathers the moments of a view's residuals; `white` is the variance of their noise in units
     /// of the scale at which they are summed. Fields of the picture, if any, are shared parameters
     /// after the free ones.
     pub fn gather<L: Lens>(
@@ -95,7 +96,7 @@ impl SideErrors {
         })
     }
 
-    /// States how strong the picture's fields may be, which nothing was known of.
+    /// Sets the prior standard deviations of the picture's fields, which had no prior.
     pub fn hold_fields(&mut self, deviations: &[f64]) {
         let prior = &mut self.system.prior;
         let first = prior.nrows() - deviations.len();
@@ -104,27 +105,27 @@ impl SideErrors {
         }
     }
 
-    /// States the variance (px^2) of where the sides of squares lie, which may be none; returns
-    /// whether there are any.
+    /// Sets the variance (px^2), possibly zero, of the positions of squares' sides; returns whether
+    /// there are any.
     pub fn set_lines(&mut self, variance: f64) -> bool {
         let is_of_square = |family: &&mut Family| family.sides.len() == 1;
         let sides = self.families.iter_mut().filter(is_of_square);
         sides.map(|side| side.line_variance = variance).count() > 0
     }
 
-    /// How many planes there are.
+    /// Number of planes.
     pub fn plane_count(&self) -> usize {
         self.system.blocks.len()
     }
 
-    /// States the variance of every board's relief.
+    /// Sets the variance of every board's relief.
     pub fn set_relief(&mut self, variance: f64) {
         for own in self.board_reliefs.iter_mut().flatten() {
             own.variance = variance;
         }
     }
 
-    /// States how steeply the variances of all reliefs fall with the order.
+    /// Sets the steepness of all reliefs: how fast their variances decrease with the order.
     pub fn set_steepness(&mut self, steepness: i32) {
         for own in self.board_reliefs.iter_mut().flatten() {
             own.steepness = steepness;
@@ -136,8 +137,8 @@ impl SideErrors {
         self.board_reliefs.iter().any(Option::is_some)
     }
 
-    /// What displacements of unit variance on each plane alone add to the covariance of the shared
-    /// parameters, as they were fitted: at weights that take the noise for white.
+    /// Contribution of displacements of unit variance on each plane to the covariance of the shared
+    /// parameters as fitted, that is with weights for white noise.
     pub fn unit_covariances(&self) -> Option<Vec<DMatrix<f64>>> {
         let information = self.system.reduced_information()?.cholesky()?;
         let shared = self.system.prior.nrows();
@@ -157,7 +158,7 @@ impl SideErrors {
         Some(found)
     }
 
-    /// The normal equations marginalised over displacements of the planes' variances.
+    /// The normal equations marginalised over displacements with the given variance of each plane.
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
             let (mut found, _) = self.marginalise(plane, *variance)?;
@@ -173,8 +174,9 @@ impl SideErrors {
         })
     }
 
-    /// The equations of one plane with the displacements of its sides taken into them, and their part
-    /// of minus twice the log likelihood. Nothing is known of its relief yet.
+    /// The equations of one plane marginalised over the displacements of its sides, and their
+    /// contribution to minus twice the log likelihood. They do not include the prior of the relief
+    /// yet.
     fn marginalise(&self, plane: usize, variance: f64) -> Option<(BlockEquations, f64)> {
         let mut equations = self.system.blocks[plane].equations();
         let mut criterion = 0.0;
@@ -192,8 +194,8 @@ impl SideErrors {
         Some((equations, criterion))
     }
 
-    /// The same with all eliminated that does not depend on what is known of the relief: the plane's
-    /// pose, where there is one.
+    /// The marginalised equations with the plane's pose eliminated if it has a relief: the pose
+    /// does not depend on the relief's prior.
     pub(super) fn before_relief(
         &self,
         plane: usize,
@@ -208,7 +210,7 @@ impl SideErrors {
         Some((equations, of_sides + of_pose))
     }
 
-    /// Takes what is known of a plane's relief into its equations; returns its part of minus twice
+    /// Adds the prior of a plane's relief to its equations; returns its contribution to minus twice
     /// the log likelihood.
     pub(super) fn hold_relief(
         &self,
@@ -220,13 +222,13 @@ impl SideErrors {
         relief.map_or(0.0, |relief| relief.hold(variance, equations))
     }
 
-    /// Variance of a plane's relief, where it has any.
+    /// Variance of a plane's relief; 0 if it has none.
     pub(super) fn board_relief(&self, plane: usize) -> f64 {
         self.board_reliefs[plane].map_or(0.0, |board_relief| board_relief.variance)
     }
 }
 
-/// A part of the variance that noise alone leaves of a side's mean.
+/// `FIRST_VARIANCE` times the variance of a side's mean by noise alone.
 fn first_variance(families: &[Family]) -> f64 {
     let (mut information, mut sides) = (0.0, 0.0);
     for family in families {
@@ -238,7 +240,7 @@ fn first_variance(families: &[Family]) -> f64 {
     FIRST_VARIANCE * sides / information
 }
 
-/// `tau^2` of sides displaced by a root mean square of so many px.
+/// `tau^2` of sides with this root mean square displacement (px).
 pub(crate) fn variance_of(displacement: f64) -> f64 {
     displacement * displacement / (0..ORDERS).map(spectrum).sum::<f64>()
 }
@@ -277,7 +279,8 @@ mod tests {
         (planes, view)
     }
 
-    /// All samples' Jacobian, residuals, weights, and the basis of their sides' displacements.
+    /// The Jacobian of all samples, their residuals, weights, and the basis of their sides'
+    /// displacements.
     fn dense(
         planes: &[ObservedPlane],
         view: &View<DefaultLens>,

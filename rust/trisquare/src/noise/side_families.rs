@@ -1,4 +1,4 @@
-//! Sides whose smooth displacements are correlated, and what their samples say of them.
+//! Sides with correlated smooth displacements, and the information of their samples on these.
 
 use nalgebra::{Const, DMatrix, DMatrixView, Dyn, OMatrix, SMatrix, SVector, Vector2, Vector3};
 
@@ -11,23 +11,24 @@ use crate::observations::{
     BoardRelief, Figure, FreeParameters, PlaneState, Side, TERMS, directions,
 };
 
-/// Distance, in parts of a figure's extent, over which the displacements of parallel sides lose
-/// their correlation.
+/// Distance, as a fraction of a figure's extent, over which the displacements of parallel sides
+/// lose their correlation.
 const CORRELATION_LENGTH: f64 = 0.33;
 
-/// Samples of a side at which its Jacobian is taken: it is as smooth as its displacement.
+/// Number of samples of a side at which its Jacobian is computed: it is as smooth as its
+/// displacement.
 const NODES: usize = 10;
 
-/// Orders of a displacement that leave a line straight.
+/// Number of orders of a displacement that leave a line straight.
 const LINE_ORDERS: usize = 2;
 
-/// What keeps orders that too few samples show at zero.
+/// Regularisation of orders that too few samples determine: keeps them at zero.
 const UNSEEN: f64 = 1e-9;
 
-/// Room for all that the planes share.
+/// Maximum number of columns shared by the planes.
 const MAX_SHARED: usize = MAX_LENS_COLUMNS + FIELDS;
 
-/// What all planes share: the free parameters of a lens, and further fields of its picture.
+/// Shared columns of all planes: the free parameters of a lens, and further fields of its picture.
 pub(crate) struct SharedColumns<'a, L> {
     pub lens: &'a L,
     pub free: &'a FreeParameters,
@@ -39,7 +40,7 @@ impl<L: Lens> SharedColumns<'_, L> {
         self.free.len() + self.fields.map_or(0, |_| FIELDS)
     }
 
-    /// The derivatives of a sample's distance, of which the lens gave its own.
+    /// The derivatives of a sample's distance, given those by the lens.
     fn gather(
         &self,
         wrt_lens: &[f64; MAX_LENS_COLUMNS],
@@ -51,25 +52,25 @@ impl<L: Lens> SharedColumns<'_, L> {
         if let Some(fields) = &self.fields {
             let (pixel, pixel_ray, line) = at;
             let normal = self.lens.line_distance_and_normal(pixel_ray, line).1;
-            // A sample that is displaced toward the normal is farther from the line.
+            // A sample displaced along the normal is farther from the line.
             columns[first..first + FIELDS].copy_from_slice(&fields.along(pixel, &normal));
         }
         SVector::from(columns)
     }
 }
 
-/// Correlation of two sides on one line, such as one that was measured in two pieces: of 1, the
-/// correlation matrix would have no inverse.
+/// Maximum correlation of two sides on one line, such as one that was measured in two pieces: with
+/// 1, the correlation matrix would have no inverse.
 const MAX_ALIKE: f64 = 1.0 - 1e-9;
 
-/// What the samples of sides whose displacements are correlated say of them.
+/// Information of the samples of sides with correlated displacements.
 pub(crate) struct Family {
     pub plane: usize,
     /// Indices of the sides in their figure.
     pub sides: Vec<usize>,
-    /// Variance (px^2) of where the line of each lies, beside what it errs as others do.
+    /// Variance (px^2) of the position of each line, in addition to the error common to all sides.
     pub line_variance: f64,
-    /// The way the first of them runs; the others run alike.
+    /// Direction of the first of them; the others are mirrored to it.
     along: Option<Vector2<f64>>,
     /// Correlation of their displacements, its inverse, and the logarithm of its determinant.
     correlation: DMatrix<f64>,
@@ -77,15 +78,15 @@ pub(crate) struct Family {
     log_correlation: f64,
     /// `B^T W B` with `B` the basis at the samples, side by side.
     pub gram: DMatrix<f64>,
-    /// `J^T W B`, `J` by the plane's own parameters, so many, and by the shared ones; then
-    /// `r^T W B`.
+    /// `J^T W B`, with `J` by the plane's own parameters, `own` in number, and by the shared ones;
+    /// then `r^T W B`.
     beside: DMatrix<f64>,
     own: usize,
 }
 
-/// The sides and arcs of a figure, those of one direction together if there are many: an error that is
-/// correlated over a third of a side is so across a third of the figure, too. `None` if lines are not
-/// finite.
+/// Families of the sides and arcs of a figure: those of one direction together if there are many,
+/// since an error correlated over a third of a side is correlated over a third of the figure, too.
+/// `None` if lines are not finite.
 pub(crate) fn families_of(
     figure: &Figure,
     plane: usize,
@@ -145,8 +146,8 @@ impl Family {
         })
     }
 
-    /// Adds one of the sides, by its index in the figure, and what its samples say of plane and
-    /// camera to the normal equations.
+    /// Adds one of the sides, by its index in the figure, and adds the information of its samples
+    /// on plane and camera to the normal equations.
     pub fn add<L: Lens>(
         &mut self,
         (state, figure, index, side): (&PlaneState, usize, usize, &Side),
@@ -202,7 +203,7 @@ impl Family {
         beside.row_mut(all).tr_copy_from(&gradient);
     }
 
-    /// Signs of the basis where a side runs against the first of the family.
+    /// Signs of the basis for a side whose direction may be opposite to that of the family's first.
     fn mirror(&mut self, along: &Vector2<f64>) -> Basis {
         let against = self.along.get_or_insert(*along).dot(along) < 0.0;
         Basis::from_fn(|k, _| if against && k % 2 == 1 { -1.0 } else { 1.0 })
@@ -230,8 +231,8 @@ impl Family {
             .rows(self.own, self.beside.nrows() - self.own - 1)
     }
 
-    /// Takes the sides' displacements, of the given variance, out of the equations; returns their
-    /// part of minus twice the log likelihood.
+    /// Eliminates the sides' displacements, of the given variance, from the equations; returns
+    /// their contribution to minus twice the log likelihood.
     pub fn marginalise(&self, variance: f64, equations: &mut BlockEquations) -> Option<f64> {
         let (count, size) = (self.sides.len(), self.gram.nrows());
         let mut displaced = DMatrix::zeros(size + self.beside.nrows(), size);
@@ -257,15 +258,14 @@ impl Family {
     }
 }
 
-/// A side's Jacobian as a smooth displacement: the coefficients of the basis that give it along
-/// the side.
+/// The Jacobian of a side as a smooth displacement: its coefficients in the basis along the side.
 struct SideJacobian {
     own: DMatrix<f64>,
     shared: OMatrix<f64, Const<ORDERS>, Dyn>,
 }
 
 impl SideJacobian {
-    /// From samples spread over the side, by least squares; `None` where the lens sees none.
+    /// Fits samples spread over the side by least squares; `None` if the lens sees none.
     fn of<L: Lens>(
         (state, figure, side): (&PlaneState, usize, &Side),
         board_relief: Option<&BoardRelief>,
@@ -296,7 +296,7 @@ impl SideJacobian {
                 if let Some(board_relief) = board_relief {
                     let sample = &side.samples[index];
                     let of = (lens, state);
-                    // What rises displaces the sample: the residual is less by that.
+                    // A positive height displaces the sample: the residual is reduced by that.
                     let risen =
                         board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
                     heights.ger(-1.0, row, &risen, 1.0);
@@ -321,7 +321,8 @@ impl SideJacobian {
     }
 }
 
-/// Samples nearest to the Chebyshev points of the side, of places in their order along it.
+/// Indices of the samples nearest to the Chebyshev points of the side, given their places in order
+/// along it.
 fn nodes(places: &[f64]) -> Vec<usize> {
     let rises = places.first() <= places.last();
     let nearest = |j: usize| {

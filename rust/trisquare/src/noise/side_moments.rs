@@ -1,4 +1,4 @@
-//! One pass over a side's residuals: the sums that its smooth displacement follows from.
+//! Moments of a side's residuals, from which its smooth displacement is computed.
 
 use std::array;
 
@@ -9,11 +9,11 @@ use crate::numeric::{LANES, Loss, PolynomialSums, polynomials};
 use crate::observations::{Curve, Side};
 use crate::refine::Residual;
 
-/// A sample tells no more of a misfit than one so many times the noise away.
+/// Limit of a sample's residual, in standard deviations, in the plain moments.
 const FARTHEST: f64 = 1e3;
 
-/// Neighbours among which a sample may be alone, itself included: two stray samples side by side
-/// are still told from a bend.
+/// Window of neighbours, including the sample itself, within which a sample may be stray: two
+/// adjacent stray samples are still distinguished from a bend.
 const NEIGHBOURS: usize = 5;
 
 /// `B^T W B` of the basis at the samples.
@@ -26,19 +26,19 @@ pub(crate) struct Moments {
     pub gradient: Basis,
 }
 
-/// What the residuals of one side sum to.
+/// Moments of the residuals of one side.
 #[derive(Debug, Clone)]
 pub(crate) struct SideMoments {
-    /// The way the side runs.
+    /// Direction of the side.
     pub along: Vector2<f64>,
-    /// Where each sample lies, from -1 to 1.
+    /// Position of each sample, from -1 to 1.
     pub places: Vec<f64>,
-    /// With the weights of the robust loss.
+    /// Moments with the weights of the robust loss.
     pub robust: Moments,
-    /// With the samples' own weights, but for stray ones.
+    /// Moments with the samples' own weights, without stray samples.
     pub plain: Moments,
-    /// Indices of the stray samples: far off the line, and far off where their neighbours lie. A
-    /// bend takes these along.
+    /// Indices of the stray samples: far from the line, and far from their neighbours. At a bend
+    /// the neighbours are displaced as well.
     pub strays: Vec<usize>,
     /// Weight of the best sample.
     pub strongest: f64,
@@ -47,7 +47,7 @@ pub(crate) struct SideMoments {
 /// Sums from which the moments follow.
 type Sums = PolynomialSums<ORDERS, MOMENTS>;
 
-/// Polynomials at each sample from which the products of the first [`ORDERS`] follow.
+/// Number of polynomials at each sample that determine the products of the first [`ORDERS`].
 const MOMENTS: usize = 2 * ORDERS - 1;
 
 impl Moments {
@@ -62,7 +62,7 @@ impl Moments {
 }
 
 impl SideMoments {
-    /// At a scale of the noise.
+    /// Moments at a scale of the noise.
     pub fn of(side: &Side, residuals: &[Residual], scale: f64) -> Self {
         let along = direction(&side.samples).unwrap_or_default();
         let places = match side.curve {
@@ -113,7 +113,8 @@ fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f6
     (robust, plain, strongest, strays)
 }
 
-/// Whether the robust loss would give a sample no weight if its neighbours lay on the line, either.
+/// Whether the robust loss would give a sample no weight relative to its neighbours' median,
+/// either.
 fn is_stray(residuals: &[Residual], index: usize, scale: f64) -> bool {
     let Some(last) = residuals.len().checked_sub(NEIGHBOURS) else {
         return false;

@@ -1,9 +1,9 @@
-//! An error that all samples of a picture share: one unknown per picture, known beforehand to its
+//! An error shared by all samples of a picture: one unknown per picture, with a prior of one
 //! standard deviation, that shifts each sample by its own tone drift.
 //!
-//! The tone curve of a picture that had to be estimated is such an error: where it is wrong, all
-//! edges lie a little to the dark. The geometry of the planes may tell more of it, and what
-//! it leaves open belongs into the covariance.
+//! An estimated tone curve of a picture causes such an error: if the curve is wrong, all edges are
+//! shifted a little towards the dark. The geometry of the planes may determine it further, and the
+//! remaining uncertainty is added to the covariance.
 
 use std::collections::BTreeMap;
 
@@ -15,16 +15,15 @@ use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem};
 use crate::observations::{FreeParameters, ObservedPlane, PlaneState, Side, View};
 use crate::refine::{EdgeProblem, Refined, residuals};
 
-/// Entries of the equations of what the planes share, at most: 2 GB, of 15,000 pictures.
+/// Maximum number of entries in the equations of the shared parameters: 2 GB, for 15,000 pictures.
 const MAX_NUMBERS: usize = 250_000_000;
 
-/// By which samples are weighed.
+/// Loss that weights the samples.
 const LOSS: Loss = Loss::Tukey;
 
-/// Estimates the tone drift of all pictures, one Newton step from the optimum without them: the
-/// samples where they are without the tone drift, and the optimum there, whose normal equations
-/// have the tone drifts eliminated. `None` where no sample has a tone drift, or where the step
-/// fails.
+/// Estimates the tone drift of all pictures by one Newton step from the optimum without them:
+/// returns the samples corrected for the tone drift, and the optimum there, whose normal equations
+/// have the tone drifts eliminated. `None` if no sample has a tone drift, or if the step fails.
 pub(crate) fn account_for_drift<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -39,7 +38,8 @@ pub(crate) fn account_for_drift<L: Lens>(
     let all: Vec<usize> = (0..free.len()).collect();
     let mut step = step_of(&system, judged, &all)?;
     let mut view = refined.view.advanced(free, &step);
-    // Where the samples hardly tell, the distortion may step to a lens that does not see the picture.
+    // If the samples hardly determine the distortion, it may step to a lens that does not see the
+    // picture.
     if !free.is_seen_by(&view.lens) {
         step = step_of(&system, judged, &free.of_matrix())?;
         view = refined.view.advanced(free, &step);
@@ -57,7 +57,7 @@ pub(crate) fn account_for_drift<L: Lens>(
     Some((planes, refined))
 }
 
-/// The step of some of the free parameters and of all drifts; zero for all others.
+/// The step in some of the free parameters and in all drifts; zero for all others.
 fn step_of(system: &ArrowSystem, judged: &FreeParameters, moved: &[usize]) -> Option<ArrowStep> {
     let count = system.prior.nrows();
     let moved: Vec<usize> = moved.iter().copied().chain(judged.len()..count).collect();
@@ -69,8 +69,8 @@ fn step_of(system: &ArrowSystem, judged: &FreeParameters, moved: &[usize]) -> Op
     Some(step)
 }
 
-/// The samples as a view of the planes that was not fitted to them sees them: with as much of each
-/// picture's tone drift as their residuals ask for.
+/// The samples corrected for a view of the planes that was not fitted to them: with the tone drift
+/// of each picture that minimises their residuals.
 pub(crate) fn drifted_to<L: Lens>(
     planes: &[ObservedPlane],
     view: &View<L>,
@@ -102,7 +102,7 @@ pub(crate) fn drifted_to<L: Lens>(
     Some(moved)
 }
 
-/// The numbers of the pictures, ascending: they are names, and of any size.
+/// The numbers of the pictures, ascending. They are arbitrary labels.
 fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
     let mut numbers: Vec<usize> = planes.iter().map(|plane| plane.image).collect();
     numbers.sort_unstable();
@@ -110,8 +110,8 @@ fn pictures(planes: &[ObservedPlane]) -> Vec<usize> {
     numbers
 }
 
-/// Refuses more drifting pictures than the normal equations can hold, which have a row and a column
-/// for each of them.
+/// Checks that the number of pictures with tone drift is not too large for the normal equations,
+/// which have a row and a column for each.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`].
@@ -127,12 +127,13 @@ pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
     Ok(())
 }
 
-/// The place of a plane's picture among all.
+/// Position of a plane's picture among `pictures`.
 fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
     pictures.partition_point(|number| *number < plane.image)
 }
 
-/// The normal equations with one more shared parameter for each of the pictures, after all others.
+/// The normal equations with an additional shared parameter for each of the pictures, after all
+/// others.
 fn freed<L: Lens>(
     planes: &[ObservedPlane],
     pictures: &[usize],
@@ -141,7 +142,7 @@ fn freed<L: Lens>(
 ) -> Option<ArrowSystem> {
     let scale = refined.noise_scale * (LOSS.mean_weight() / refined.covariance_factor).sqrt();
     let known = judged.len();
-    // Of the same weights as what is added, or the whole would not be positive definite.
+    // With the same weights as the added terms; otherwise the sum would not be positive definite.
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
     let count = known + pictures.len();
     let blocks = system.blocks.iter().zip(planes);
@@ -153,7 +154,8 @@ fn freed<L: Lens>(
         eliminated: None,
     };
     for picture in known..count {
-        // A unit is one standard deviation; the factor makes the covariance of the information.
+        // The unit is one standard deviation; the factor later turns the information into a
+        // covariance.
         system.prior[(picture, picture)] = refined.covariance_factor;
     }
     let View {
@@ -169,8 +171,8 @@ fn freed<L: Lens>(
     Some(system)
 }
 
-/// Adds what the samples of a side of some figure tell of the picture's drift to the equations of their
-/// plane, where it comes last of what is shared.
+/// Adds the information of a side's samples on the picture's drift, the last of the shared
+/// parameters, to the equations of their plane.
 fn add_drift<L: Lens>(
     block: &mut Block,
     (figure, side): (usize, &Side),
@@ -223,11 +225,11 @@ mod tests {
     use nalgebra::Vector2;
 
     const NOISE: f64 = 0.02;
-    /// The stated tone drift, and how much of it there is.
+    /// The stated tone drift, and the actual one in units of it.
     const DRIFT: f64 = 0.1;
     const DEVIATIONS: f64 = 1.5;
 
-    /// Edges that all lie too far inside their squares.
+    /// Edges that are all shifted into their squares.
     fn shifted(scene: &Scene) -> Vec<PlaneEdges> {
         let mut edges = scene.edges(1, NOISE, 4.0);
         for figure in &mut edges {

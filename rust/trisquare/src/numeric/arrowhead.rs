@@ -1,19 +1,21 @@
-//! Normal equations in the shape of an arrow: what all planes share, and each plane's own block.
+//! Normal equations with arrowhead structure: parameters shared by all planes, and a block of own
+//! parameters per plane.
 //!
 //! Eliminating every plane's block (Schur complement) leaves a small system for the shared
 //! parameters, so that the cost is linear in the number of planes.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Relative floor of a diagonal element, below which damping could not lift it.
+/// Relative lower bound of a diagonal element, below which damping would have no effect on it.
 const DIAGONAL_FLOOR: f64 = 1e-12;
 
-/// One plane's part of the normal equations.
+/// Contribution of one plane to the normal equations.
 #[derive(Debug, Clone)]
 pub(crate) struct Block {
-    /// The shared parameters that the plane depends on, ascending; of the others nothing is stored.
+    /// The shared parameters that the plane depends on, ascending; nothing is stored for the
+    /// others.
     pub columns: Vec<usize>,
-    /// `J_shared^T W J_shared` of the plane's residuals, by these.
+    /// `J_shared^T W J_shared` of the plane's residuals, by `columns`.
     pub shared: DMatrix<f64>,
     /// `J_shared^T W r`.
     pub shared_gradient: DVector<f64>,
@@ -23,7 +25,8 @@ pub(crate) struct Block {
     pub cross: DMatrix<f64>,
     /// `J_p^T W r`.
     pub gradient: DVector<f64>,
-    /// One column for each equation that ties the planes' own parameters to each other.
+    /// Coefficients of the equations that tie the planes' own parameters to each other, a column
+    /// each.
     pub ties: DMatrix<f64>,
 }
 
@@ -41,7 +44,8 @@ impl Block {
         }
     }
 
-    /// The block with those of its columns that have a place among further shared parameters.
+    /// The block restricted to the columns for which `place` gives a new index among the shared
+    /// parameters.
     fn renumbered(&self, place: impl Fn(usize) -> Option<usize>) -> Self {
         let kept = (0..self.columns.len())
             .filter_map(|own| Some((own, place(self.columns[own])?)))
@@ -58,7 +62,7 @@ impl Block {
         }
     }
 
-    /// The same, also of `further` shared parameters, which nothing is known of yet.
+    /// The block with `further` shared parameters, without any information on them yet.
     pub fn extended(&self, further: &[usize]) -> Self {
         let mut grown = self.clone();
         grown.columns.extend(further);
@@ -69,12 +73,12 @@ impl Block {
         grown
     }
 
-    /// The part of a step of the shared parameters that moves the plane.
+    /// The part of a step of the shared parameters on which the plane depends.
     fn part_of(&self, shared: &DVector<f64>) -> DVector<f64> {
         shared.select_rows(&self.columns)
     }
 
-    /// The cross terms with so many shared parameters.
+    /// The cross terms with all `shared` parameters.
     pub fn whole_cross(&self, shared: usize) -> DMatrix<f64> {
         let mut whole = DMatrix::zeros(self.cross.nrows(), shared);
         for (own, column) in self.columns.iter().enumerate() {
@@ -87,34 +91,36 @@ impl Block {
 /// `J^T W J` and `J^T W r` of a problem with shared parameters and one block per plane.
 #[derive(Debug, Clone)]
 pub(crate) struct ArrowSystem {
-    /// Information on the shared parameters that no plane gave.
+    /// Information on the shared parameters from other sources than the planes.
     pub prior: DMatrix<f64>,
-    /// The gradient that belongs to it.
+    /// The corresponding gradient.
     pub prior_gradient: DVector<f64>,
     pub blocks: Vec<Block>,
-    /// What was shared besides, where it was eliminated.
+    /// Further shared parameters, if they were eliminated.
     pub eliminated: Option<Eliminated>,
 }
 
-/// Shared parameters that were eliminated: what they leave open where the others are given.
+/// Eliminated shared parameters: their uncertainty given the others.
 #[derive(Debug, Clone)]
 pub(crate) struct Eliminated {
-    /// Of every block, the eliminated parameters that it depends on, and its cross terms with them.
+    /// For every block, the eliminated parameters that it depends on, and its cross terms with
+    /// them.
     crosses: Vec<(Vec<usize>, DMatrix<f64>)>,
-    /// Of the information on them where the kept parameters are given.
+    /// Factor of the information on them, given the kept parameters.
     factor: Cholesky<f64, Dyn>,
-    /// How they follow the kept parameters.
+    /// Derivatives of them by the kept parameters.
     pub by_kept: DMatrix<f64>,
 }
 
 impl Eliminated {
-    /// Their covariance where the kept parameters are given, in units of the noise.
+    /// Their covariance given the kept parameters, in units of the noise.
     pub fn covariance(&self) -> DMatrix<f64> {
         self.factor.inverse()
     }
 
-    /// Adds to how some parameters follow the eliminated ones what a block contributes, whose own
-    /// gradient they follow by `response`.
+    /// Adds the contribution of a block to `moves`, the derivatives of some parameters by the
+    /// eliminated ones. `response` is the derivatives of these parameters by the block's own
+    /// gradient.
     pub fn add_moves(&self, moves: &mut DMatrix<f64>, block: usize, response: &DMatrix<f64>) {
         let (columns, cross) = &self.crosses[block];
         for (column, moved) in columns.iter().zip((response * cross).column_iter()) {
@@ -124,7 +130,7 @@ impl Eliminated {
     }
 }
 
-/// A step of all parameters, and by how much the linearised cost should fall.
+/// A step of all parameters, and the predicted decrease of the linearised cost.
 #[derive(Debug, Clone)]
 pub(crate) struct ArrowStep {
     pub shared: DVector<f64>,
@@ -132,7 +138,7 @@ pub(crate) struct ArrowStep {
     pub predicted_decrease: f64,
 }
 
-/// What remains for the shared parameters that a plane depends on once its own are eliminated.
+/// Equations of the shared parameters that a plane depends on after elimination of its own.
 #[derive(Debug, Clone)]
 pub(crate) struct Reduced {
     pub information: DMatrix<f64>,
@@ -147,7 +153,7 @@ impl Reduced {
         }
     }
 
-    /// Adds what is known of some of the parameters.
+    /// Adds information on some of the parameters.
     fn add(&mut self, columns: &[usize], information: &DMatrix<f64>, gradient: &DVector<f64>) {
         for (j, &column) in columns.iter().enumerate() {
             for (i, &row) in columns.iter().enumerate() {
@@ -159,12 +165,12 @@ impl Reduced {
 }
 
 impl ArrowSystem {
-    /// Of planes that depend on all that is shared.
+    /// System of planes that depend on all shared parameters.
     pub fn zeros(shared: usize, own: impl Iterator<Item = usize>) -> Self {
         Self::of(shared, own.map(|n| Block::zeros(n, (0..shared).collect())))
     }
 
-    /// Of planes some of which depend on a part of the shared parameters only.
+    /// System of planes that may depend on a subset of the shared parameters.
     pub fn of(shared: usize, blocks: impl Iterator<Item = Block>) -> Self {
         Self {
             prior: DMatrix::zeros(shared, shared),
@@ -218,12 +224,12 @@ impl ArrowSystem {
         (decrease.is_finite() && step.is_finite()).then_some(step)
     }
 
-    /// The equations without the last shared parameters: these are held.
+    /// The equations with only the first `shared` of the shared parameters; the others are fixed.
     pub fn leading(&self, shared: usize) -> Self {
         self.selected(&(0..shared).collect::<Vec<_>>())
     }
 
-    /// The equations of some of the shared parameters, ascending: the others are held.
+    /// The equations of some of the shared parameters, ascending; the others are fixed.
     pub fn selected(&self, shared: &[usize]) -> Self {
         let place = |column: usize| shared.binary_search(&column).ok();
         Self {
@@ -234,9 +240,9 @@ impl ArrowSystem {
         }
     }
 
-    /// What every plane tells of the shared parameters that it depends on (of all of them where
-    /// planes are tied), its own eliminated: the information is the covariance that unit noise of
-    /// its samples gives the gradient.
+    /// Information of every plane on the shared parameters that it depends on (on all of them if
+    /// planes are tied), with its own parameters eliminated. It equals the covariance of the
+    /// gradient for unit noise of the plane's samples.
     pub fn contributions(&self) -> Option<Vec<Reduced>> {
         let factors = self.factors()?;
         let ties = self.ties(&factors);
@@ -266,8 +272,8 @@ impl ArrowSystem {
             .collect()
     }
 
-    /// The cross terms as the gradient of the shared parameters follows the blocks' own gradients:
-    /// by `-C^T H^-1`.
+    /// The cross terms `C` by which the gradient of the shared parameters depends on the blocks'
+    /// own gradients, as `-C^T H^-1`.
     pub fn tied_crosses(&self) -> Option<Vec<DMatrix<f64>>> {
         let blocks = self.blocks.iter();
         if self.tie_count() == 0 {
@@ -278,7 +284,7 @@ impl ArrowSystem {
         Some(blocks.map(|block| ties.cross(block)).collect())
     }
 
-    /// The information on the shared parameters alone.
+    /// The information on the shared parameters, marginal over all others.
     pub fn reduced_information(&self) -> Option<DMatrix<f64>> {
         let mut total = Reduced {
             information: self.prior.clone(),
@@ -295,8 +301,9 @@ impl ArrowSystem {
         Some(total.information)
     }
 
-    /// The equations with the shared parameters after the first `kept` eliminated: what these cost
-    /// is taken off the prior, so that the reduced information is the marginal one.
+    /// The equations with the shared parameters after the first `kept` eliminated: the loss of
+    /// information is subtracted from the prior, so that the reduced information is the marginal
+    /// one.
     pub fn marginal(&self, kept: usize) -> Option<Self> {
         if kept == self.prior.nrows() {
             return Some(self.clone());
@@ -324,7 +331,7 @@ impl ArrowSystem {
 }
 
 impl ArrowSystem {
-    /// By how much the linearised cost falls further where the last shared parameters are free as
+    /// Additional decrease of the linearised cost if the last `count` shared parameters are free as
     /// well: half of their score statistic (C. R. Rao, Math. Proc. Camb. Philos. Soc. 44 (1948)
     /// 50-57), in units of the noise.
     pub fn gain_of_last(&self, count: usize) -> Option<f64> {
@@ -335,8 +342,7 @@ impl ArrowSystem {
 }
 
 impl ArrowStep {
-    /// The step that reaches the minimum of a cost whose curvature is `1 / factor` of the normal
-    /// equations'.
+    /// The step to the minimum of a cost whose curvature is `1 / factor` of the normal equations'.
     pub fn lengthened(self, factor: f64) -> Self {
         Self {
             shared: self.shared * factor,
@@ -367,7 +373,7 @@ fn damped(hessian: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
 /// `C^T H^-1 C` and `C^T H^-1 g` of one block.
 fn eliminated(block: &Block, factor: &Cholesky<f64, Dyn>) -> (DMatrix<f64>, DVector<f64>) {
     let half = factor.l_dirty();
-    // With H = L L^T, both are products of L^-1 C, which keeps the first one symmetric.
+    // With H = L L^T, both are products of L^-1 C; the first one is then exactly symmetric.
     let mut cross = block.cross.clone();
     let mut gradient = block.gradient.clone();
     half.solve_lower_triangular_unchecked_mut(&mut cross);

@@ -1,15 +1,17 @@
-//! The equations of one block of an arrow as one small matrix, from which unknowns are eliminated.
+//! The equations of one block of an arrowhead system as one small matrix, from which unknowns are
+//! eliminated.
 //!
-//! A likelihood of many planes eliminates some hundred thousand times: with the gradient as one more
-//! column, one pass does what would be five products and solutions.
+//! A likelihood of many planes needs some hundred thousand eliminations: with the gradient as an
+//! additional column, one pass replaces five products and solutions.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::arrowhead::{Block, Reduced};
 
-/// The equations of a block: of its own parameters, of those it shares, of the gradient, and of the
-/// ties. Of the symmetric matrix the lower triangle counts; in the gradient's own place is what
-/// eliminations add to minus twice the logarithm of a likelihood.
+/// The equations of a block: rows and columns of its own parameters, of the shared ones, of the
+/// gradient, and of the ties. Only the lower triangle of the symmetric matrix is used; the
+/// gradient's diagonal element is the contribution of eliminations to minus twice the log
+/// likelihood.
 #[derive(Clone)]
 pub(crate) struct BlockEquations {
     own: usize,
@@ -18,7 +20,7 @@ pub(crate) struct BlockEquations {
 }
 
 impl Block {
-    /// Its equations as one matrix.
+    /// The block's equations as one matrix.
     pub fn equations(&self) -> BlockEquations {
         let (own, shared) = self.cross.shape();
         let gradient = own + shared;
@@ -48,7 +50,7 @@ impl Block {
         }
     }
 
-    /// The same block with other equations of the same parameters.
+    /// The block with other equations of the same parameters.
     pub fn with_equations(&self, equations: &BlockEquations) -> Self {
         let (own, shared) = self.cross.shape();
         let part = |first: [usize; 2], rows: usize, columns: usize| {
@@ -76,15 +78,15 @@ impl BlockEquations {
         self.matrix[(i.max(j), i.min(j))]
     }
 
-    /// Eliminates further unknowns. Each has a column: its terms by all of them, then by the block's
-    /// own parameters, by the shared ones, and the gradient. Returns the logarithm of the
+    /// Eliminates further unknowns, given as columns: the terms of each by all of them, then by the
+    /// block's own parameters, by the shared ones, and the gradient. Returns the logarithm of the
     /// determinant; `None` if they are not positive definite.
     pub fn eliminate(&mut self, unknowns: DMatrix<f64>) -> Option<f64> {
         eliminate(unknowns, (&mut self.matrix, 0))
     }
 
-    /// Adds what is known beforehand of the last of the block's own parameters: the precision of each,
-    /// and the gradient that belongs to it.
+    /// Adds a prior on the last of the block's own parameters: the precision of each, and the
+    /// corresponding gradient.
     pub fn add_prior(&mut self, precisions: &[f64], gradient: &[f64]) {
         let (first, row) = (self.own - precisions.len(), self.own + self.shared);
         for (k, (precision, gradient)) in precisions.iter().zip(gradient).enumerate() {
@@ -93,8 +95,8 @@ impl BlockEquations {
         }
     }
 
-    /// The equations without the first of the block's own parameters, which are eliminated; and the
-    /// logarithm of their determinant, `None` if they are not positive definite.
+    /// The equations with the first of the block's own parameters eliminated, and the logarithm of
+    /// their determinant; `None` if they are not positive definite.
     pub fn without_first(mut self, count: usize) -> Option<(Self, f64)> {
         let log_determinant = self.eliminate_first(count)?;
         let left = self.matrix.nrows() - count;
@@ -106,8 +108,8 @@ impl BlockEquations {
         Some((rest, log_determinant))
     }
 
-    /// What remains for the shared parameters, and for the multipliers after them, once the block's
-    /// own are eliminated; and what the block adds to minus twice the logarithm of a likelihood.
+    /// The equations of the shared parameters, and of the multipliers after them, with the block's
+    /// own parameters eliminated; and the block's contribution to minus twice the log likelihood.
     pub fn reduced(mut self) -> Option<(Reduced, f64)> {
         let log_determinant = self.eliminate_first(self.own)?;
         let gradient = self.own + self.shared;
@@ -120,15 +122,15 @@ impl BlockEquations {
         Some((reduced, log_determinant + self.at(gradient, gradient)))
     }
 
-    /// Eliminates the first of its own parameters from all that follow.
+    /// Eliminates the first `count` of its own parameters from all that follow.
     fn eliminate_first(&mut self, count: usize) -> Option<f64> {
         let unknowns = self.matrix.columns(0, count).into_owned();
         eliminate(unknowns, (&mut self.matrix, count))
     }
 }
 
-/// Eliminates unknowns, of which each has a column, from each other and from the rest, which are the
-/// rows and columns of a matrix from some on.
+/// Eliminates unknowns, given as columns, from each other and from the rest: the rows and columns
+/// of a matrix from `first` on.
 fn eliminate(mut unknowns: DMatrix<f64>, (rest, first): (&mut DMatrix<f64>, usize)) -> Option<f64> {
     let ((length, count), size) = (unknowns.shape(), rest.nrows());
     let mut log_determinant = 0.0;
@@ -155,7 +157,8 @@ fn eliminate(mut unknowns: DMatrix<f64>, (rest, first): (&mut DMatrix<f64>, usiz
     Some(log_determinant)
 }
 
-/// Subtracts the square of some terms over a pivot from the lower triangle of symmetric columns.
+/// Subtracts the outer product of some terms over a pivot from the lower triangle of symmetric
+/// columns.
 #[inline]
 fn subtract<'a>(columns: impl Iterator<Item = &'a mut [f64]>, terms: &[f64], pivot: f64) {
     let inverse = 1.0 / pivot;
@@ -175,7 +178,7 @@ mod tests {
     const OWN: usize = 4;
     const SHARED: usize = 2;
 
-    /// Against dense solutions of all unknowns at once.
+    /// Compares with dense solutions of all unknowns at once.
     #[test]
     fn what_is_left_is_the_dense_schur_complement() {
         let size = UNKNOWNS + OWN + SHARED;
@@ -234,7 +237,7 @@ mod tests {
         );
         let gradient: DVector<f64> = expected.column(SHARED).rows(0, SHARED).into_owned();
         assert!((reduced.gradient - gradient).norm() < 1e-10);
-        // What the eliminated unknowns explain of the residuals' sum of squares.
+        // Part of the residuals' sum of squares explained by the eliminated unknowns.
         let explained = expected[(SHARED, SHARED)] - square[(size, size)];
         assert!((criterion + first - determinant - explained).abs() < 1e-9);
     }

@@ -1,14 +1,14 @@
-//! Smooth functions on [-1, 1] by their values at a few nodes: interpolation by Chebyshev's
+//! Smooth functions on [-1, 1] given by their values at a few nodes: interpolation by Chebyshev
 //! polynomials (L. N. Trefethen, Approximation Theory and Approximation Practice, 2013, chapter 3).
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Nodes of a function. Images of straight sides under lenses of up to 160 degrees are polynomials
-/// of that many terms to 2e-5 px or better, and to 1e-9 px as a rule.
+/// Number of nodes of a function. Images of straight sides under lenses of up to 160 degrees are
+/// polynomials of as many terms to 2e-5 px or better, and mostly to 1e-9 px.
 pub(crate) const NODES: usize = 10;
 
-/// Places at which polynomials are evaluated at a time.
+/// Number of places at which polynomials are evaluated at a time.
 pub(crate) const LANES: usize = 4;
 
 /// Values of some functions at the nodes, or their coefficients.
@@ -17,7 +17,7 @@ type AtNodes<const N: usize> = [[f64; N]; NODES];
 static PLACES: LazyLock<[f64; NODES]> =
     LazyLock::new(|| std::array::from_fn(|k| ((k as f64 + 0.5) * PI / NODES as f64).cos()));
 
-/// Takes values at the nodes to coefficients.
+/// Matrix from values at the nodes to coefficients.
 static TRANSFORM: LazyLock<AtNodes<NODES>> = LazyLock::new(|| {
     std::array::from_fn(|m| {
         let norm = if m == 0 { 1.0 } else { 2.0 } / NODES as f64;
@@ -25,7 +25,7 @@ static TRANSFORM: LazyLock<AtNodes<NODES>> = LazyLock::new(|| {
     })
 });
 
-/// Where the nodes lie.
+/// Positions of the nodes.
 pub(crate) fn node_places() -> &'static [f64; NODES] {
     &PLACES
 }
@@ -43,7 +43,7 @@ pub(crate) fn coefficients<const N: usize>(values: &AtNodes<N>) -> AtNodes<N> {
     found
 }
 
-/// The first `M` polynomials at some places.
+/// The first `M` polynomials at `LANES` places.
 #[inline]
 pub(crate) fn polynomials<const M: usize>(places: &[f64; LANES]) -> [[f64; LANES]; M] {
     let mut values = [[1.0; LANES]; M];
@@ -66,7 +66,7 @@ pub(crate) fn polynomial_at(coefficients: &[f64], place: f64) -> f64 {
     coefficients[0] + place * value - last
 }
 
-/// Sums over weighted samples that fit a polynomial of `N` terms to them, from `M = 2 N - 1`
+/// Sums over weighted samples for the fit of a polynomial of `N` terms, from `M = 2 N - 1`
 /// polynomials at each.
 pub(crate) struct PolynomialSums<const N: usize, const M: usize> {
     weights: [[f64; LANES]; M],
@@ -81,7 +81,7 @@ impl<const N: usize, const M: usize> PolynomialSums<N, M> {
         }
     }
 
-    /// Adds samples by the polynomials, their weights, and their values times their weights.
+    /// Adds samples, given by the polynomials, their weights, and their values times their weights.
     #[inline]
     pub fn add(
         &mut self,

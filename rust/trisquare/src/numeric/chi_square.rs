@@ -1,19 +1,20 @@
-//! The chi-squared distribution's upper tail, and the normal deviate that is as improbable.
+//! The chi-squared distribution's upper tail, and the equally improbable normal deviate.
 
-/// Terms or fractions of the incomplete gamma function; it takes some `sqrt(freedom)` of them.
+/// Maximum number of terms or fractions of the incomplete gamma function; it takes about
+/// `sqrt(freedom)`.
 const MAX_TERMS: usize = 10_000;
 
-/// Stands for a zero denominator of the continued fraction.
+/// Replaces a zero denominator of the continued fraction.
 const TINY: f64 = 1e-300;
 
-/// How often a chi-squared variable exceeds a value.
+/// Probability that a chi-squared variable exceeds a value.
 ///
 /// `Q(freedom / 2, statistic / 2)`, the regularised incomplete gamma function: by its series below
 /// the mean (NIST DLMF 8.11.4), by Legendre's continued fraction above (DLMF 8.9.2), to 13 digits.
-/// 1 where there is no freedom, and for a statistic that is not positive.
+/// 1 for zero degrees of freedom, and for a statistic that is not positive.
 pub fn chi_square_tail(statistic: f64, freedom: f64) -> f64 {
     let (a, x) = (0.5 * freedom, 0.5 * statistic);
-    // Written so that NaN ends here, too.
+    // The negated condition is true for NaN as well.
     if !(a > 0.0 && x > 0.0) {
         return 1.0;
     }
@@ -55,10 +56,10 @@ fn nonzero(value: f64) -> f64 {
     if value.abs() < TINY { TINY } else { value }
 }
 
-/// The normal deviate about as improbable as a chi-squared of `freedom` degrees.
+/// The normal deviate about as improbable as a chi-squared value of `freedom` degrees.
 ///
-/// An approximation that goes on where the tail itself is less than the smallest number
-/// (E. B. Wilson & M. M. Hilferty, PNAS 17 (1931) 684-688).
+/// An approximation that remains finite where the tail underflows (E. B. Wilson & M. M. Hilferty,
+/// PNAS 17 (1931) 684-688).
 pub(crate) fn normal_deviate(chi_square: f64, freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
     ((chi_square / freedom).cbrt() - (1.0 - spread)) / spread.sqrt()

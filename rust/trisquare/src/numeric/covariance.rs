@@ -1,18 +1,18 @@
-//! What a matrix must be to be a covariance.
+//! Test of whether a matrix is a covariance.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// By how much a correlation may break the rules: covariances come from inverting information that
-/// may be ill-conditioned.
+/// Tolerance of the correlations: covariances come from inverting information that may be
+/// ill-conditioned.
 const ROUNDING: f64 = 1e-6;
 
-/// Iterations of the eigenvalues: a sound matrix takes a few for each row.
+/// Maximum number of iterations for the eigenvalues: a valid matrix takes a few per row.
 const MAX_SWEEPS: usize = 1000;
 
 /// Whether a matrix is symmetric and positive semidefinite, to rounding.
 ///
-/// Judged as a correlation matrix: the parameters' units differ by many powers of ten. What is known
-/// exactly is correlated with nothing.
+/// Tested as a correlation matrix, since the parameters' units differ by many powers of ten. A
+/// parameter of zero variance must have zero covariances.
 #[must_use]
 pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
     if !matrix.is_square() || !matrix.iter().all(|v| v.is_finite()) {

@@ -1,16 +1,18 @@
-//! The same work for each of many things: in turn, or in the threads of a pool.
+//! The same work for each of many items: sequentially, or in the threads of a pool.
 
 #[cfg(feature = "rayon")]
 use std::sync::OnceLock;
 
-/// Fewer things are done in turn: a thread would take longer to wake than to do its part.
+/// Number of items below which the work is sequential: a thread would take longer to wake up than
+/// to do its part.
 #[cfg(feature = "rayon")]
 const LEAST: usize = 16;
 
-/// The results of `work` for the indices from 0 to `count`, in order; `None` if one of them is.
+/// The results of `work` for the indices from 0 to `count`, in order; `None` if one of them is
+/// `None`.
 ///
-/// With the feature `rayon`, and called in a thread of one of its pools, the threads of that pool
-/// share the work. The results are the same, to the bit.
+/// With the feature `rayon`, and if called in a thread of one of its pools, the threads of that
+/// pool share the work. The results are bitwise the same.
 pub(crate) fn each<T: Send + Sync>(
     count: usize,
     work: impl Fn(usize) -> Option<T> + Sync + Send,
@@ -29,8 +31,8 @@ pub(crate) fn each<T: Send + Sync>(
     (0..count).map(work).collect()
 }
 
-/// Does the work in the threads of the pool. It is compiled once for all kinds of work: rayon is
-/// large.
+/// Does the work in the threads of the pool. Not generic, so that it is compiled only once: rayon
+/// is large.
 #[cfg(feature = "rayon")]
 fn share(count: usize, work: &(dyn Fn(usize) + Sync)) {
     use rayon::iter::{IntoParallelIterator, ParallelIterator};

@@ -1,54 +1,55 @@
-//! Levenberg-Marquardt over an arrow-shaped problem: bounded, and it says how it ended.
+//! Levenberg-Marquardt for a problem with arrowhead structure: bounded, with a reason of its
+//! termination.
 //!
 //! (D. W. Marquardt, SIAM J. Appl. Math. 11 (1963) 431-441.)
 
 use super::arrowhead::{ArrowStep, ArrowSystem};
 
-/// Damping at the start: nearly Gauss-Newton, since the linear steps start close.
+/// Initial damping: nearly Gauss-Newton, since the linear steps start close.
 const INITIAL_DAMPING: f64 = 1e-4;
 
-/// Above this damping a step is too short to change anything: no descent is possible.
+/// Maximum damping: above it a step is too short to have an effect, and no descent is possible.
 const MAX_DAMPING: f64 = 1e12;
 
-/// Damping below this is switched off altogether.
+/// Damping below which it is set to zero.
 const MIN_DAMPING: f64 = 1e-9;
 
-/// A predicted relative fall of the cost that rounding drowns.
+/// Predicted relative decrease of the cost below which rounding exceeds it.
 const ROUNDING: f64 = 1e-13;
 
-/// How an iteration ended.
+/// Termination reason of an iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Termination {
     /// The next step would not change the cost noticeably.
     Converged,
-    /// The iterations allowed were used up.
+    /// The maximum number of iterations was reached.
     IterationLimit,
     /// No damping gave a descent, or the equations were singular.
     Stuck,
 }
 
-/// A least-squares problem whose normal equations have the shape of an arrow.
+/// A least-squares problem whose normal equations have arrowhead structure.
 pub(crate) trait Problem {
     /// The parameters' values.
     type State: Clone;
 
-    /// Half the (robust) sum of squares and its normal equations; `None` where not defined.
+    /// Half the (robust) sum of squares and its normal equations; `None` if they are not defined.
     fn evaluate(&self, state: &Self::State) -> Option<(f64, ArrowSystem)>;
 
     /// The state after a step.
     fn advance(&self, state: &Self::State, step: &ArrowStep) -> Self::State;
 }
 
-/// When to stop.
+/// Termination limits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
-    /// Evaluations allowed.
+    /// Maximum number of evaluations.
     pub iterations: usize,
-    /// Absolute fall of the cost below which a step is the last.
+    /// Absolute decrease of the cost below which a step is the last.
     pub decrease: f64,
 }
 
-/// Where an iteration ended.
+/// Result of a minimisation.
 pub(crate) struct Minimum<S> {
     pub state: S,
     pub cost: f64,
@@ -105,7 +106,7 @@ pub(crate) fn minimise<P: Problem>(
                 break;
             }
         } else if last {
-            // At the optimum to within rounding: the step promised next to nothing, and gave it.
+            // At the optimum to rounding: predicted and actual decrease are negligible.
             best.termination = Termination::Converged;
             break;
         } else {

@@ -1,5 +1,5 @@
-//! Numerical tools that know nothing of cameras: normal equations in the shape of an arrow, damped
-//! least squares, interpolation, robust losses, covariances, the normal and the chi-squared distribution.
+//! Numerical tools independent of cameras: normal equations with arrowhead structure, damped least
+//! squares, interpolation, robust losses, covariances, the normal and the chi-squared distribution.
 
 mod arrowhead;
 mod block_equations;

@@ -1,4 +1,4 @@
-//! The normal distribution: density, distribution function, and two dimensions of the latter.
+//! The normal distribution: density, distribution function, and bivariate distribution function.
 //!
 //! A sharp edge seen through a Gaussian blur is the distribution function of the distance to it,
 //! and a blurred corner is the bivariate one; both are evaluated for every pixel near an outline.
@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 /// `1 / sqrt(2 pi)`, the density at zero.
 const PEAK: f64 = 0.398_942_280_401_432_7;
-/// Beyond this many standard deviations the tail, below 2e-11, is taken as zero.
+/// Number of standard deviations beyond which the tail, below 2e-11, is taken as zero.
 const RANGE: i32 = 7;
 const CELLS_PER_UNIT: i32 = 32;
 const WIDTH: f64 = 1.0 / CELLS_PER_UNIT as f64;
@@ -18,7 +18,7 @@ const WIDTH: f64 = 1.0 / CELLS_PER_UNIT as f64;
 struct Cell {
     cdf: f64,
     pdf: [f64; 4],
-    /// A third of the cubic's third coefficient: a division that every pixel would take.
+    /// A third of the cubic's third coefficient, stored to avoid a division per pixel.
     third: f64,
 }
 
@@ -45,7 +45,7 @@ static CELLS: LazyLock<Vec<Cell>> = LazyLock::new(|| {
 #[must_use]
 pub fn cdf_and_pdf(x: f64) -> (f64, f64) {
     let position = (x + f64::from(RANGE)) * f64::from(CELLS_PER_UNIT);
-    // The cast rounds towards zero and saturates; what is below the range has a negative fraction.
+    // The cast rounds towards zero and saturates; below the range the fraction is negative.
     let index = position as i32;
     let fraction = position - f64::from(index);
     match CELLS.get(index as usize) {
@@ -73,7 +73,7 @@ pub fn pdf(x: f64) -> f64 {
     cdf_and_pdf(x).1
 }
 
-/// The largest correlation that [`BivariateNormal`] is made for.
+/// The largest correlation for which [`BivariateNormal`] is accurate.
 const MAX_CORRELATION: f64 = 0.95;
 /// Gauss-Legendre points on half an interval: enough for 1e-7 at the largest correlation.
 const HALF_POINTS: usize = 10;
@@ -99,7 +99,7 @@ static GAUSS_LEGENDRE: LazyLock<[(f64, f64); HALF_POINTS]> = LazyLock::new(|| {
     })
 });
 
-/// Two standard normal variables of a given correlation, prepared to be asked many times.
+/// Two standard normal variables of a given correlation, prepared for many evaluations.
 ///
 /// Their joint distribution function is `Phi(h) Phi(k)` plus the integral of the joint density over
 /// the correlation, with `r = sin(theta)`, by Gauss-Legendre quadrature: Drezner & Wesolowsky, *On
@@ -114,7 +114,7 @@ pub struct BivariateNormal {
     nodes: [([Node; 2], f64); HALF_POINTS],
 }
 
-/// A correlation at which the joint density is taken.
+/// A correlation at which the joint density is evaluated.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     sine: f64,
@@ -122,7 +122,7 @@ struct Node {
 }
 
 impl BivariateNormal {
-    /// With the correlation `rho`.
+    /// The distribution with correlation `rho`.
     #[must_use]
     pub fn new(rho: f64) -> Self {
         let half_angle = 0.5 * rho.clamp(-MAX_CORRELATION, MAX_CORRELATION).asin();
@@ -140,7 +140,7 @@ impl BivariateNormal {
         Self { half_angle, nodes }
     }
 
-    /// The probability that they fall below `h` and `k`.
+    /// The probability that they are below `h` and `k`.
     #[must_use]
     pub fn cdf(&self, h: f64, k: f64) -> f64 {
         let (squares, product) = (0.5 * (h * h + k * k), h * k);

@@ -1,4 +1,4 @@
-//! Sums of outer products, by their lower triangle: the innermost loops of every fit.
+//! Sums of outer products, stored as lower triangles: the innermost loops of every fit.
 
 use super::chebyshev::LANES;
 
@@ -13,7 +13,8 @@ pub(crate) fn add_rank_one<const N: usize>(sums: &mut [[f64; N]; N], row: &[f64;
     }
 }
 
-/// Sums of outer products to which several rows are added at a time: of every product two parts.
+/// Sums of outer products to which several rows are added at a time, with two partial sums per
+/// product.
 pub(crate) struct LaneSums<const N: usize>([[[f64; PARTS]; N]; N]);
 
 const PARTS: usize = LANES / 2;
@@ -23,8 +24,8 @@ impl<const N: usize> LaneSums<N> {
         Self([[[0.0; PARTS]; N]; N])
     }
 
-    /// Adds weights times the outer products of rows with themselves; of every column the values of
-    /// all rows.
+    /// Adds weights times the outer products of rows with themselves; the rows are given as columns
+    /// over all of them.
     pub fn add(&mut self, columns: &[[f64; LANES]; N], weights: &[f64; LANES]) {
         for (i, (sums, column)) in self.0.iter_mut().zip(columns).enumerate() {
             let weighted: [f64; LANES] = std::array::from_fn(|lane| weights[lane] * column[lane]);
@@ -43,7 +44,7 @@ impl<const N: usize> LaneSums<N> {
     }
 }
 
-/// An element of the symmetric matrix whose lower triangle was summed.
+/// An element of a symmetric matrix given by its lower triangle.
 pub(crate) fn symmetric<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
     sums[i.max(j)][i.min(j)]
 }

@@ -1,19 +1,19 @@
-//! Losses that stop a hand, a glare or torn paper from pulling the answer.
+//! Robust losses, which limit the effect of outliers such as a hand, a glare or torn paper.
 
 /// Median absolute deviation of the normal distribution, inverted.
 const MAD_TO_STD: f64 = 1.482_602_218_505_602;
 
-/// How a residual, in units of the noise, is charged.
+/// Loss as a function of a residual in units of the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Loss {
-    /// Huber's at 2.01: 99 % efficient on normal noise, convex, for the way to the optimum
-    /// (P. J. Huber, Ann. Math. Statist. 35 (1964) 73-101).
+    /// Huber's at 2.01: 99 % efficient on normal noise, convex, for the approach to the optimum (P.
+    /// J. Huber, Ann. Math. Statist. 35 (1964) 73-101).
     Huber,
-    /// Tukey's biweight at 7.04: 99 % efficient, and blind to gross outliers
-    /// (A. E. Beaton & J. W. Tukey, Technometrics 16 (1974) 147-185).
+    /// Tukey's biweight at 7.04: 99 % efficient, with zero weight for gross outliers (A. E. Beaton
+    /// & J. W. Tukey, Technometrics 16 (1974) 147-185).
     Tukey,
-    /// Tukey's biweight at 10: 99.75 % efficient, for pixels, of which so many are good that the
-    /// last per cent is worth more than outliers between 7 and 10.
+    /// Tukey's biweight at 10: 99.75 % efficient, for pixels, so many of which are inliers that the
+    /// last per cent of efficiency matters more than outliers between 7 and 10.
     WideTukey,
 }
 
@@ -22,7 +22,7 @@ const TUKEY_LIMIT: f64 = 7.041;
 const WIDE_TUKEY_LIMIT: f64 = 10.0;
 
 impl Loss {
-    /// Where the loss ceases to be quadratic, or to grow.
+    /// Residual at which the loss ceases to be quadratic, or to grow.
     fn limit(self) -> f64 {
         match self {
             Loss::Huber => HUBER_LIMIT,
@@ -31,7 +31,7 @@ impl Loss {
         }
     }
 
-    /// One over the limit's square: every residual asks for it.
+    /// Inverse square of the limit, needed for every residual.
     #[inline]
     fn inverse_square_limit(self) -> f64 {
         match self {
@@ -48,7 +48,7 @@ impl Loss {
         match self {
             Loss::Huber if size <= limit => (0.5 * x * x, 1.0),
             Loss::Huber => (limit * (size - 0.5 * limit), limit / size),
-            // Without a branch, so that several residuals are weighed at a time.
+            // Branchless, so that several residuals are weighted at a time.
             Loss::Tukey | Loss::WideTukey => {
                 let inside = f64::max(1.0 - x * x * self.inverse_square_limit(), 0.0);
                 let full = limit * limit / 6.0;
@@ -70,8 +70,8 @@ impl Loss {
         }
     }
 
-    /// By how much a reweighted Gauss-Newton step falls short of Newton's on normal noise: the mean
-    /// of `psi(x) / x` over that of `psi'(x)`.
+    /// Ratio of Newton's step to a reweighted Gauss-Newton step on normal noise: the mean of
+    /// `psi(x) / x` over that of `psi'(x)`.
     pub fn newton_factor(self) -> f64 {
         let mean_slope = match self {
             Loss::Huber => 0.955_6, // P(|x| < 2.01)
@@ -112,7 +112,8 @@ pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(0.5 * (lower + *median))
 }
 
-/// The same, of an even number the larger of the two in the middle: always one of the values.
+/// The median; of an even number of values, the larger of the two in the middle: always one of the
+/// values.
 pub(crate) fn upper_median(mut values: Vec<f64>) -> Option<f64> {
     let upper = values.len() / 2;
     if values.is_empty() {
@@ -121,12 +122,12 @@ pub(crate) fn upper_median(mut values: Vec<f64>) -> Option<f64> {
     Some(*values.select_nth_unstable_by(upper, f64::total_cmp).1)
 }
 
-/// Standard deviation of the bulk of zero-mean residuals, from their median size.
+/// Standard deviation of the bulk of zero-mean residuals, from the median of their absolute values.
 pub(crate) fn median_scale(residuals: impl Iterator<Item = f64>) -> f64 {
     MAD_TO_STD * upper_median(residuals.map(f64::abs).collect()).unwrap_or(0.0)
 }
 
-/// Sums over residuals from which the spread of an M-estimator follows.
+/// Sums over residuals that determine the spread of an M-estimator.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct ResidualSpread {
     count: f64,
@@ -136,7 +137,7 @@ pub(crate) struct ResidualSpread {
 }
 
 impl ResidualSpread {
-    /// Adds a residual, with the weight that the loss gives it.
+    /// Adds a residual, with its weight by the loss.
     #[inline]
     pub fn add(&mut self, loss: Loss, x: f64, weight: f64) {
         self.count += 1.0;
@@ -145,7 +146,7 @@ impl ResidualSpread {
         self.weights += weight;
     }
 
-    /// Adds those of another spread.
+    /// Adds the sums of another spread.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.squares += other.squares;
@@ -153,9 +154,9 @@ impl ResidualSpread {
         self.weights += other.weights;
     }
 
-    /// The factor that turns the inverse of the weighted information `sum w J^T J` into a
-    /// covariance: `(sum psi^2 / sum psi') (sum w / sum psi')`, for so many fitted parameters
-    /// (Huber & Ronchetti, Robust Statistics, 2nd ed., section 7.6).
+    /// The factor from the inverse of the weighted information `sum w J^T J` to a covariance:
+    /// `(sum psi^2 / sum psi') (sum w / sum psi')`, for `unknowns` fitted parameters (Huber &
+    /// Ronchetti, Robust Statistics, 2nd ed., section 7.6).
     pub fn covariance_factor(&self, unknowns: f64) -> f64 {
         let freedom = (self.count - unknowns).max(1.0);
         self.squares / self.slopes * self.weights / self.slopes * self.count / freedom

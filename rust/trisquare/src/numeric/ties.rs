@@ -1,22 +1,22 @@
-//! Linear equations that tie the blocks of an arrow to each other, held exactly.
+//! Linear equations that tie the blocks of an arrowhead system to each other, satisfied exactly.
 //!
 //! With multipliers `m`, the equations of block `p` are `H y + C s + T m = -g`, and those of the
 //! ties `sum T^T y = 0`. Eliminating the blocks leaves `D s + M m = -sum T^T H^-1 g`, with
-//! `D = sum T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers follow the shared parameters, and
-//! these keep the shape that they have without ties.
+//! `D = sum T^T H^-1 C` and `M = sum T^T H^-1 T`: the multipliers are a function of the shared
+//! parameters, whose equations keep the same structure as without ties.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::arrowhead::{ArrowSystem, Block, Reduced};
 
-/// Eigenvalues below this part of the largest belong to ties that follow from others.
+/// Ratio to the largest eigenvalue below which an eigenvalue belongs to a redundant tie.
 const RANK_TOLERANCE: f64 = 1e-10;
 
-/// What is left of the ties once every block is eliminated.
+/// The ties after elimination of every block.
 pub(crate) struct Ties {
     /// `H^-1 T` of every block.
     pub responses: Vec<DMatrix<f64>>,
-    /// `M^+`, which allows for ties that follow from others.
+    /// `M^+`: a pseudo-inverse, as ties may be redundant.
     pub inverse: DMatrix<f64>,
     /// `D`.
     cross: DMatrix<f64>,
@@ -25,12 +25,13 @@ pub(crate) struct Ties {
 }
 
 impl ArrowSystem {
-    /// How many equations tie the blocks.
+    /// Number of equations that tie the blocks.
     pub fn tie_count(&self) -> usize {
         self.blocks.first().map_or(0, |block| block.ties.ncols())
     }
 
-    /// What the ties do; `None` where there are none, or a block is singular.
+    /// The ties after elimination of the blocks; `None` if there are none, or if a block is
+    /// singular.
     pub fn own_ties(&self) -> Option<Ties> {
         if self.tie_count() == 0 {
             return None;
@@ -39,8 +40,8 @@ impl ArrowSystem {
         self.ties(&factors)
     }
 
-    /// What the ties do, with the factors of every block's own equations; `None` where there are
-    /// none.
+    /// The ties after elimination of the blocks, given the factors of every block's own equations;
+    /// `None` if there are none.
     pub fn ties(&self, factors: &[Cholesky<f64, Dyn>]) -> Option<Ties> {
         let count = self.tie_count();
         if count == 0 {
@@ -71,28 +72,29 @@ impl Ties {
         -(&self.inverse * self.gradient(system) + &self.by_shared * shared)
     }
 
-    /// What the blocks' own gradients add to that of the shared parameters.
+    /// Contribution of the blocks' own gradients to that of the shared parameters.
     pub fn shift(&self, system: &ArrowSystem) -> DVector<f64> {
         self.by_shared.tr_mul(&self.gradient(system))
     }
 
-    /// A block's cross terms as the gradient of the shared parameters follows its own: by
-    /// `-C^T H^-1`.
+    /// A block's cross terms `C` by which the gradient of the shared parameters depends on its own
+    /// gradient, as `-C^T H^-1`.
     pub fn cross(&self, block: &Block) -> DMatrix<f64> {
         block.whole_cross(self.by_shared.ncols()) - &block.ties * &self.by_shared
     }
 
-    /// What the ties take off the inverse of the blocks' own equations, between two of them.
+    /// Reduction of the inverse of the blocks' own equations by the ties, between two of the
+    /// blocks.
     pub fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
         &self.responses[one] * &self.inverse * self.responses[other].transpose()
     }
 
-    /// What the ties tell of the shared parameters, `D^T M^+ D`.
+    /// Information of the ties on the shared parameters, `D^T M^+ D`.
     pub fn information(&self) -> DMatrix<f64> {
         self.by_shared.tr_mul(&self.cross)
     }
 
-    /// Adds what one block tells of the shared parameters through the ties.
+    /// Adds the information of one block on the shared parameters through the ties.
     pub fn add_to(&self, reduced: &mut Reduced, index: usize, block: &Block) {
         let response = &self.responses[index];
         let own = block.ties.tr_mul(response);
@@ -110,8 +112,8 @@ impl Ties {
 }
 
 impl Reduced {
-    /// The same with the last parameters, which are multipliers, eliminated; and what these add to
-    /// minus twice the restricted log likelihood.
+    /// The equations with the last `count` parameters, the multipliers, eliminated; and the
+    /// contribution of these to minus twice the restricted log likelihood.
     pub fn without_multipliers(self, count: usize) -> (Self, f64) {
         if count == 0 {
             return (self, 0.0);
@@ -131,8 +133,8 @@ impl Reduced {
     }
 }
 
-/// Of a symmetric matrix that is positive semidefinite; and the logarithm of the determinant of the
-/// part that is inverted.
+/// Pseudo-inverse of a symmetric positive semidefinite matrix, and the logarithm of the determinant
+/// of the inverted part.
 pub(crate) fn pseudo_inverse(square: DMatrix<f64>) -> (DMatrix<f64>, f64) {
     let eigen = SymmetricEigen::new(square);
     let limit = RANK_TOLERANCE * eigen.eigenvalues.amax();
@@ -156,8 +158,8 @@ mod tests {
     const OWN: usize = 3;
     const BLOCKS: usize = 2;
 
-    /// An arrow with ties, the second of which follows from the first; its dense Hessian and
-    /// gradient; and the directions that the ties leave, as columns.
+    /// An arrowhead system with ties, the second of which is redundant; its dense Hessian and
+    /// gradient; and the directions not fixed by the ties, as columns.
     fn example() -> (ArrowSystem, DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
         let size = SHARED + OWN * BLOCKS;
         let mut system = ArrowSystem::zeros(SHARED, [OWN; BLOCKS].into_iter());
@@ -220,7 +222,8 @@ mod tests {
         let expected = covariance(&hessian, &left);
         let shared = system.reduced_information().unwrap().try_inverse().unwrap();
         assert!((&shared - expected.view((0, 0), (SHARED, SHARED))).norm() < 1e-12);
-        // A block's own parameters, where the shared ones are given and as they follow these.
+        // Covariance of a block's own parameters: given the shared ones, plus the part that follows
+        // these.
         let ties = system.own_ties().unwrap();
         let inverse = system.blocks[1].hessian.clone().try_inverse().unwrap();
         let given = &inverse - ties.between(1, 1);
@@ -248,7 +251,7 @@ mod tests {
         let (reduced, of_ties) = sum.without_multipliers(system.tie_count());
         let expected = system.reduced_information().unwrap();
         assert!((&reduced.information - &expected).norm() < 1e-10 * expected.norm());
-        // Minus twice the log likelihood, but for what ties scale: the same of two gradients.
+        // Minus twice the log likelihood, up to the scale of the ties: the same for two gradients.
         let inverse = expected.clone().try_inverse().unwrap();
         let found = of_ties + own + expected.determinant().ln()
             - reduced.gradient.dot(&(inverse * &reduced.gradient));

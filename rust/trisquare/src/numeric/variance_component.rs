@@ -1,16 +1,16 @@
-//! By how much values differ more than their errors explain.
+//! Variance of values beyond their errors.
 
-/// Rounds; each weighs the values by what the last one found.
+/// Number of rounds; each weights the values by the variance from the previous one.
 const ROUNDS: usize = 12;
 
-/// The most likely variance of normal values about zero, of which each is known with an error of its
-/// own variance; values are `(value, variance of its error)`. Zero where errors explain them.
+/// The most likely variance of zero-mean normal values, each with an error of known variance;
+/// values are `(value, variance of its error)`. Zero if errors explain them.
 ///
-/// Fisher's scoring (H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545-554). With it as what is
-/// known beforehand, values are drawn to zero, the uncertain ones most (B. Efron and C. Morris,
-/// J. Amer. Statist. Assoc. 68 (1973) 117-130).
+/// Fisher's scoring (H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545-554). Used as the
+/// variance of a prior, it shrinks values towards zero, the uncertain ones most (B. Efron and C.
+/// Morris, J. Amer. Statist. Assoc. 68 (1973) 117-130).
 pub(crate) fn variance_about_zero(values: &[(f64, f64)]) -> f64 {
-    // From below, a precise value that happens to be small would hide all others.
+    // Starting from below, a precise value that happens to be small would dominate all others.
     let squares = values.iter().map(|(value, _)| value * value);
     let mut found = squares.sum::<f64>() / values.len().max(1) as f64;
     for _ in 0..ROUNDS {

@@ -1,4 +1,4 @@
-//! Where the pixels around the outlines of a calibration's figures come from.
+//! The pixels around the outlines of a calibration's figures, and the pictures they are read from.
 
 use super::band_pixels::{BandPixel, MIN_REACH, PixelFigure, Width, retain_used};
 use super::outline::Outline;
@@ -7,11 +7,11 @@ use crate::image::KeptReader;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges, Polarity, View};
 
-/// Where the pixels around the outlines of the figures come from.
+/// Source of the pixels around the outlines of the figures.
 pub(super) struct Bands<'a, L> {
     edges: &'a [PlaneEdges],
     planes: &'a [ObservedPlane],
-    /// The outlines are traced under it.
+    /// View under which the outlines are traced.
     view: &'a View<L>,
     readers: Vec<KeptReader<'a>>,
 }
@@ -32,8 +32,8 @@ impl<'a, L: Lens> Bands<'a, L> {
         }
     }
 
-    /// The figures of a plane, none of an outlier; not applicable unless all are squares of known
-    /// polarity.
+    /// The figures of a plane; empty for an outlier. `Refusal::NotApplicable` unless all are
+    /// squares of known polarity.
     pub fn of_plane(&self, p: usize, width: Width) -> Result<Vec<PixelFigure>, Refusal> {
         let plane = &self.planes[p];
         if plane.is_outlier() {
@@ -70,7 +70,7 @@ impl<'a, L: Lens> Bands<'a, L> {
     }
 }
 
-/// What gives the pixels of a figure that does not hold them.
+/// Source of the pixels of a figure that does not store them.
 pub(super) trait Pixels: Sync {
     fn read(&self, figure: &PixelFigure) -> Option<Vec<BandPixel>>;
 }

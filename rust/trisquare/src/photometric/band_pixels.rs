@@ -5,30 +5,31 @@ use nalgebra::Vector2;
 use super::coverage::PLATEAU;
 use crate::geometry::Line;
 
-/// Pixels this near (px) to an outline are used: farther ones still tell the plateaus' light.
+/// Maximum distance (px) from an outline of the pixels used: pixels up to there still contribute to
+/// the plateaus' light.
 const REACH: f64 = 12.0;
 
-/// But no farther than this part of the outline's size, and at least so many px.
+/// Limit on the reach as a fraction of the outline's size, and the lower bound (px) of that limit.
 const REACH_PART: f64 = 0.03;
 const MIN_FULL_REACH: f64 = 5.0;
 
-/// An outline whose reach is cut below this (px) shows no plateau beside its blur.
+/// Minimum reach (px): with less, no plateau shows beside the outline's blur.
 pub(super) const MIN_REACH: f64 = 3.0;
 
-/// A blur that was measured as less than this part of the widest one fits into the band: the blur of
-/// a figure's sides, fitted together, differs from that of a single one.
+/// Fraction of the widest blur of the usual band below which a measured blur surely fits into it:
+/// the blur of a figure's sides, fitted together, differs from that of a single side.
 const SURELY_HELD: f64 = 0.65;
 
-/// How wide a band along the outlines is: the lengths above are of the usual one.
+/// Width of a band along the outlines. The lengths above apply to the usual one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Width {
     Usual,
-    /// Twice as wide, where the usual one does not hold the blur.
+    /// Twice as wide, for a blur that does not fit into the usual one.
     Wide,
 }
 
 impl Width {
-    /// What the lengths are multiplied by.
+    /// Factor by which the lengths are multiplied.
     pub fn factor(self) -> f64 {
         match self {
             Self::Usual => 1.0,
@@ -36,7 +37,8 @@ impl Width {
         }
     }
 
-    /// The narrower one that is sure to hold edges of this blur (px), measured by its sides alone.
+    /// The narrowest width that surely contains edges of this blur (px), measured on each side
+    /// alone.
     pub fn of_blur(blur: f64) -> Self {
         match blur < SURELY_HELD * Self::Usual.widest_blur() {
             true => Self::Usual,
@@ -44,18 +46,18 @@ impl Width {
         }
     }
 
-    /// The largest blur (px) that a band holds: 3.8 of it are an edge.
+    /// The largest blur (px) that fits into a band: an edge extends over 3.8 of it.
     pub fn widest_blur(self) -> f64 {
         self.factor() * REACH / PLATEAU
     }
 
-    /// How far (px) a band reaches from an outline of this size (px) that stands alone.
+    /// Distance (px) to which a band extends from an isolated outline of this size (px).
     pub fn reach(self, size: f64) -> f64 {
         self.factor() * (REACH_PART * size).clamp(MIN_FULL_REACH, REACH)
     }
 }
 
-/// A pixel near an outline, in few bytes: there are some hundred thousand in a photograph.
+/// A pixel near an outline, stored compactly: a photograph has some hundred thousand of them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BandPixel {
     pub column: u32,
@@ -63,11 +65,11 @@ pub(crate) struct BandPixel {
     /// Coded grey, 1 being white.
     pub value: f64,
     pub depth: f32,
-    /// The stretch of the outline that it is nearest to.
+    /// The nearest stretch of the outline.
     pub stretch: u16,
-    /// The sides that may blur it, one bit each.
+    /// Bit mask of the sides that may blur it.
     pub near: u8,
-    /// Whether the value only bounds the light from below.
+    /// Whether the value is only a lower bound of the light.
     pub is_clipped: bool,
 }
 
@@ -77,7 +79,7 @@ impl BandPixel {
         Vector2::new(f64::from(self.column), f64::from(self.row))
     }
 
-    /// Distance to the outline as first seen, px, positive inside; good to half a pixel.
+    /// Distance to the initial outline, px, positive inside; accurate to half a pixel.
     #[inline]
     pub fn depth(&self) -> f64 {
         f64::from(self.depth)
@@ -96,28 +98,29 @@ pub(crate) struct PixelFigure {
     /// The corners in the figure's coordinates; corner `i` is where sides `i - 1` and `i` meet.
     pub corners: [Vector2<f64>; 4],
     pub dark_inside: bool,
-    /// Middle and size (px) of the outline, for the linear terms of the exposure.
+    /// Centre and size (px) of the outline, for the linear terms of the exposure.
     pub centre: Vector2<f64>,
     pub size: f64,
-    /// Of its band.
+    /// Width of its band.
     pub width: Width,
-    /// How far (px) from the outline its pixels lie.
+    /// Maximum distance (px) of its pixels from the outline.
     pub reach: f64,
-    /// Empty where they are read again for every use: see [`PixelFit::unheld`](super::fit::PixelFit::unheld).
+    /// Empty if they are read again for every use: see
+    /// [`PixelFit::unheld`](super::fit::PixelFit::unheld).
     pub pixels: Vec<BandPixel>,
     /// The side that each stretch of the outline belongs to.
     pub stretch_sides: Vec<u8>,
-    /// The stretches whose pixels are dropped; empty if none are.
+    /// Whether the pixels of each stretch are dropped; empty if none are.
     pub dropped: Vec<bool>,
 }
 
 impl PixelFigure {
-    /// The same with about one pixel in `stride`, spread evenly.
+    /// A copy with about one pixel in `stride`, spread evenly.
     pub fn subsampled(&self, stride: u32) -> Self {
         self.with_some_of(&self.pixels, stride)
     }
 
-    /// The same with about one in `stride` of these pixels.
+    /// A copy with about one in `stride` of these pixels.
     pub fn with_some_of(&self, pixels: &[BandPixel], stride: u32) -> Self {
         // Neighbours along rows, columns and diagonals fall into different classes.
         let class = |p: &BandPixel| 3 * u64::from(p.column) + 5 * u64::from(p.row);
@@ -130,7 +133,7 @@ impl PixelFigure {
         }
     }
 
-    /// Drops the pixels farther off than `reach` (px), which leaves the edge at least.
+    /// Drops the pixels farther away than `reach` (px), or than `MIN_REACH` if that is more.
     pub fn limit_reach(&mut self, reach: f64) {
         if reach < self.reach {
             self.reach = reach.max(MIN_REACH);

@@ -1,21 +1,23 @@
-//! How much the blurs of a picture's edges differ, which its own edges tell.
+//! Prior on the differences between the blurs of a picture's edges, estimated from those edges.
 //!
-//! Free differences cost a fifth of the accuracy under a curved tone; where there are none, they
-//! should be held, and where there are, no one blur stands for all. So they are normal about zero,
-//! with a variance that all of a picture's figures tell together.
+//! Free differences cost a fifth of the accuracy under a curved tone. They should be fixed where
+//! there are none, and free where there are, since a single blur does not fit then. They are
+//! therefore normal about zero, with a variance estimated from all of a picture's figures together.
 
 use super::exposure::{DIFFERENCES, Exposure, SIDES};
 use crate::numeric::{Block, variance_about_zero};
 
-/// Parts of the blur (standard deviation) by which it may differ before a picture has told more.
+/// Prior standard deviation of a difference, as a fraction of the blur, before any of the picture's
+/// data.
 const WIDEST: f64 = 0.5;
-/// Differences of this size move no edge by as much as its best samples' noise.
+/// Lower bound of the standard deviation: differences of this size shift an edge by less than the
+/// noise of its best samples.
 const LEAST: f64 = 1e-3;
 
-/// Of the sides' own differences there is one variance, and one of those over the figure.
+/// Number of variances: one of the sides' own differences, one of the variation over the figure.
 const KINDS: usize = 2;
 
-/// What figures tell of their differences, by kind: the value, and the variance of its error.
+/// Estimated differences of figures, by kind: the value, and the variance of its error.
 #[derive(Default)]
 pub(super) struct Told([Vec<(f64, f64)>; KINDS]);
 
@@ -25,7 +27,7 @@ impl Told {
         self.0[kind(difference)].push((value, variance));
     }
 
-    /// What this adds to that which is known beforehand.
+    /// Precisions to be added to those of the prior.
     pub fn precisions(&self) -> [f64; KINDS] {
         std::array::from_fn(|kind| {
             let std = variance_about_zero(&self.0[kind]).sqrt();
@@ -38,13 +40,13 @@ fn kind(difference: usize) -> usize {
     usize::from(difference >= SIDES)
 }
 
-/// Adds what is known beforehand of differences to a block, among the parameters of which the
-/// exposure begins there; returns the cost.
+/// Adds the prior on the differences to a block, in which the exposure's parameters begin at
+/// `offset`; returns the cost.
 pub(super) fn add_wide(exposure: &Exposure, block: &mut Block, offset: usize) -> f64 {
     add(exposure, [WIDEST.powi(-2); KINDS], block, offset)
 }
 
-/// The same with differences of these precisions.
+/// `add_wide` with differences of these precisions.
 pub(super) fn add(
     exposure: &Exposure,
     precisions: [f64; KINDS],

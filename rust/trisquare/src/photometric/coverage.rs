@@ -1,13 +1,13 @@
-//! How much of a pixel a blurred square covers.
+//! Fraction of a pixel that a blurred square covers.
 
 use crate::numeric::{BivariateNormal, cdf, cdf_and_pdf};
 
-/// Beyond so many blurs an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a hundredth
-/// of a grey level.
+/// Distance, in blurs, beyond which an edge is at its plateau: Phi(-3.8) is 7e-5 of the contrast, a
+/// hundredth of a grey level.
 pub(crate) const PLATEAU: f64 = 3.8;
 
-/// What the near sides make of a pixel: the covered part `C` and its derivatives by the
-/// distances, in blurs, to the (at most two) sides that cut it.
+/// Coverage of a pixel by a square with the near sides: the covered part `C` and its derivatives by
+/// the distances, in blurs, to the (at most two) sides that cut it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Coverage {
     pub value: f64,
@@ -17,7 +17,7 @@ pub(crate) struct Coverage {
     /// Derivative by the logarithm of the blur at constant distances in blurs: the blur's kurtosis
     /// changes with it.
     pub by_log_blur: f64,
-    /// Derivative by the kurtosis of the blur across the side that cuts it alone.
+    /// Derivative by the kurtosis of the blur across the cutting side, if that is the only one.
     pub by_kurtosis: f64,
 }
 
@@ -26,21 +26,22 @@ pub(crate) struct Coverage {
 pub(crate) struct Kurtosis {
     /// Of the pixel's own box, across each side.
     pub of_box: [f64; 4],
-    /// What a lens adds to that, across all of them.
+    /// Contribution of the lens, the same across all of them.
     pub of_lens: f64,
 }
 
-/// Two blurred sides that meet at a corner: correlated like their inward normals.
+/// Two blurred sides that meet at a corner: their correlation is the cosine between their inward
+/// normals.
 #[derive(Debug, Clone)]
 pub(crate) struct Corner {
     correlation: f64,
-    /// Deviation of one given the other.
+    /// Standard deviation of one given the other.
     across: f64,
     joint: BivariateNormal,
 }
 
 impl Corner {
-    /// Of sides with this cosine between their inward normals.
+    /// The corner of sides with this cosine between their inward normals.
     pub fn new(correlation: f64) -> Self {
         Self {
             correlation,
@@ -49,7 +50,7 @@ impl Corner {
         }
     }
 
-    /// The part inside both at distances in blurs, and its derivatives by these.
+    /// The part inside both sides at distances in blurs, and its derivatives by these.
     fn covered(&self, [a, b]: [f64; 2]) -> (f64, [f64; 2]) {
         let given = |h: f64, k: f64| {
             let (_, density) = cdf_and_pdf(h);
@@ -59,7 +60,7 @@ impl Corner {
     }
 }
 
-/// All or nothing.
+/// Full or no coverage.
 #[inline]
 pub(crate) fn plateau(inside: bool) -> Coverage {
     Coverage {
@@ -111,13 +112,13 @@ pub(crate) fn coverage(
                 by_kurtosis,
             }
         }
-        // With three sides at one pixel the square is as small as its blur: the first two stand
-        // for it, and the robust loss takes the rest.
+        // With three sides at one pixel the square is as small as its blur: the first two are used,
+        // and the robust loss absorbs the rest.
         _ => between_two([cutting[0], cutting[1]], z, corners),
     }
 }
 
-/// The part inside two sides.
+/// The coverage of two sides.
 #[inline(never)]
 fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Coverage {
     let pair = [z[a], z[b]];
@@ -182,7 +183,7 @@ mod tests {
         }
     }
 
-    /// Against the exact convolution of a box with a normal blur.
+    /// Compares with the exact convolution of a box with a normal blur.
     #[test]
     fn the_box_of_a_pixel_is_modelled() {
         let lens = 0.5;
@@ -203,7 +204,7 @@ mod tests {
             worst = worst.max((modelled - exact).abs());
             worst_normal = worst_normal.max((cdf(z[0]) - exact).abs());
         }
-        // The series' next term, of the sixth cumulant, has a fifth of this one's size here.
+        // The next term of the series, that of the sixth cumulant, is a fifth of this one here.
         assert!(worst_normal > 2e-3 && worst < 0.2 * worst_normal, "{worst}");
     }
 

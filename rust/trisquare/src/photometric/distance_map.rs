@@ -1,19 +1,19 @@
-//! For the pixels around a traced outline: how far it is, and which of its points is the nearest.
+//! Distances of the pixels around a traced outline to it, and the nearest of its points.
 
 use nalgebra::Vector2;
 
 use super::band_pixels::Width;
 use crate::image::KeptPixels;
 
-/// All pixels this near (px) to an outline are used; beyond, every second one, in a chequered
-/// pattern. As other lengths here, of a band of the usual width.
+/// Distance (px) from an outline up to which all pixels are used; beyond it every second one, in a
+/// chequered pattern. Applies to a band of the usual width, as do the other lengths here.
 const FULL_DENSITY: f64 = 5.0;
 
-/// A side blurs the pixels within so many px of its ends and itself: more than a band reaches, because
-/// a blunt corner's sides part slowly.
+/// Distance (px) from a side up to which it may blur pixels: more than the reach of a band, because
+/// the sides of a blunt corner diverge slowly.
 const NEAR: f64 = 13.0;
 
-/// Pixels of a row that are looked at together.
+/// Number of pixels of a row that are examined together.
 const RUN: usize = 16;
 
 /// Spacing (px) of the points at which a side's image is traced.
@@ -24,11 +24,11 @@ pub(super) const TRACE_SPACING: f64 = 4.0;
 pub(super) struct TracePoint {
     pub place: Vector2<f64>,
     pub side: usize,
-    /// How far inside (px) pixels are the outline's own.
+    /// Width (px) of the strip inside the outline whose pixels belong to it.
     pub inward: f64,
 }
 
-/// For the pixels around a trace: which of its points is nearest, and which sides are near.
+/// For the pixels around a trace: the nearest of its points, and the sides that are near.
 pub(super) struct DistanceMap {
     x0: usize,
     y0: usize,
@@ -37,7 +37,7 @@ pub(super) struct DistanceMap {
     marks: Vec<Mark>,
 }
 
-/// Kept small: there is one for every pixel of a figure's bounding box.
+/// A map entry. Small, since there is one for every pixel of a figure's bounding box.
 #[derive(Clone, Copy)]
 pub(super) struct Mark {
     /// Squared distance to the nearest point of the trace.
@@ -46,10 +46,10 @@ pub(super) struct Mark {
     pub near: u8,
 }
 
-/// The stripe across a trace that a point of it may be the nearest to, neighbours being on either
-/// side: a disc round every point would mark each pixel many times over.
+/// The stripe across a trace in which a point may be the nearest one, given its two neighbours: a
+/// disc around every point would mark each pixel many times.
 enum Across {
-    /// At the end of a side: all round.
+    /// The end of a side: no limit.
     End,
     /// Direction of the trace, and half the stripe's width along it.
     Middle(Vector2<f64>, f64),
@@ -65,11 +65,11 @@ impl Across {
         };
         let along = after.place - before.place;
         let length = along.norm();
-        // Half way to a neighbour, and as much again where the trace bends or is uneven.
+        // Half the distance to a neighbour, doubled for traces that bend or are uneven.
         Self::Middle(along / length, 0.5 * length)
     }
 
-    /// Where the row `dy` below the point enters the stripe and leaves it, from the point's `x`.
+    /// Entry and exit of the row `dy` below the point into the stripe, relative to the point's `x`.
     fn stripe(&self, dy: f64) -> (f64, f64) {
         match self {
             Self::End => (f64::NEG_INFINITY, f64::INFINITY),
@@ -78,7 +78,7 @@ impl Across {
                     (-half - dy * along.y) / along.x,
                     (half - dy * along.y) / along.x,
                 );
-                // Where the row runs along the stripe these are infinite, or NaN on its very rim.
+                // For a row along the stripe these are infinite, or NaN exactly on its edge.
                 (one.min(other), one.max(other))
             }
         }
@@ -134,7 +134,7 @@ impl DistanceMap {
                     let square = (dx * dx + square_dy) as f32;
                     dx += 1.0;
                     mark.near |= bit;
-                    // Without a branch: which way it went nobody could foresee.
+                    // Branchless: a branch here would be unpredictable.
                     let nearer = square < mark.square;
                     mark.square = if nearer { square } else { mark.square };
                     mark.nearest = if nearer { number } else { mark.nearest };
@@ -144,16 +144,16 @@ impl DistanceMap {
         map
     }
 
-    /// About how many pixels lie within `reach` of an outline of so many points.
+    /// Approximate number of pixels within `reach` of an outline of so many points.
     pub fn expected_count(&self, points: usize, reach: f64) -> usize {
         let dense = self.full_density.min(reach);
-        // On both sides, beyond the density every second one.
+        // On both sides; beyond the dense part every second pixel.
         let across = 2.0 * dense + (reach - dense);
         let along = TRACE_SPACING * points as f64;
         ((along * across) as usize).min(self.marks.len())
     }
 
-    /// Gives the pixels that are used: all near the outline, beyond every second one.
+    /// Visits the pixels that are used: all near the outline, every second one beyond.
     pub fn for_each_within(&self, reach: f64, mut give: impl FnMut(usize, usize, &Mark)) {
         let (dense, sparse) = (self.full_density.powi(2) as f32, (reach * reach) as f32);
         for (y, row) in self.marks.chunks_exact(self.width.max(1)).enumerate() {

@@ -1,48 +1,49 @@
-//! How light or dark a figure and its ground are, and how blurred.
+//! Light of a figure and its ground, and their blur.
 
 use nalgebra::Vector2;
 
 use super::band_pixels::PixelFigure;
 use crate::image::{PictureState, TONE_PARAMETERS, Tone};
 
-/// Parameters of an exposure: the light's, the blur, and its [differences](BlurDifferences).
+/// Number of parameters of an exposure: the light's, the blur, and its
+/// [differences](BlurDifferences).
 pub(crate) const EXPOSURE_PARAMETERS: usize = DIFFERENCES + BLUR_DIFFERENCES;
-/// The first of the blur's differences among them.
+/// Index of the first of the blur's differences among them.
 pub(super) const DIFFERENCES: usize = LIGHT_PARAMETERS + 1;
 /// Ground, contrast, and the light's [`Variation`].
 pub(super) const LIGHT_PARAMETERS: usize = 2 + VARIATION_PARAMETERS;
-/// The sides' own, and the blur's variation.
+/// The four sides' own differences, and the blur's variation.
 pub(super) const BLUR_DIFFERENCES: usize = SIDES + VARIATION_PARAMETERS;
 pub(super) const SIDES: usize = 4;
 pub(super) const VARIATION_PARAMETERS: usize = 3;
 
-/// The square of the distance from the middle along an outline, in the mean: 1/3 where it fills its
-/// box, and less where it is turned.
+/// Approximate mean along an outline of the squared distance from the centre, relative to the
+/// square of its box: 1/3 if it fills the box, and less if it is turned.
 const SQUARE_OF_OUTLINE: f64 = 0.25;
 
-/// Blur (px) from which the fit starts: that of a sharp lens with its pixels' own box.
+/// Initial blur (px) of the fit: that of a sharp lens, the pixel's own box included.
 const FIRST_BLUR: f64 = 0.8;
 
-/// A blur (px) below a pixel's own box is none.
+/// Minimum blur (px): less is impossible, as it is below that of a pixel's own box.
 const MIN_BLUR: f64 = 0.2;
 
-/// Contrast (coded, 1 being white) below which there is no figure.
+/// Contrast (coded, 1 being white) below which no figure is visible.
 const MIN_CONTRAST: f64 = 0.02;
 
-/// How something changes over a figure, in parts of its mean along the outline.
+/// Relative variation of a quantity over a figure, as a fraction of its mean along the outline.
 ///
-/// One curvature serves all directions: a lens darkens and blurs its picture by the square of the
-/// distance from the middle.
+/// One curvature applies to all directions: a lens darkens and blurs its picture with the square of
+/// the distance from the centre.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Variation {
-    /// Over the figure's size, in x and y.
+    /// Linear term over the figure's size, in x and y.
     pub gradient: [f64; 2],
-    /// With the square of the distance from the middle, less what it is along an outline.
+    /// Coefficient of the squared distance from the centre, less its mean along an outline.
     pub curvature: f64,
 }
 
 impl Variation {
-    /// By what the mean is multiplied at a place of the figure.
+    /// Factor by which the mean is multiplied at a place of the figure.
     #[inline]
     pub fn factor(&self, place: &Vector2<f64>) -> f64 {
         let [x, y, square] = Self::wrt_parameters(place);
@@ -62,7 +63,7 @@ impl Variation {
         }
     }
 
-    /// The least and the greatest factor, nearly: at the corners of all places and in the middle.
+    /// Approximate minimum and maximum of the factor: over the four corners and the centre.
     fn range(&self) -> [f64; 2] {
         let places = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5], [0.0; 2]];
         let factors = places.map(|place| self.factor(&Vector2::from(place)));
@@ -70,26 +71,27 @@ impl Variation {
     }
 }
 
-/// Ground and figure under light that changes over them, and the blur.
+/// Light of ground and figure, varying over them, and the blur.
 ///
-/// The light has one variation, since what falls on the paper falls on the ink: two gradients cost
-/// some 5 % of the accuracy.
+/// Both share one variation of the light, since the same light falls on paper and ink: two
+/// gradients cost some 5 % of the accuracy.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Exposure {
-    /// `b`, in the mean along the outline.
+    /// `b`, mean along the outline.
     pub ground: f64,
-    /// `A`, likewise.
+    /// `A`, mean along the outline.
     pub contrast: f64,
-    /// Of the light.
+    /// Variation of the light.
     pub light: Variation,
-    /// `w`, the pixel's own box included, px: what it would be without differences.
+    /// `w`, including the pixel's own box, px: the blur without differences.
     pub blur: f64,
     pub differences: BlurDifferences,
 }
 
-/// By what parts of a figure's blur it differs from side to side and over the figure.
+/// Relative differences of a figure's blur from side to side and over the figure, as fractions of
+/// it.
 ///
-/// Off the middle of a picture a lens blurs edges along a radius and across it differently, as does a
+/// Away from the centre of a picture a lens blurs radial and tangential edges differently, as does
 /// motion of the camera.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct BlurDifferences {
@@ -98,7 +100,7 @@ pub(crate) struct BlurDifferences {
 }
 
 impl BlurDifferences {
-    /// The differences, the sides' first.
+    /// All differences, those of the sides first.
     pub fn all(&self) -> [f64; BLUR_DIFFERENCES] {
         let [a, b, c, d] = self.sides;
         let Variation {
@@ -115,7 +117,7 @@ impl BlurDifferences {
         }
     }
 
-    /// What the blur is multiplied by along a side, nearly the least and the greatest.
+    /// Approximate minimum and maximum of the factor by which the blur is multiplied along a side.
     fn range(&self) -> [f64; 2] {
         let [least, greatest] = self.variation.range();
         let [low, high] = [f64::min, f64::max]
@@ -125,11 +127,11 @@ impl BlurDifferences {
 }
 
 impl Exposure {
-    /// From low and high quantiles of the band's pixels; `None` where they do not differ
-    /// the right way round.
+    /// Initial exposure from low and high quantiles of the band's pixels; `None` if they differ by
+    /// less than `MIN_CONTRAST`.
     pub fn guess(figure: &PixelFigure, tone: Tone) -> Option<Self> {
         let mut all: Vec<f64> = figure.pixels.iter().map(|p| p.value).collect();
-        // About half of the band lies on either side.
+        // About half of the band lies on each side.
         let mut quantile = |part: f64| {
             let index = (all.len() as f64 * part) as usize;
             (!all.is_empty()).then(|| *all.select_nth_unstable_by(index, f64::total_cmp).1)
@@ -160,8 +162,8 @@ impl Exposure {
         self.differences.sides.map(|own| self.blur * (varied + own))
     }
 
-    /// Derivatives by blur and differences, by those of a side's own blur times `1` and the
-    /// derivatives of a [`Variation`].
+    /// Matrix that maps derivatives by a side's own blur, times `1` and the derivatives of a
+    /// [`Variation`], to derivatives by blur and differences (a row each).
     pub fn blur_jacobian(
         &self,
         side: usize,
@@ -193,11 +195,11 @@ impl Exposure {
         }
     }
 
-    /// Derivatives of ground and contrast by the parameters of a free tone curve, while ground and
-    /// figure stay coded as they are.
+    /// Derivatives of ground and contrast by the parameters of a free tone curve, at constant coded
+    /// values of ground and figure.
     ///
-    /// What a change of the curve does to them is far from linear where there is little light;
-    /// how they are coded hardly changes.
+    /// Where there is little light, light depends on the curve in a far from linear way, whereas
+    /// the coded values hardly change.
     pub fn translation(&self, picture: &PictureState) -> [[f64; 2]; TONE_PARAMETERS] {
         if !picture.has_free_curve() {
             return [[0.0; 2]; TONE_PARAMETERS];
@@ -209,7 +211,7 @@ impl Exposure {
         std::array::from_fn(|i| [ground[i], within[i] - ground[i]])
     }
 
-    /// The exposure that another tone codes alike.
+    /// The exposure with the same coded values under another tone.
     pub fn translated(&self, from: Tone, to: Tone) -> Self {
         let [ground, within] =
             [self.ground, self.ground + self.contrast].map(|light| to.decode(from.encode(light)));
@@ -220,7 +222,7 @@ impl Exposure {
         }
     }
 
-    /// Whether the blur is one that can be fitted to a figure's pixels.
+    /// Whether the blur is large enough, and small enough for the figure's band, to be fitted.
     pub fn is_valid(&self, figure: &PixelFigure) -> bool {
         let valid = MIN_BLUR..=figure.width.widest_blur();
         let mut range = self.differences.range().into_iter();

@@ -1,6 +1,6 @@
-//! Exposure and noise of a figure, with camera and planes held.
+//! Fit of exposure and noise of a figure, with camera and planes fixed.
 //!
-//! The distances of the pixels to the sides do not change then, and are computed once.
+//! The distances of the pixels to the sides are then constant, and computed once.
 
 use super::band_pixels::PixelFigure;
 use super::blur_prior;
@@ -15,23 +15,23 @@ use crate::numeric::{
 };
 use crate::observations::View;
 
-/// Rounds of the fit: Huber's loss, then Tukey's at the scale found.
+/// Losses of the successive rounds of the fit: Huber's, then Tukey's at the scale found.
 const LOSSES: [Loss; 2] = [Loss::Huber, Loss::WideTukey];
 
-/// Evaluations allowed to a round, and the fall of the cost, in units of the noise variance, that
-/// ends it.
+/// Maximum number of evaluations per round, and the decrease of the cost, in units of the noise
+/// variance, below which a round ends.
 const LIMITS: Limits = Limits {
     iterations: 40,
     decrease: 1.0,
 };
 
-/// Noise (coded, 1 being white) below which pixels agree to rounding.
+/// Lower bound of the noise (coded, 1 being white): residuals below it are rounding errors.
 const MIN_NOISE: f64 = 1e-6;
 
-/// `(exposure, residual)`: what a pixel depends on here.
+/// Length of a pixel's row in this fit: `(exposure, residual)`.
 const ROW: usize = EXPOSURE_PARAMETERS + 1;
 
-/// The pixels of a figure in a fit with camera and planes held.
+/// Fit of a figure's pixels with camera and planes fixed.
 struct HeldGeometry<'a, L> {
     figure: &'a PixelFigure,
     view: &'a View<L>,
@@ -75,7 +75,7 @@ pub(super) fn fit_exposure<L: Lens>(
 }
 
 impl<L: Lens> HeldGeometry<'_, L> {
-    /// Shows the model at every pixel to `visit`.
+    /// Calls `visit` with the model of every pixel.
     fn for_each(
         &self,
         exposure: &Exposure,
@@ -89,7 +89,7 @@ impl<L: Lens> HeldGeometry<'_, L> {
         Some(())
     }
 
-    /// Robust noise of the pixels that an edge cuts.
+    /// Robust noise of the pixels cut by an edge.
     fn noise(&self, exposure: &Exposure) -> Option<f64> {
         let mut residuals = Vec::new();
         self.for_each(exposure, |_, shade| {

@@ -1,8 +1,8 @@
-//! Distances of pixels to the sides of a figure, and their derivatives, from a few nodes of every
-//! side.
+//! Distances of pixels to the sides of a figure, and their derivatives, interpolated from a few
+//! nodes per side.
 //!
-//! Along the image of a side they are polynomials through its nodes; across it, over the few pixels
-//! that it blurs, the distance is a parabola from zero on, and its derivatives hardly change.
+//! Along the image of a side they are polynomials through its nodes. Across it, over the few pixels
+//! that it blurs, the distance is a parabola through zero, and its derivatives hardly change.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -14,26 +14,27 @@ use crate::lens::{Lens, LineImage, MAX_LENS_COLUMNS, PixelLanes};
 use crate::numeric::{LANES, NODES, coefficients, polynomials};
 use crate::observations::FreeParameters;
 
-/// Terms of the derivatives along a side, those across it among them: a part in ten thousand of them
-/// is left, which changes a step by as little.
+/// Number of polynomial terms of the derivatives along a side and of the slopes across it. The
+/// error is one part in ten thousand of them, and changes a step by as little.
 pub(super) const TERMS: usize = 6;
 
-/// How far (px) a polynomial may miss the image of a side.
+/// Maximum error (px) of a polynomial from the image of a side.
 const TOLERANCE: f64 = 0.01;
 
-/// How far (px) beyond their blur pixels may lie that are asked about.
+/// Margin (px) beyond the blur within which pixels may be queried.
 const SLACK: f64 = 2.0;
 
 /// The sides of a figure under one camera and pose.
 pub(super) struct FigureChart {
     sides: [SideChart; 4],
-    /// Added to all distances, px.
+    /// Offset added to all distances, px.
     shift: f64,
 }
 
 struct SideChart {
     image: LineImage,
-    /// Of the distance, which is none on the curve: its slope and half its curvature across.
+    /// Coefficients of the distance, which is zero on the curve: its slope and half its curvature
+    /// across.
     slopes: [[f64; 2]; TERMS],
 }
 
@@ -56,7 +57,8 @@ impl SideChart {
 }
 
 impl FigureChart {
-    /// `None` where the lens does not see the sides, or bends them beyond a polynomial.
+    /// `None` if the lens does not see the sides, or bends them more than the polynomials can
+    /// follow.
     pub fn of<L: Lens>(scene: &Scene<'_, L>) -> Option<Self> {
         let height = PLATEAU * scene.widest_blur();
         let side = |i: usize| {
@@ -110,7 +112,7 @@ impl FigureChart {
         found
     }
 
-    /// Where a pixel lies along a side: the variable of its polynomials.
+    /// Position of a pixel along a side: the argument of its polynomials.
     #[inline]
     pub fn place(&self, side: usize, pixel: &BandPixel) -> f64 {
         self.sides[side].image.place(&pixel.place())
@@ -139,7 +141,8 @@ impl FigureChart {
     }
 }
 
-/// Distances (px) of the pixels of a figure to the sides near them; zeros where none are asked for.
+/// Distances (px) of the pixels of a figure to the sides near them; may be zero where `is_asked` is
+/// false.
 pub(super) fn all_distances<L: Lens>(
     scene: &Scene<'_, L>,
     figure: &PixelFigure,

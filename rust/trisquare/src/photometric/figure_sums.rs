@@ -1,10 +1,10 @@
-//! Normal equations of one figure's pixels, summed by what the pixels depend on.
+//! Normal equations of one figure's pixels, summed by the parameters the pixels depend on.
 //!
-//! Nearly all pixels that an edge cuts are cut by one side. The derivatives of their distances by
-//! pose and camera are polynomials along it: they are summed over `(terms, residual, picture,
-//! light, blur)`, and pose and camera are brought in once per side. The few at corners are added row
-//! by row. Beside the edges all derivatives are smooth functions of the place: over the pixels beside
-//! one stretch of an outline they are linear.
+//! Nearly all pixels cut by an edge are cut by one side. The derivatives of their distances by pose
+//! and camera are polynomials along it: the sums are over
+//! `(terms, residual, picture, light, blur)`, and pose and camera are applied once per side. The
+//! few pixels at corners are added row by row. Beside the edges all derivatives are smooth
+//! functions of the position: over the pixels beside one stretch of an outline they are linear.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
@@ -17,20 +17,20 @@ use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{Block, LANES, LaneSums, add_rank_one, polynomials, symmetric};
 use crate::observations::FreeParameters;
 
-/// What a pixel that one side cuts depends on: `(terms, residual, picture, light, blur)`, the blur
-/// being the side's own at the pixel's place.
+/// Row length of a pixel cut by one side: `(terms, residual, picture, light, blur)`, with the
+/// side's own blur at the pixel's position.
 const CUT: usize = BLUR + 1 + VARIATION_PARAMETERS;
 const RESIDUAL: usize = TERMS;
 const PICTURE: usize = RESIDUAL + 1;
 const LIGHT: usize = PICTURE + PICTURE_PARAMETERS;
 const BLUR: usize = LIGHT + LIGHT_PARAMETERS;
 
-/// Sums over the pixels that one side cuts. They are added when there are several.
+/// Sums over the pixels cut by one side, added in batches of `LANES`.
 struct CutSums {
     sums: LaneSums<CUT>,
-    /// Of those that wait, so many: what they depend on, but for the terms, ...
+    /// Rows of the waiting pixels except the terms, which follow ...
     columns: [[f64; LANES]; CUT],
-    /// ... which follow from the places along the side and what multiplies them there.
+    /// ... from the positions along the side and the factors that multiply the terms there.
     places: [f64; LANES],
     gains: [f64; LANES],
     weights: [f64; LANES],
@@ -83,18 +83,18 @@ impl CutSums {
     }
 }
 
-/// `(light, picture, residual)`: what a pixel on a plateau depends on.
+/// Row of a pixel on a plateau: `(light, picture, residual)`.
 type PlateauRow = [f64; PLATEAU_ROW];
 type PlateauSums = [PlateauRow; PLATEAU_ROW];
 const PLATEAU_ROW: usize = LIGHT_PARAMETERS + PICTURE_PARAMETERS + 1;
 
-/// The pixels beside a stretch, on one side of it, that no edge cuts.
+/// Sums over the uncut pixels beside a stretch, on one side of it.
 #[derive(Debug, Clone, Copy, Default)]
 struct FlatPixels {
-    /// Weighted sums of `(1, x, y)` by itself, by its lower triangle, `x` and `y` from the first of
-    /// them on, ...
+    /// Weighted sums of the products of `(1, x, y)` (lower triangle), with `x` and `y` relative to
+    /// the first pixel, ...
     squares: [f64; 6],
-    /// ... and by the residual.
+    /// ... and of its products with the residual.
     residuals: [f64; 3],
     first: Vector2<f64>,
 }
@@ -123,13 +123,13 @@ impl FlatPixels {
         }
     }
 
-    /// What sums of functions that are linear over the pixels follow from: a place with weight and
-    /// residual, and steps from there whose residuals are changes.
+    /// Three weighted rows that are equivalent to the pixels for functions linear over them: a
+    /// position with weight and residual, and two steps from it whose residuals are changes.
     fn places_and_steps(&self) -> [(Vector2<f64>, f64, f64); 3] {
         let [all, x, xx, y, xy, yy] = self.squares;
         let [of_all, of_x, of_y] = self.residuals;
         let middle = Vector2::new(x / all, y / all);
-        // About the middle, and y apart from x.
+        // Centred on the mean, and y made orthogonal to x.
         let (xx, xy, yy) = (xx - x * middle.x, xy - x * middle.y, yy - y * middle.y);
         let (of_x, of_y) = (of_x - of_all * middle.x, of_y - of_all * middle.y);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
@@ -146,15 +146,15 @@ impl FlatPixels {
 /// Sums of outer products over one figure.
 pub(super) struct FigureSums<'a> {
     free: &'a FreeParameters,
-    /// How many shared parameters the figure depends on: the camera's, then its picture's.
+    /// Number of shared parameters the figure depends on: the camera's, then its picture's.
     shared: usize,
     /// Derivatives of each side's line by the plane's geometry.
     jacobians: [DMatrix<f64>; 4],
-    /// Where the figure's exposure begins among its plane's own parameters.
+    /// Index of the figure's first exposure parameter among its plane's own parameters.
     exposure_offset: usize,
     sides: [CutSums; 4],
     plateau: PlateauSums,
-    /// Outside and inside of every stretch.
+    /// Outside and inside of each stretch.
     flats: Vec<[FlatPixels; 2]>,
     /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
     corner_own: DVector<f64>,
@@ -182,7 +182,7 @@ impl<'a> FigureSums<'a> {
         }
     }
 
-    /// Adds a pixel that one side cuts.
+    /// Adds a pixel cut by one side.
     #[inline]
     pub fn add_cut<L: Lens>(
         &mut self,
@@ -201,7 +201,7 @@ impl<'a> FigureSums<'a> {
         self.sides[side].add((chart.place(side, pixel), gain), &others, weight);
     }
 
-    /// Adds a pixel that two sides cut.
+    /// Adds a pixel cut by two sides.
     pub fn add_corner<L: Lens>(
         &mut self,
         scene: &Scene<'_, L>,
@@ -250,7 +250,7 @@ impl<'a> FigureSums<'a> {
         Some(())
     }
 
-    /// Adds a pixel that shows the ground or the figure alone.
+    /// Adds a pixel that shows only the ground or only the figure.
     #[inline]
     pub fn add_flat(&mut self, pixel: &BandPixel, inside: bool, residual: f64, weight: f64) {
         let sums = &mut self.flats[usize::from(pixel.stretch)][usize::from(inside)];
@@ -283,7 +283,7 @@ impl<'a> FigureSums<'a> {
         self.shared > self.free.len()
     }
 
-    /// Adds all sums to the plane's block; `None` where the lens does not see a side.
+    /// Adds all sums to the plane's block; `None` if the lens does not see a side.
     pub fn finish<L: Lens>(
         mut self,
         scene: &Scene<'_, L>,
@@ -301,9 +301,9 @@ impl<'a> FigureSums<'a> {
         Some(())
     }
 
-    /// Brings pose and camera into the sums of a side, `terms` being the coefficients of the
-    /// distance's derivatives along it: with `M` the map from the plane's own and the shared
-    /// parameters to what is summed over, the block is `M^T S M`.
+    /// Applies pose and camera to the sums of a side. `terms` are the coefficients of the
+    /// distance's derivatives along it. With `M` the map from the plane's own and the shared
+    /// parameters to the summed rows, the block is `M^T S M`.
     fn add_side(
         &self,
         (side, sums): (usize, &[[f64; CUT]; CUT]),
@@ -312,7 +312,7 @@ impl<'a> FigureSums<'a> {
         block: &mut Block,
     ) {
         let at = |i: usize, j: usize| symmetric(sums, i, j);
-        // What is summed over, but for the residual.
+        // Index into the summed rows, skipping the residual.
         let source = |i: usize| if i < RESIDUAL { i } else { i + 1 };
         let square = DMatrix::from_fn(CUT - 1, CUT - 1, |i, j| at(source(i), source(j)));
         let residual = DVector::from_fn(CUT - 1, |i, _| at(source(i), RESIDUAL));
@@ -348,7 +348,8 @@ impl<'a> FigureSums<'a> {
     }
 }
 
-/// Derivatives of a plateau by light and picture at a place of the picture; no residual.
+/// Derivatives of a plateau by light and picture at a position in the picture; the residual is
+/// zero.
 fn plateau_row<L: Lens>(scene: &Scene<'_, L>, place: &Vector2<f64>, inside: bool) -> PlateauRow {
     let shade = scene.plateau(place, inside);
     let mut row = [0.0; PLATEAU_ROW];
@@ -357,8 +358,8 @@ fn plateau_row<L: Lens>(scene: &Scene<'_, L>, place: &Vector2<f64>, inside: bool
     row
 }
 
-/// Adds sums over plateaus to a figure's light, which begins there among the plane's own parameters,
-/// and, if it has any, to its picture's among the shared ones.
+/// Adds sums over plateaus to a figure's light, which begins at `light_offset` among the plane's
+/// own parameters, and to its picture's shared parameters, if any.
 fn add_plateau(
     block: &mut Block,
     sums: &PlateauSums,

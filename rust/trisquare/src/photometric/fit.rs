@@ -1,4 +1,4 @@
-//! The pixels as a least-squares problem over camera, planes and exposures.
+//! Least-squares problem of the pixels over camera, planes and exposures.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -15,7 +15,7 @@ use crate::lens::Lens;
 use crate::numeric::{ArrowStep, ArrowSystem, Block, LANES, Loss, ResidualSpread, each};
 use crate::observations::{FreeParameters, View};
 
-/// What the fit moves.
+/// Free variables of the fit.
 #[derive(Clone)]
 pub(crate) struct PixelState<L> {
     pub view: View<L>,
@@ -26,7 +26,7 @@ pub(crate) struct PixelState<L> {
 }
 
 impl<L> PixelState<L> {
-    /// The same, the kurtosis of all pictures estimated where that is doubted.
+    /// The state with the kurtosis estimated in all pictures where it is in doubt.
     pub fn with_free_kurtosis(mut self) -> Self {
         let pictures = self.pictures.into_iter();
         self.pictures = pictures.map(PictureState::with_free_kurtosis).collect();
@@ -38,25 +38,25 @@ impl<L> PixelState<L> {
 #[derive(Clone)]
 pub(crate) struct PixelFit<'a> {
     pub figures: &'a [PixelFigure],
-    /// What gives the pixels of figures that do not hold theirs; none where all do.
+    /// Source of the pixels of figures that do not store theirs; `None` if all do.
     pub unheld: Option<&'a dyn Pixels>,
     pub free: &'a FreeParameters,
-    /// How many pictures have parameters of their own: all, or none where all tones are known.
+    /// Number of pictures with parameters of their own: all, or 0 if all tones are known.
     pub free_pictures: usize,
     pub loss: Loss,
     /// Noise of each figure's pixels, coded.
     pub scales: Vec<f64>,
 }
 
-/// Half the robust sum of squares, its normal equations, and the spread of the pixels that an edge
-/// cuts, in units of the scales.
+/// Half the robust sum of squares, its normal equations, and the spread of the pixels cut by an
+/// edge, in units of the scales.
 pub(crate) struct PixelSystem {
     pub cost: f64,
     pub system: ArrowSystem,
     pub spread: ResidualSpread,
 }
 
-/// What the figures of one plane add to a [`PixelSystem`].
+/// Contribution of the figures of one plane to a [`PixelSystem`].
 struct PlaneSystem {
     cost: f64,
     block: Block,
@@ -64,7 +64,8 @@ struct PlaneSystem {
 }
 
 impl PixelFit<'_> {
-    /// One figure under a view and an exposure; `None` where the lens does not see its corners.
+    /// Scene of one figure under a view and an exposure; `None` if the lens does not see its
+    /// corners.
     pub(super) fn scene<'a, L: Lens>(
         &'a self,
         view: &'a View<L>,
@@ -76,7 +77,7 @@ impl PixelFit<'_> {
         Scene::new(figure, &pictures[figure.image], view, exposure)
     }
 
-    /// The pixels of a figure, whether it holds them or not.
+    /// The pixels of a figure, read again if it does not store them.
     fn pixels_of<'b>(&self, figure: &'b PixelFigure) -> Option<Cow<'b, [BandPixel]>> {
         Some(match self.unheld {
             Some(unheld) if figure.pixels.is_empty() => Cow::Owned(unheld.read(figure)?),
@@ -97,7 +98,7 @@ impl PixelFit<'_> {
         self.free.len() + PICTURE_PARAMETERS * self.free_pictures
     }
 
-    /// Of these, the ones that a plane depends on: the camera's, and its picture's.
+    /// Columns of the shared parameters that a plane depends on: the camera's, and its picture's.
     fn shared_columns(&self, plane: usize) -> Vec<usize> {
         let mut columns: Vec<usize> = (0..self.free.len()).collect();
         let figure = self.figures[self.figures_of(plane)].first();
@@ -108,7 +109,7 @@ impl PixelFit<'_> {
         columns
     }
 
-    /// Where the parameters of a picture begin among the shared ones.
+    /// Index of a picture's first parameter among the shared ones.
     pub fn picture_offset(&self, image: usize) -> usize {
         self.free.len() + PICTURE_PARAMETERS * image
     }
@@ -171,19 +172,19 @@ impl PixelFit<'_> {
         Some(())
     }
 
-    /// Where a figure's exposure begins among its plane's own parameters.
+    /// Index of a figure's first exposure parameter among its plane's own parameters.
     pub(super) fn exposure_offset<L: Lens>(&self, state: &PixelState<L>, index: usize) -> usize {
         let figure = &self.figures[index];
         state.view.planes[figure.plane].parameter_count() + EXPOSURE_PARAMETERS * figure.figure
     }
 
-    /// Whether every exposure is one that its figure's pixels can hold.
+    /// Whether every exposure can be fitted to its figure's pixels.
     fn are_valid(&self, exposures: &[Exposure]) -> bool {
         let mut pairs = exposures.iter().zip(self.figures);
         pairs.all(|(exposure, figure)| exposure.is_valid(figure))
     }
 
-    /// Cost and normal equations at a state; `None` where they are not defined.
+    /// Cost and normal equations at a state; `None` if they are not defined there.
     pub fn evaluate<L: Lens>(&self, state: &PixelState<L>) -> Option<PixelSystem> {
         if !self.are_valid(&state.exposures) {
             return None;
@@ -213,7 +214,7 @@ impl PixelFit<'_> {
             spread: ResidualSpread::default(),
         };
         let figures = self.figures_of(p);
-        // A plane without figures stays where it is.
+        // A plane without figures does not move.
         if figures.is_empty() {
             sum.block.hessian.fill_diagonal(1.0);
         }
@@ -223,13 +224,13 @@ impl PixelFit<'_> {
         Some(sum)
     }
 
-    /// The figures of a plane, which are in the planes' order.
+    /// Range of the figures of a plane; figures are in the order of the planes.
     fn figures_of(&self, plane: usize) -> Range<usize> {
         let before = |plane: usize| self.figures.partition_point(|figure| figure.plane < plane);
         before(plane)..before(plane + 1)
     }
 
-    /// What the fit found out of the pictures' coding; nothing where that was known.
+    /// Estimated tones of the pictures; empty if they were known.
     pub fn tone_fits<L: Lens>(
         &self,
         state: &PixelState<L>,
@@ -255,7 +256,7 @@ impl PixelFit<'_> {
         fits.collect()
     }
 
-    /// What is known of the lens's and the pictures' parameters beforehand.
+    /// Adds the priors of the lens's and the pictures' parameters.
     fn add_priors<L: Lens>(&self, state: &PixelState<L>, sum: &mut PixelSystem) {
         sum.cost += self.free.add_prior(&state.view.lens, &mut sum.system);
         for (image, picture) in state.pictures.iter().enumerate().take(self.free_pictures) {
@@ -272,7 +273,7 @@ impl PixelFit<'_> {
         }
     }
 
-    /// The step that an optimum's normal equations ask for.
+    /// The Newton step of an optimum's normal equations.
     pub fn step(&self, system: &ArrowSystem) -> Option<ArrowStep> {
         Some(system.solve(0.0)?.lengthened(self.loss.newton_factor()))
     }
@@ -350,7 +351,7 @@ mod tests {
         FreeParameters::all::<DefaultLens>()
     }
 
-    /// The figures of a scene, filled with what the model itself makes of them.
+    /// The figures of a scene, with pixel values computed by the model itself.
     fn modelled(
         tone: PictureTone,
         differences: BlurDifferences,
@@ -524,7 +525,7 @@ mod tests {
         let system = fit.evaluate(&state).unwrap().system;
         let cost = |step: &ArrowStep| fit.evaluate(&fit.advance(&state, step)).unwrap().cost;
         let check = |set: &dyn Fn(&mut ArrowStep, f64), gradient: f64, hessian: f64, name: &str| {
-            // Long enough for the steps at the plateaus to average out.
+            // Long enough to average out the discontinuities at the plateaus.
             let h = 1e-3 / hessian.sqrt();
             let (mut up, mut down) = (zero_step(&system), zero_step(&system));
             set(&mut up, h);

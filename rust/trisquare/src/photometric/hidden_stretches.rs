@@ -1,8 +1,8 @@
-//! Stretches of an outline that something lies over, told by many pixels together.
+//! Detection of covered stretches of an outline from many pixels together.
 //!
-//! The rim of a stain or the flank of a glare changes pixels by less than a single one needs to
-//! count as an outlier; the mean over a stretch shows it. And rings around an outline that are not
-//! plain, told in the same way.
+//! The rim of a stain or the flank of a glare changes each pixel by less than makes it an outlier,
+//! but it shows in the mean over a stretch. Rings around an outline that are not plain are detected
+//! in the same way.
 
 use super::band_pixels::PixelFigure;
 use super::coverage::PLATEAU;
@@ -11,49 +11,51 @@ use super::scene::Scene;
 use crate::lens::Lens;
 use crate::numeric::median_scale;
 
-/// Pixels nearer to the outline than this (px) show the edge, the others the light beside it; each
-/// of the three zones is judged on its own.
+/// Distance (px) from the outline below which pixels show the edge; the others show the light
+/// beside it. Each of the three zones is tested separately.
 const EDGE_ZONE: f64 = 2.5;
 const ZONES: usize = 3;
 
-/// Pixels farther off (px) are not judged: the rim of a sheet may run there, or a frame's other
-/// outline, and what hides an edge reaches to the edge.
+/// Distance (px) from the outline up to which pixels are tested: farther away there may be the rim
+/// of a sheet or a frame's other outline, and what hides an edge extends to the edge.
 const JUDGED: f64 = 6.0;
 
-/// No pixel counts for more deviations than this: a speck is not a stretch.
+/// Limit of a pixel's residual, in standard deviations: a speck is not a stretch.
 const MAX_DEVIATIONS: f64 = 10.0;
 
-/// A zone's mean is disturbed from so many of its deviations, in a picture that follows the model;
-/// where it follows less well, of the typical departure of the figure's zones.
+/// Threshold above which a zone's mean is disturbed, in its standard deviations, or, if the figure
+/// fits less well, in typical deviations of the figure's zones.
 const DISTURBED: f64 = 5.0;
 
-/// If more of a side than this is disturbed, nothing lies over it: the model does not fit it.
+/// Maximum fraction of a side that may be disturbed: with more, the side does not fit the model and
+/// is not taken for covered.
 const MAX_PART: f64 = 0.5;
 
-/// A part of a side smaller than this is not worth a warning.
+/// Fraction of a side below which a disturbance is not reported.
 const MIN_REPORTED: f64 = 0.05;
 
-/// A side of a figure of which a part is not used.
+/// A side of a figure that is used only in part.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DisturbedSide {
     pub plane: usize,
     pub figure: usize,
     pub side: usize,
-    /// Part of the side that is not used.
+    /// Fraction of the side that is not used.
     pub part: f64,
-    /// Whether something lies over it: the light beside the edge is disturbed as well.
+    /// Whether something covers it: the light beside the edge is disturbed as well.
     pub is_hidden: bool,
 }
 
-/// Which stretches of a figure are not to be used.
+/// The stretches of a figure that are not to be used.
 pub(super) struct Disturbed {
     pub stretches: Vec<bool>,
-    /// Where the light beside the edge is disturbed: the edge alone may be where no square has it.
+    /// Stretches with disturbed light beside the edge. A disturbed edge alone may be due to a
+    /// displaced edge.
     beside: Vec<bool>,
 }
 
-/// How far the pixels of a figure are from what they should be, in units of their noise; `None`
-/// where the lens does not see one.
+/// Residuals of the pixels of a figure, in units of their noise and clamped; `None` if the lens
+/// does not see the figure.
 pub(super) fn departures<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Vec<f64>> {
     let figure = scene.figure;
     let distances = all_distances(scene, figure, |pixel| scene.may_cut(pixel))?;
@@ -66,29 +68,29 @@ pub(super) fn departures<L: Lens>(scene: &Scene<'_, L>, noise: f64) -> Option<Ve
     Some(departures.collect())
 }
 
-/// Sum and number of some departures.
+/// Sum and number of some residuals.
 type Sum = (f64, f64);
 
-/// Their sum, in its standard deviations.
+/// The sum over its standard deviation.
 fn deviation((sum, count): &Sum) -> f64 {
     sum / f64::max(*count, 1.0).sqrt()
 }
 
-/// How many deviations are too many, where those are typical of a figure.
+/// Threshold of disturbed deviations, given all deviations of a figure.
 fn limit(deviations: impl Iterator<Item = f64>) -> f64 {
     DISTURBED * median_scale(deviations).max(1.0)
 }
 
-/// How far (px) from the outline the light beside it is plain along every side: a sheet may end
-/// farther off, and what is blurred there moves the edge. Stretches that something lies over do not
-/// tell. The edge's blur is given (px).
+/// Distance (px) from the outline up to which the light beside it is plain along every side: a
+/// sheet may end farther away, and its blurred end would shift the edge. Disturbed stretches are
+/// ignored. `blur` is that of the edge (px).
 pub(super) fn plain_reach(
     figure: &PixelFigure,
     departures: &[f64],
     disturbed: &Disturbed,
     blur: f64,
 ) -> f64 {
-    // By ring of 1 px, side, and whether it is outside.
+    // Indexed by ring of 1 px, side, and whether it is outside.
     let mut rings: Vec<[[Sum; 2]; 4]> = Vec::new();
     for (pixel, departure) in figure.pixels.iter().zip(departures) {
         if disturbed.stretches[usize::from(pixel.stretch)] {
@@ -109,11 +111,11 @@ pub(super) fn plain_reach(
     };
     let of_edge = (PLATEAU * blur) as usize;
     let first_other = rings.iter().skip(of_edge).position(|ring| !is_plain(ring));
-    // What disturbs a ring begins in the one before.
+    // What disturbs a ring already affects the ring before it.
     first_other.map_or(f64::INFINITY, |ring| (of_edge + ring) as f64 - 1.0)
 }
 
-/// Which stretches of a figure are not to be used.
+/// Finds the stretches of a figure that are not to be used.
 pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
     let mut sums = vec![[Sum::default(); ZONES]; figure.stretch_sides.len()];
     let pixels = figure.pixels.iter().zip(departures);
@@ -138,7 +140,7 @@ pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
         }
     }
     let count = marks.len();
-    // What disturbs a stretch reaches into the next ones, and a corner belongs to two sides.
+    // A disturbance extends into the adjacent stretches, and a corner belongs to two sides.
     let near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
     Disturbed {
         stretches: (0..count).map(near).collect(),
@@ -146,7 +148,7 @@ pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
     }
 }
 
-/// The sides of which a part is not used.
+/// The sides that are used only in part.
 pub(super) fn disturbed_sides(figure: &PixelFigure, disturbed: &Disturbed) -> Vec<DisturbedSide> {
     (0..4)
         .map(|side| DisturbedSide {

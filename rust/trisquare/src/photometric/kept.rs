@@ -1,4 +1,4 @@
-//! What a fit to the pixels will read of a picture, before there is a camera.
+//! Pixels of a picture that a later fit to the pixels will read, chosen before a camera is known.
 
 use nalgebra::Vector2;
 
@@ -8,8 +8,8 @@ use crate::geometry::Line;
 use crate::image::{KeptPixels, Picture};
 use crate::observations::PlaneEdges;
 
-/// The outline that a fit arrives at lies within so many px of the samples, and of where their ends
-/// lead to: twice what a lens bends half a side.
+/// Maximum distance (px) of the fitted outline from the samples and from the extrapolation of their
+/// ends: twice the deviation that a lens causes over half a side.
 const SEEN_WITHIN: f64 = 6.0;
 
 /// The pixels that [`calibrate_photographs`](crate::calibrate_photographs) reads of a picture in
@@ -26,7 +26,7 @@ pub fn pixels_to_keep(picture: &Picture, figures: &[PlaneEdges], blur: f64) -> K
     }))
 }
 
-/// The samples of a figure and, between those of two sides, the corner that they lead to.
+/// The samples of a figure and, between those of two sides, their extrapolated corner.
 fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
     let sides: &[Vec<Vector2<f64>>; 4] = figure.points.as_slice().try_into().ok()?;
     let mut path = Vec::with_capacity(figure.sample_count() + 4);
@@ -44,7 +44,8 @@ fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
     Some(path)
 }
 
-/// The half of a side's samples that is nearer to another side, toward that; `None` of no samples.
+/// The half of a side's samples that is nearer to another side, ordered towards it; `None` if there
+/// are no samples.
 fn half_toward<'a>(
     side: &'a [Vector2<f64>],
     other: &[Vector2<f64>],
@@ -80,7 +81,7 @@ mod tests {
             let mut figures = scene.edges(seed, 0.1, 6.0);
             for figure in &mut figures {
                 figure.polarity = Some(Polarity::DarkInside);
-                // As the measurement leaves them: up to the blur of the corners, and one hidden.
+                // As measured: without the blurred corners, and with one of them hidden.
                 figure.points.iter_mut().for_each(|side| {
                     *side = side[3..side.len() - 3].to_vec();
                 });
@@ -93,7 +94,7 @@ mod tests {
             let picture = Picture::from_u8(width, height, 1, levels).unwrap();
             let everywhere = [Vector2::zeros()];
             let whole = picture.near([(&everywhere[..], 1e4)]);
-            // Planes that stand a little elsewhere than the samples say.
+            // Planes slightly displaced from the samples.
             let planes_seen = scene.poses.iter().map(|pose| {
                 let mut pose = *pose;
                 pose.translation += 2e-3 * pose.translation.z * Vector3::new(1.0, -1.0, 0.0);

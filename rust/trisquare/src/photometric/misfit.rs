@@ -1,15 +1,15 @@
-//! How far the pixels about all edges of a picture are from the model, together.
+//! Misfit of the mean edge profile of a picture.
 
 use super::figure_chart::all_distances;
 use super::fit::{PixelFit, PixelState};
 use crate::lens::Lens;
 use crate::localise::ResidualProfile;
 
-/// One pixel in so many is asked.
+/// Stride of the pixels used.
 const STRIDE: u32 = 4;
 
-/// Root mean square of the mean profile's residuals, in parts of the contrast, less what noise makes of
-/// it; `None` where a picture cannot be read again.
+/// Root mean square of the mean profile's residuals, as a fraction of the contrast, less the
+/// contribution of noise; `None` if a picture cannot be read again.
 pub(super) fn misfit<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,

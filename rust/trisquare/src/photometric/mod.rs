@@ -1,4 +1,4 @@
-//! The last stage when there is a picture: the joint model fitted to the pixels themselves.
+//! The last stage with a picture: fit of the joint model to the pixels themselves.
 
 mod band;
 mod band_pixels;

@@ -1,21 +1,22 @@
-//! The steps to the joint optimum of camera, planes and exposures.
+//! Steps to the joint optimum of camera, planes and exposures.
 
 use super::fit::{PixelFit, PixelState, PixelSystem};
 use super::told_step::told_step;
 use crate::lens::Lens;
 use crate::numeric::ArrowStep;
 
-/// Gauss-Newton steps allowed to the joint fit.
+/// Maximum number of Gauss-Newton steps of the joint fit.
 const MAX_STEPS: usize = 8;
 
-/// Predicted fall of the cost, per parameter and in units of the noise variance, below which a step
-/// is the last. The geometry comes from the edge samples, all else from some of the pixels: both
-/// start within a few standard deviations, from where one step arrives to second order and is
-/// efficient without iterating (L. Le Cam, Univ. California Publ. Statist. 1 (1953) 277-330).
+/// Predicted decrease of the cost, per parameter and in units of the noise variance, below which a
+/// step is the last. The geometry comes from the edge samples, all else from some of the pixels:
+/// both start within a few standard deviations of the optimum, so that one more step is accurate to
+/// second order and efficient without iteration (L. Le Cam, Univ. California Publ. Statist. 1
+/// (1953) 277-330).
 const LAST_DECREASE: f64 = 6.0;
 
-/// Where the last step to the joint optimum starts, the normal equations there, and the step; `None`
-/// if the steps do not converge.
+/// Iterates to the joint optimum: returns the state before the last step, the normal equations
+/// there, and that step; `None` if the steps do not converge.
 pub(super) fn converge<L: Lens>(
     fit: &PixelFit<'_>,
     mut state: PixelState<L>,
@@ -36,8 +37,8 @@ pub(super) fn converge<L: Lens>(
     None
 }
 
-/// The joint optimum once the blurs differ as the pictures tell, with its normal equations; `None` if
-/// the steps do not converge.
+/// The joint optimum with differences of the blur as estimated from the pictures, and its normal
+/// equations; `None` if the steps do not converge.
 pub(super) fn optimum<L: Lens>(
     fit: &PixelFit<'_>,
     near: PixelState<L>,

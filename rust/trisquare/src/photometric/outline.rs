@@ -1,4 +1,4 @@
-//! The image of a square outline, traced, and the pixels around it.
+//! Traced image of a square outline, and the pixels around it.
 
 use nalgebra::Vector2;
 
@@ -9,21 +9,21 @@ use crate::image::KeptReader;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneState, Side};
 
-/// Between two outlines of one plane, at most this part of their distance is used from each.
+/// Maximum reach of an outline, as a fraction of its distance to another outline of the same plane.
 const SHARED_REACH: f64 = 0.45;
 
-/// Of the plain border within an outline this part is used: its other half is blurred by what comes
-/// next.
+/// Fraction of the plain border inside an outline that is used: the rest is blurred by what is
+/// beyond it.
 const BORDER_SHARE: f64 = 0.5;
 
-/// Points of an outline's trace that make a stretch: 16 px, half of the shortest thing that hides
-/// a twelfth of a side of 400 px.
+/// Number of trace points per stretch: 16 px, half of the shortest object that hides a twelfth of a
+/// side of 400 px.
 const STRETCH_POINTS: usize = 4;
 
-/// Points of a side's trace at most, so that 16 bits number those of an outline.
+/// Maximum number of trace points per side, so that 16 bits index those of an outline.
 const MAX_TRACE: f64 = 16_000.0;
 
-/// A figure's sides and the points of their images.
+/// The sides of a figure and the points of their images.
 pub(super) struct Outline {
     sides: [Line; 4],
     corners: [Vector2<f64>; 4],
@@ -95,7 +95,7 @@ impl Outline {
         (high - low).norm()
     }
 
-    /// How far from this outline pixels are its own.
+    /// Distance (px) from this outline up to which pixels belong to it.
     pub fn reach_beside(&self, outlines: &[Outline], own: usize, width: Width) -> f64 {
         let mut nearest = f64::INFINITY;
         for (other, outline) in outlines.iter().enumerate() {
@@ -137,7 +137,7 @@ impl Outline {
         }
     }
 
-    /// The pixels within a reach, and the side of each stretch.
+    /// The pixels within `reach`, and the side of each stretch.
     pub fn pixels(
         &self,
         reader: &KeptReader<'_>,
@@ -152,7 +152,7 @@ impl Outline {
             let place = Vector2::new(x as f64, y as f64);
             let nearest = usize::from(mark.nearest);
             let point = &self.trace[nearest];
-            // Whatever is nearest to a corner lies outside: the square is convex.
+            // Pixels nearest to a corner lie outside: the square is convex.
             let inside = inward[nearest].map_or(-1.0, |n| n.dot(&(place - point.place)));
             let depth = f64::from(mark.square).sqrt().copysign(inside);
             if depth > point.inward {
@@ -179,7 +179,7 @@ impl Outline {
         let mut sides: Vec<u8> = Vec::new();
         let mut points = Vec::with_capacity(self.trace.len());
         for side in self.trace.chunk_by(|a, b| a.side == b.side) {
-            // Of equal length, lest a short one be left over at a corner.
+            // Of equal length, so that no short one is left over at a corner.
             let count = (side.len() / STRETCH_POINTS).max(1);
             let first = sides.len();
             points.extend((0..side.len()).map(|i| (first + i * count / side.len()) as u16));
@@ -188,7 +188,7 @@ impl Outline {
         (points, sides)
     }
 
-    /// Across the outline at every point of its trace, of any length; `None` at a corner.
+    /// Inward normal, not normalised, at every point of the trace; `None` at a corner.
     fn inward_normals(&self) -> Vec<Option<Vector2<f64>>> {
         let winding = self.winding();
         let across = |along: Vector2<f64>| Vector2::new(-along.y, along.x) * winding;
@@ -216,7 +216,7 @@ impl Outline {
     }
 }
 
-/// The corners of the upright rectangle around points.
+/// Opposite corners of the bounding box of points.
 pub(super) fn bounds<'a>(
     points: impl Iterator<Item = &'a Vector2<f64>>,
 ) -> (Vector2<f64>, Vector2<f64>) {

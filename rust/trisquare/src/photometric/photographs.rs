@@ -1,4 +1,4 @@
-//! What a fit to the pixels looks at, and why it may not be taken.
+//! Input of a fit to the pixels, and the reasons to reject its result.
 
 use crate::error::Error;
 use crate::image::{KeptPixels, PictureTone};
@@ -8,17 +8,19 @@ use crate::observations::PlaneEdges;
 /// The pictures that show the figures, and how they were coded.
 #[derive(Debug, Clone, Copy)]
 pub struct Photographs<'a> {
-    /// Of one picture per image index of the figures, what
-    /// [`pixels_to_keep`](crate::pixels_to_keep) gives.
+    /// The result of [`pixels_to_keep`](crate::pixels_to_keep) for the picture of each image index
+    /// of the figures.
     pub pictures: &'a [&'a KeptPixels],
-    /// How each was coded.
+    /// Coding of each.
     pub tones: &'a [PictureTone],
 }
 
 impl Photographs<'_> {
+    /// Checks that pictures, tones and figures are consistent.
+    ///
     /// # Errors
-    /// [`Error::InvalidArgument`] unless every picture has its tone curve and the size given, and
-    /// every figure its picture.
+    /// [`Error::InvalidArgument`] unless every picture has a tone curve and the given size, and
+    /// every figure a picture.
     pub(crate) fn check(&self, edges: &[PlaneEdges], size: ImageSize) -> Result<(), Error> {
         let [pictures, tones] = [self.pictures.len(), self.tones.len()];
         if pictures != tones {
@@ -56,7 +58,7 @@ impl Photographs<'_> {
     }
 }
 
-/// Why the fit to the pixels is not taken.
+/// Why the result of the fit to the pixels is not used.
 pub(super) enum Refusal {
     /// The figures are not squares of known polarity in known pictures.
     NotApplicable,

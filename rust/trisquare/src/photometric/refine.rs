@@ -1,10 +1,11 @@
-//! Runs the joint fit to the pixels and decides whether its answer replaces that of the edges.
+//! Runs the joint fit to the pixels and decides whether its result replaces that of the edges.
 //!
-//! Every pixel near an outline is modelled as `v = g(L (b + A C))`, `g` the tone curve, `L` light
-//! that changes over the figure, and `C` the part of the blurred square that covers it: the normal
-//! distribution function of its distances to the near sides over the blur `w`, which changes as well,
-//! bivariate at a corner. The distances follow from the joint camera and pose, so that corners count
-//! as well. A pixel carries its own independent noise: nothing is lost between patches.
+//! Every pixel near an outline is modelled as `v = g(L (b + A C))`, with `g` the tone curve, `L`
+//! light that varies over the figure, and `C` the fraction of the pixel covered by the blurred
+//! square: the normal distribution function of its distances to the near sides over the blur `w`,
+//! which varies as well, bivariate at a corner. The distances follow from the joint camera and
+//! pose, so that corners contribute as well. The noise of pixels is independent: no information is
+//! lost between patches.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -30,45 +31,46 @@ use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{JointProblem, Solution};
 use crate::uncertainty::{Correlated, covariance};
 
-/// One pixel in so many tells the exposures, while camera and planes are held.
+/// Stride of the pixels to which the exposures are fitted with camera and planes fixed.
 const EXPOSURE_STRIDE: u32 = 12;
 
-/// One in so many tells whether something lies over a stretch of a side.
+/// Stride of the pixels used to detect covered stretches of a side.
 const JUDGED_STRIDE: u32 = 8;
 
-/// Things that lie over sides hide less than this part of all of them; with more it is the sides
-/// that are elsewhere than the model, and what is left of them would mislead it.
+/// Maximum fraction of all sides that covered stretches may take up: with more, it is the sides
+/// that deviate from the model, and the remainder would be misleading.
 const MAX_HIDDEN: f64 = 0.1;
 
-/// About so many pixels stay in memory from step to step, which spares reading them again: those of
-/// a few pictures. Of more pictures the others' are read again from what is kept of each.
+/// Approximate number of pixels kept in memory from step to step, to avoid reading them again:
+/// those of a few pictures. The pixels of further pictures are read again for every step.
 const HELD_PIXELS: usize = 400_000;
 
-/// The first steps take about so many pixels of each figure, where they are at most one in
-/// `MIN_STRIDE`: the more there are, the farther off, in standard deviations, are the edge samples
-/// and exposures that a twelfth of the pixels told.
+/// Approximate number of pixels per figure in the first steps, if that is at most one in
+/// `MIN_STRIDE`: the more pixels there are, the farther, in standard deviations, are the edge
+/// samples and the exposures estimated from a twelfth of the pixels.
 const FIRST_PIXELS: usize = 4_000;
 const MIN_STRIDE: usize = 2;
 
-/// Blurs nearer than this to the widest that a band holds ask for a wider band.
+/// Fraction of the band's widest blur above which a wider band is used.
 const WIDEST_BLUR: f64 = 0.98;
 
-/// How much larger the pixels' standard deviations may be, as a mean logarithm. The samples' own
-/// are too small, since those of a side share its blur and contrast, and the pixels' are not: by 0.22
-/// at most in 32 pictures whose corners are twice as blurred as their middle.
+/// Maximum mean log ratio of the pixels' standard deviations to the edge samples'. The samples' own
+/// are too small, since those of a side share its blur and contrast, and the pixels' are not: by
+/// 0.22 at most in 32 pictures with corners twice as blurred as their centre.
 const MAX_LOG_RATIO: f64 = 0.3;
 
-/// The mean square shift per parameter, in standard deviations of the edges' answer, beyond which
-/// the pixels are taken to break the model.
+/// Mean square shift per parameter, in standard deviations of the edges' result, above which the
+/// pixels are taken to violate the model.
 const MAX_MEAN_SQUARE_SHIFT: f64 = 9.0;
 
-/// How much larger residuals the pixels' answer may leave the edge samples where tone curves are
-/// estimated: 1.13 times in pictures that darken to a third at their corners, 1.09 in all others that
-/// were looked at. Where light falls off in a curve, as of a lamp nearby, it passes for a tone curve.
+/// Maximum ratio of the edge samples' residuals under the pixels' result to those under their own,
+/// if tone curves are estimated. It is 1.13 in pictures that darken to a third at their corners,
+/// and at most 1.09 in all others that were examined. Light that falls off nonlinearly, as of a
+/// lamp nearby, is mistaken for a tone curve.
 const MAX_RESIDUALS: f64 = 1.2;
 
-/// Fits the photographs and replaces the calibration's numbers where that improves them; returns
-/// the optimum that they then are from.
+/// Fits the photographs and replaces the calibration's numbers if that improves them; returns the
+/// optimum of that fit then.
 pub(crate) fn improve<L: Lens>(
     edges: &[PlaneEdges],
     problem: &JointProblem<'_, L>,
@@ -91,14 +93,14 @@ pub(crate) fn improve<L: Lens>(
     None
 }
 
-/// What the joint fit starts from.
+/// Start of the joint fit.
 struct Start<L> {
     figures: Vec<PixelFigure>,
     /// Noise of each figure's pixels.
     scales: Vec<f64>,
     state: PixelState<L>,
     disturbed: Vec<DisturbedSide>,
-    /// How many pixels there are, also where the figures do not hold them.
+    /// Number of all pixels, including those that the figures do not store.
     pixels: usize,
 }
 
@@ -134,7 +136,7 @@ fn attempt<L: Lens>(
         true => contradicted_tone(&fit, &state),
         false => None,
     };
-    // The samples' stated deviations tell of the pixels' only if they were made from them.
+    // The samples' stated deviations are informative of the pixels' only if measured from them.
     let of_planes = solution.planes.iter().flat_map(|plane| &plane.figures);
     let measured = of_planes
         .into_iter()
@@ -142,7 +144,7 @@ fn attempt<L: Lens>(
     let (mut better, fitted) =
         answer(&fit, state.clone(), found, (problem, solution), measured).ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
-    // With a stated tone curve that is wrong they do, which is told.
+    // With a wrong stated tone curve they contradict as well, and a warning says so.
     if !known && better.rms > MAX_RESIDUALS * calibration.rms {
         return Err(CONTRADICTED);
     }
@@ -172,8 +174,8 @@ const CONTRADICTED: Refusal =
 
 const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
 
-/// Exposures and noise of all figures, from the edges' camera, and the pixels that show them;
-/// nothing where they do not show blurred squares.
+/// Exposures and noise of all figures under the edges' camera, and their pixels; `None` if these do
+/// not show blurred squares.
 fn begin<L: Lens>(
     bands: &Bands<'_, L>,
     solution: &Solution<L>,
@@ -181,7 +183,7 @@ fn begin<L: Lens>(
 ) -> Result<Option<Start<L>>, Refusal> {
     let view = &solution.refined.view;
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
-    // Whose pixels these are differs with the threads; what is read again is the same.
+    // Which figures keep their pixels depends on the threads, but pixels read again are the same.
     let held = AtomicUsize::new(0);
     let in_bands = |p: usize, width| {
         let figures = bands.of_plane(p, width)?.into_iter().map(|figure| {
@@ -230,7 +232,7 @@ fn begin<L: Lens>(
     Ok(Some(start))
 }
 
-/// What the joint fit of one figure starts from.
+/// Start of the joint fit of one figure.
 struct Begun {
     figure: PixelFigure,
     scale: f64,
@@ -270,14 +272,15 @@ impl Begun {
         })
     }
 
-    /// Whether the band is wide enough for the blur; one that is not stops at the limit.
+    /// Whether the band is wide enough for the blur; in a band that is not, the fit stops at the
+    /// limit.
     fn holds_blur(&self) -> bool {
         self.exposure.widest_blur() < WIDEST_BLUR * self.figure.width.widest_blur()
     }
 }
 
-/// Where one step of all pixels arrives from: in a large photograph, at the optimum of some of them.
-/// `None` if the steps do not converge.
+/// Start of the steps with all pixels: in a large photograph, the optimum of some of them. `None`
+/// if the steps do not converge.
 fn approach<L: Lens>(
     fit: &PixelFit<'_>,
     state: PixelState<L>,
@@ -296,7 +299,7 @@ fn approach<L: Lens>(
     Some(fit.advance(&state, &step))
 }
 
-/// The calibration of an optimum, and the optimum.
+/// The calibration of an optimum, and the solution.
 fn answer<L: Lens>(
     fit: &PixelFit<'_>,
     state: PixelState<L>,
@@ -313,13 +316,13 @@ fn answer<L: Lens>(
     let covariance_factor = spread.covariance_factor(problem.free.len() as f64);
     let tones = fit.tone_fits(&state, &system, covariance_factor)?;
     let lens = problem.free.len();
-    // With the pictures' coding held; where it is known it is not among the parameters.
+    // With fixed coding of the pictures; known coding is not among the parameters.
     let held_tone = match tones.is_empty() {
         true => None,
         false => covariance(&system.leading(lens), covariance_factor),
     };
     let system = system.marginal(lens)?;
-    // Where the pixels' noise is not independent, the samples made from them show it.
+    // Dependent noise of pixels shows in the samples measured from them.
     let residual_correlation = &correlated.residual_correlation;
     let dependence = match measured {
         true => residual_correlation.pixels,
@@ -327,12 +330,12 @@ fn answer<L: Lens>(
     };
     let independent = covariance(&system, covariance_factor)?;
     let total = independent * dependence + &residual_correlation.added;
-    // The errors of sides that are known beforehand are what an unknown curve does to each of them.
+    // The known errors of sides are the effect of an unknown tone curve on each of them.
     let tone_growth = held_tone.and_then(|own| {
         let own = own * dependence + &residual_correlation.added - &correlated.known;
         largest_growth(&total, &own)
     });
-    // The samples were measured with a tone curve that was known less well.
+    // The samples were measured with a less certain tone curve.
     let planes = drifted_to(planes, &state.view)?;
     let fitted = Solution {
         correlated: Correlated {
@@ -356,7 +359,7 @@ fn answer<L: Lens>(
     Some((better, fitted))
 }
 
-/// What changes with blurs that are not normal, in the pictures where that is uncertain.
+/// Changes due to a free kurtosis of the blur, for the pictures where it is in doubt.
 struct Doubted {
     /// The camera's free parameters.
     lens: DVector<f64>,
@@ -365,7 +368,7 @@ struct Doubted {
 }
 
 impl Doubted {
-    /// Counts the change as an error that the answer may have.
+    /// Adds the change to the covariance, as a possible error of the result.
     fn widen<L: Lens>(&self, answer: &mut Calibration<L>) {
         answer.covariance += &self.lens * self.lens.transpose();
         for (tone, change) in answer.tones.iter_mut().zip(&self.curves) {
@@ -376,7 +379,7 @@ impl Doubted {
     }
 }
 
-/// `None` where it is uncertain in no picture.
+/// Changes due to a free kurtosis; `None` if it is in doubt in no picture.
 fn doubted_kurtosis<L: Lens>(
     fit: &PixelFit<'_>,
     held: &PixelState<L>,
@@ -385,7 +388,8 @@ fn doubted_kurtosis<L: Lens>(
     if !held.pictures.iter().any(is_doubted) {
         return Ok(None);
     }
-    // One step from the optimum without a kurtosis is not enough: that with one may be far.
+    // One step from the optimum without a kurtosis is not enough: the optimum with one may be far
+    // away.
     let (freed, _) = optimum(fit, held.clone().with_free_kurtosis()).ok_or(Refusal::Reason(
         "what another shape of the blur would change is not found",
     ))?;
@@ -400,14 +404,14 @@ fn doubted_kurtosis<L: Lens>(
     }))
 }
 
-/// How many times as large as of the other a standard deviation of a covariance is, at most.
+/// Largest ratio of the standard deviations of a covariance to those of the other.
 fn largest_growth(covariance: &DMatrix<f64>, other: &DMatrix<f64>) -> Option<f64> {
     let ratios = covariance.diagonal().component_div(&other.diagonal());
     let largest = ratios.iter().copied().reduce(f64::max)?;
     (largest > 0.0 && largest.is_finite()).then(|| largest.sqrt())
 }
 
-/// Refuses an answer that is less certain than the edges', or far from it.
+/// Rejects a result that is less certain than the edges', or far from it.
 fn check_improvement<L: Lens>(
     free: &FreeParameters,
     edges: &Calibration<L>,
@@ -418,7 +422,7 @@ fn check_improvement<L: Lens>(
     }
     let unsure = || Refusal::Reason("they are less certain than the edge samples");
     let factor = edges.covariance.clone().cholesky().ok_or_else(unsure)?;
-    // Mean log ratio of the standard deviations, over all directions alike.
+    // Mean log ratio of the standard deviations, over all directions equally.
     let log_ratio = pixels
         .covariance
         .clone()

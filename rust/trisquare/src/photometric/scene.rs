@@ -1,4 +1,4 @@
-//! The model of the pixels around one figure: from geometry and exposure to coded values.
+//! Model of the pixels around one figure: from geometry and exposure to coded values.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -14,32 +14,32 @@ use crate::image::{
 use crate::lens::Lens;
 use crate::observations::View;
 
-/// A pixel's distance to the outline changes by less than this (px) from its first estimate.
+/// Maximum change (px) of a pixel's distance to the outline from its first estimate.
 const DEPTH_SLACK: f64 = 1.0;
 
-/// Step (in the figure's units) over which the direction of a side at its corner is taken.
+/// Step (in the figure's units) over which the direction of a side at its corner is computed.
 const CORNER_STEP: f64 = 0.01;
 
-/// One figure under one state: what all its pixels share.
+/// One figure under one state: the quantities shared by all its pixels.
 pub(super) struct Scene<'a, L> {
     pub figure: &'a PixelFigure,
     curve: &'a ToneCurve,
     picture: &'a PictureState,
-    /// Derivatives of ground and contrast by the tone curve's parameters, their coded values kept.
+    /// Derivatives of ground and contrast by the tone curve's parameters, at constant coded values.
     translation: [[f64; 2]; TONE_PARAMETERS],
     pub lens: &'a L,
     exposure: &'a Exposure,
     /// The planes through the camera centre and the sides.
     pub lines: [Vector3<f64>; 4],
-    /// Where the blurred sides `i - 1` and `i` meet.
+    /// Corners, each between the blurred sides `i - 1` and `i`.
     corners: [Corner; 4],
     pub corner_pixels: [Vector2<f64>; 4],
-    /// Of the blur across each side.
+    /// Kurtosis of the blur across each side.
     kurtosis: Kurtosis,
-    /// One over the figure's size, and its widest blur: every pixel asks for them.
+    /// One over the figure's size, and its widest blur: stored because every pixel uses them.
     per_size: f64,
     widest_blur: f64,
-    /// What of the picture is free.
+    /// Which of the picture's parameters are free.
     has_free_curve: bool,
     has_free_shift: bool,
     has_free_kurtosis: bool,
@@ -49,12 +49,12 @@ pub(super) struct Scene<'a, L> {
 pub(super) struct Shade {
     /// Modelled less observed.
     pub residual: f64,
-    /// Whether the pixel is clipped and the model lies beyond it: it tells nothing, and residual and
-    /// derivatives are zero.
+    /// Whether the pixel is clipped and the model exceeds it: it is uninformative then, and
+    /// residual and derivatives are zero.
     pub is_silent: bool,
     /// Derivative of the coded value by light.
     slope: f64,
-    /// Light that falls on the pixel, and the part of it that comes back.
+    /// Light at the pixel, and the reflected fraction of it.
     light: f64,
     reflected: f64,
     pub coverage: Coverage,
@@ -65,7 +65,7 @@ pub(super) struct Shade {
 }
 
 impl<'a, L: Lens> Scene<'a, L> {
-    /// `None` where the lens does not see the figure's corners.
+    /// `None` if the lens does not see the figure's corners.
     pub fn new(
         figure: &'a PixelFigure,
         picture: &'a PictureState,
@@ -117,7 +117,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         })
     }
 
-    /// Place in the figure, from -1/2 to 1/2: the variables of its shading.
+    /// Position in the figure, from -1/2 to 1/2: the argument of its shading.
     #[inline]
     fn shading_place(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
         (pixel - self.figure.centre) * self.per_size
@@ -129,8 +129,8 @@ impl<'a, L: Lens> Scene<'a, L> {
         pixel.depth().abs() < PLATEAU * self.widest_blur + DEPTH_SLACK
     }
 
-    /// Modelled less observed of a pixel that no edge may cut; `None` where it is clipped and the model
-    /// lies beyond it.
+    /// Modelled less observed value of a pixel that no edge may cut; `None` if it is clipped and
+    /// the model exceeds it.
     #[inline]
     pub fn plateau_residual(&self, pixel: &BandPixel, inside: bool) -> Option<f64> {
         let reflected = self.plateau_reflection(inside);
@@ -140,13 +140,13 @@ impl<'a, L: Lens> Scene<'a, L> {
         (!pixel.is_clipped || residual < 0.0).then_some(residual)
     }
 
-    /// The part of the light that comes back from the figure or from its ground.
+    /// The fraction of the light reflected by the figure or by its ground.
     #[inline]
     fn plateau_reflection(&self, inside: bool) -> f64 {
         self.exposure.ground + if inside { self.exposure.contrast } else { 0.0 }
     }
 
-    /// The model of a plateau at a place of the picture, where nothing was observed.
+    /// The model of a plateau at a position in the picture, without an observation.
     pub fn plateau(&self, place: &Vector2<f64>, inside: bool) -> Shade {
         let place = self.shading_place(place);
         let light = self.exposure.light.factor(&place);
@@ -170,19 +170,19 @@ impl<'a, L: Lens> Scene<'a, L> {
         self.widest_blur
     }
 
-    /// What the figure is lit and blurred by.
+    /// Light and blur of the figure.
     pub fn exposure(&self) -> &Exposure {
         self.exposure
     }
 
-    /// What a shift of the edges towards the dark adds to the distances, px: they are positive
-    /// inside.
+    /// Addition to the distances, px, due to a shift of the edges towards the dark: distances are
+    /// positive inside.
     pub fn shift(&self) -> f64 {
         self.shift_direction() * self.picture.shift
     }
 
     /// The model at a pixel, given its distances if an edge may cut it.
-    #[inline(always)] // of its result a caller needs but a part, and at once
+    #[inline(always)] // a caller needs only a part of the result
     pub fn shade(&self, pixel: &BandPixel, distances: Option<&[f64; 4]>) -> Shade {
         let place = self.shading_place(&pixel.place());
         let (mut per_blur, mut z) = ([0.0; 4], [0.0; 4]);
@@ -215,7 +215,8 @@ impl<'a, L: Lens> Scene<'a, L> {
         }
     }
 
-    /// How far (in blurs) a pixel that one side cuts lies from it, positive where there is more light.
+    /// Distance (in blurs) from the cutting side of a pixel cut by one side, positive towards the
+    /// light.
     pub fn blurs_towards_light(&self, shade: &Shade) -> Option<f64> {
         match shade.coverage.cut_count {
             1 => Some(shade.z[shade.coverage.cuts[0].0] * self.exposure.contrast.signum()),
@@ -223,7 +224,7 @@ impl<'a, L: Lens> Scene<'a, L> {
         }
     }
 
-    /// By how much the coded values of figure and ground differ.
+    /// Difference of the coded values of figure and ground.
     pub fn coded_contrast(&self) -> f64 {
         let [ground, within] = [false, true].map(|inside| {
             self.curve
@@ -239,7 +240,8 @@ impl<'a, L: Lens> Scene<'a, L> {
         shade.slope * shade.light * self.exposure.contrast * density * shade.per_blur[side]
     }
 
-    /// The same by the blur across that side, times `1` and the derivatives of a [`Variation`].
+    /// Derivative of the coded value by the blur across that side, times `1` and the derivatives of
+    /// a [`Variation`].
     #[inline]
     pub fn blur_row(&self, shade: &Shade, cut: (usize, f64)) -> [f64; 1 + VARIATION_PARAMETERS] {
         let (side, density) = cut;
@@ -249,12 +251,12 @@ impl<'a, L: Lens> Scene<'a, L> {
         [1.0, x, y, square].map(|by| by_blur * by)
     }
 
-    /// Which way an edge that moves towards the dark goes.
+    /// Sign of the change of the distances when an edge moves towards the dark.
     fn shift_direction(&self) -> f64 {
         if self.figure.dark_inside { -1.0 } else { 1.0 }
     }
 
-    /// Derivatives by the parameters that the picture's pixels share.
+    /// Derivatives by the parameters shared by all pixels of the picture.
     pub fn wrt_picture(&self, shade: &Shade) -> [f64; PICTURE_PARAMETERS] {
         let mut all = [0.0; PICTURE_PARAMETERS];
         if self.has_free_curve && !shade.is_silent {

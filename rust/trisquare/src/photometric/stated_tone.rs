@@ -1,4 +1,4 @@
-//! Whether the pixels contradict the tone curves that were stated.
+//! Test of stated tone curves against the pixels.
 
 use nalgebra::DVector;
 
@@ -11,19 +11,19 @@ use crate::lens::Lens;
 use crate::localise::MAX_MISFIT;
 use crate::result::Warning;
 
-/// Standard deviations of the effective gamma from which the pixels contradict a stated curve: JPEG
-/// moves it by up to six.
+/// Deviation of the effective gamma, in standard deviations, above which the pixels contradict a
+/// stated curve: JPEG causes up to six.
 const CONTRADICTED: f64 = 7.0;
-/// The same where the kurtosis of the blur is free, which a lens out of focus asks for.
+/// The same with a free kurtosis of the blur, which a lens out of focus requires.
 const CONTRADICTED_BY_ANY_BLUR: f64 = 3.0;
 
-/// No curve is known better than this, as a part of its effective gamma: of lenses far out of focus
-/// pixels asked for up to 0.04 less than sRGB's.
+/// Uncertainty of any stated curve, as a fraction of its effective gamma: with lenses far out of
+/// focus the fit gave up to 0.04 less than sRGB's.
 const KNOWN: f64 = 0.05;
 
-/// Frees the tone curves at the optimum of stated ones: one step of the fit tells what the pixels
-/// ask for. Where that is something else, a warning of it, and by how much the free parameters change
-/// at the optimum of free curves.
+/// Frees the tone curves at the optimum of stated ones and estimates them with one step of the fit.
+/// If they differ clearly, returns a warning, and the change of the free parameters at the optimum
+/// of free curves.
 pub(super) fn contradicted_tone<L: Lens>(
     fit: &PixelFit<'_>,
     of_stated: &PixelState<L>,
@@ -33,8 +33,8 @@ pub(super) fn contradicted_tone<L: Lens>(
         .iter()
         .map(|own| own.curve.tone().power())
         .collect();
-    // As if all blurs were normal, which nearly all cameras' are: the optimum then asks whether another
-    // blur would do as well.
+    // First as if all blurs were normal, as those of nearly all cameras are: whether another blur
+    // would do as well is tested at the optimum below.
     let freed = |curve: &_| PictureState::of(PictureTone::Estimated(*curve)).with_held_kurtosis();
     let state = PixelState {
         pictures: stated.iter().map(freed).collect(),
@@ -60,8 +60,8 @@ pub(super) fn contradicted_tone<L: Lens>(
     if farthest <= CONTRADICTED {
         return None;
     }
-    // It is far from the stated one. Where the steps do not arrive, the first of them tells to first
-    // order.
+    // It is far from the stated one. If the steps do not converge, the first step is used: it is
+    // accurate to first order.
     let arrived = optimum(&fit, near.clone()).and_then(|(free, _)| optimum(&fit, free));
     let (free, own) = match arrived {
         Some((free, found)) => {
@@ -76,8 +76,9 @@ pub(super) fn contradicted_tone<L: Lens>(
     if !is_other {
         return None;
     }
-    // Profiles of no curve contradict none: of pictures through lenses whose blur has wings free curves
-    // left 0.0017 to 0.04, of curves taken for sRGB at most 0.0012, after JPEG 85 as well.
+    // Profiles that fit no curve contradict none: free curves left 0.0017 to 0.04 in pictures
+    // through lenses whose blur has wings, and at most 0.0012 with curves mistaken for sRGB, after
+    // JPEG 85 as well.
     if misfit(&fit, &free, picture)? > MAX_MISFIT {
         return None;
     }

@@ -1,4 +1,5 @@
-//! What the pixels tell of how much blurs differ, and of how far all edges of a picture are shifted.
+//! Differences of blurs, and the common shift of all edges of a picture, as estimated from the
+//! pixels.
 
 use super::blur_prior::{self, Told};
 use super::exposure::{BLUR_DIFFERENCES, DIFFERENCES, EXPOSURE_PARAMETERS};
@@ -8,12 +9,13 @@ use crate::lens::Lens;
 use crate::numeric::{ArrowStep, ArrowSystem, variance_about_zero};
 use crate::observations::POSE_PARAMETERS;
 
-/// A shift of this size (px) moves no edge by as much as its best samples' noise.
+/// Minimum standard deviation (px) of the shift: less shifts an edge by less than the noise of its
+/// best samples.
 const MIN_SHIFT: f64 = 1e-4;
 
-/// The step from a state once its equations know what each picture tells of its figures' differences
-/// and its edges' shift, which are those after the `free` step without; `None` where a figure leaves
-/// its exposure open.
+/// The step from a state with priors on the blurs' differences and the edges' shift, whose widths
+/// are estimated per picture from the values after the `free` step, which is without them; `None`
+/// if a figure does not determine its exposure.
 pub(super) fn told_step<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
@@ -36,7 +38,8 @@ fn tell_blurs<L: Lens>(
     let mut told: Vec<Told> = state.pictures.iter().map(|_| Told::default()).collect();
     for (index, figure) in fit.figures.iter().enumerate() {
         let offset = fit.exposure_offset(state, index);
-        // The pose goes with them; on other figures of the plane they hardly depend.
+        // Marginal over the pose, which is correlated with them; other figures of the plane hardly
+        // matter.
         let exposure = offset..offset + EXPOSURE_PARAMETERS;
         let own: Vec<usize> = (0..POSE_PARAMETERS).chain(exposure).collect();
         let hessian = &system.blocks[figure.plane].hessian;
@@ -59,9 +62,9 @@ fn tell_blurs<L: Lens>(
     Some(())
 }
 
-/// A shift that a picture's own geometry does not show would widen every interval for nothing: a
-/// curve of gamma 1.8 looks like a usual one that was made smaller, and seldom is one. Nearly linear
-/// light mostly was blurred.
+/// Narrows the prior of a shift that the pixels do not show; otherwise it would widen every
+/// interval without need. A curve of gamma 1.8 looks like a usual one of a picture that was made
+/// smaller, and is rare. Nearly linear light was mostly blurred.
 fn tell_shifts<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
@@ -80,7 +83,7 @@ fn tell_shifts<L: Lens>(
     for (image, shift, widest) in unsure {
         let own = fit.picture_offset(image) + SHIFT;
         let prior = widest.powi(-2);
-        // What the pixels tell alone, without what was known beforehand.
+        // Information of the pixels alone, without the prior.
         let posterior = 1.0 / covariance[(own, own)];
         let told = posterior - prior;
         if told <= 0.0 {

@@ -1,9 +1,9 @@
-//! Edge samples as a least-squares problem with arrow-shaped normal equations.
+//! Least-squares problem of edge samples, with normal equations of arrowhead structure.
 //!
-//! The residual of a sample is its distance, in pixels of the photograph, to the image of its
-//! line, divided by its standard deviation. Lines and planes meet the lens only through the plane
-//! `l` that a line spans with the camera centre, so the samples of a side are summed over
-//! `(l, lens)` first and the pose is brought in once per side.
+//! The residual of a sample is its distance, in pixels of the photograph, to the image of its line,
+//! divided by its standard deviation. It depends on line and plane only through the plane `l`
+//! spanned by the line and the camera centre, so the samples of a side are summed over `(l, lens)`
+//! first, and the pose is applied once per side.
 
 use std::marker::PhantomData;
 
@@ -20,9 +20,9 @@ pub(crate) struct EdgeProblem<'a, L> {
     planes: &'a [ObservedPlane],
     free: &'a FreeParameters,
     pub loss: Loss,
-    /// What the given standard deviations are to be multiplied by.
+    /// Factor of the given standard deviations.
     scale: f64,
-    /// Curves near the views that are asked about, where there are any.
+    /// Curves near the views at which the problem is evaluated, if any.
     curves: Option<&'a SideCurves>,
     lens: PhantomData<L>,
 }
@@ -39,12 +39,12 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         }
     }
 
-    /// The same by curves near the views that it is asked about, if there are any.
+    /// The problem with curves near the views at which it will be evaluated, if any.
     pub(super) fn near(self, curves: Option<&'a SideCurves>) -> Self {
         Self { curves, ..self }
     }
 
-    /// The derivatives of a pixel's distance, and the distance, in the columns of the sums.
+    /// The derivatives of a pixel's distance, and the distance, in the order of the sums' columns.
     fn row<const N: usize>(&self, lens: &L, ray: &L::PixelRay, line: &Vector3<f64>) -> [f64; N] {
         let distance = lens.line_distance_jacobian(ray, line, self.free.columns());
         let mut row = [0.0; N];
@@ -78,7 +78,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         Some(sums)
     }
 
-    /// What the samples on a line sum to; the part of the lens is added to the block.
+    /// Sums over the samples on a line; those of the lens alone are added to the block.
     fn sums<const N: usize>(
         &self,
         lens: &L,
@@ -96,7 +96,8 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         Some(sums.split(self.free.len(), block))
     }
 
-    /// Adds the samples of a side on one of its model lines to its plane's block; returns their cost.
+    /// Adds the samples of a side on one of its model lines to the plane's block; returns their
+    /// cost.
     fn add_samples(
         &self,
         view: &View<L>,
@@ -107,7 +108,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         let state = &view.planes[plane];
         let (lens, line) = (&view.lens, state.line(figure, &model.line));
         // One instance per number of shared parameters, so that the innermost loops are unrolled;
-        // of the large numbers, which few lenses have, several share one with room to spare.
+        // large numbers, which few lenses have, share an instance with unused columns.
         let sums = match self.free.len() {
             0 => Self::sums::<4>,
             1 => Self::sums::<5>,
@@ -222,7 +223,7 @@ mod tests {
     }
 
     /// Circles instead of the squares: one of known and one of unknown radius about the origin, and
-    /// one beside them.
+    /// another one with its own centre.
     fn circles(noise: f64) -> (Vec<ObservedPlane>, View<DefaultLens>) {
         const BESIDE: (f64, f64) = (0.1, -0.05);
         let mut count = 0.0;
@@ -313,7 +314,7 @@ mod tests {
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        // What a circle's derivatives leave out grows with the square of the distance.
+        // The error of a circle's approximate derivatives grows with the square of the distance.
         for (planes, view) in [scene(NOISE), facades(NOISE), circles(0.1 * NOISE)] {
             agree(&planes, &view);
         }
@@ -392,7 +393,7 @@ mod tests {
         });
         assert!(sides.all(|(p, s)| curves.get(p, s).is_some()));
 
-        // Near the view, too: there the lines are not where the curves are.
+        // Near the view as well, where the lines do not coincide with the curves.
         let mut near = view.clone();
         near.planes[1].pose.translation.x *= 1.001;
         for view in [view, near] {
@@ -433,7 +434,7 @@ mod tests {
         let (few, view) = scene(NOISE);
         let curves = SideCurves::of(&few, &view, NOISE);
         assert!(curves.get(0, 0).is_none(), "few samples");
-        // Noise of which nothing is left shows what a polynomial leaves out.
+        // With next to no noise, the polynomial's truncation error matters.
         let truth = Scene::random(4, SceneOptions::default());
         let exact = sort_by_plane(&truth.edges(1, 0.0, 2.0)).unwrap();
         let curves = SideCurves::of(&exact, &view, 1e-13);

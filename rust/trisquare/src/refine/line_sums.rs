@@ -1,4 +1,4 @@
-//! What the samples on one line sum to.
+//! Sums over the samples on one line.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -11,13 +11,13 @@ pub(super) const RESIDUAL: usize = 3;
 /// Columns before the shared parameters: the line's three, and the residual.
 pub(super) const SHARED_OFFSET: usize = RESIDUAL + 1;
 
-/// Costs, and outer products of `(l, residual, shared parameters)`, by their lower triangle.
+/// Cost, and lower triangle of the outer products of `(l, residual, shared parameters)`.
 pub(super) struct LineSums<const N: usize> {
     pub cost: f64,
     pub products: [[f64; N]; N],
 }
 
-/// Of these sums, those that the line is part of.
+/// The sums that involve the line.
 pub(super) struct OnLine {
     pub cost: f64,
     pub line_square: Matrix3<f64>,
@@ -27,9 +27,9 @@ pub(super) struct OnLine {
 }
 
 impl<const N: usize> LineSums<N> {
-    /// Adds the products of the shared parameters alone to a block; the others are returned.
-    // Inlined where the sums are made, rustc 1.95 gives wrong ones: of eight columns, in a test program
-    // that is optimised across crates. `make test-release` shows it.
+    /// Adds the products of the shared parameters to a block, and returns the others.
+    // Not inlined: inlined where the sums are made, rustc 1.95 computes wrong ones, with eight
+    // columns, in a test program that is optimised across crates. `make test-release` shows it.
     #[inline(never)]
     pub fn split(&self, shared: usize, block: &mut Block) -> OnLine {
         let at = |i: usize, j: usize| symmetric(&self.products, i, j);

@@ -8,7 +8,7 @@ use crate::lens::Lens;
 use crate::numeric::median_scale;
 use crate::observations::{ObservedPlane, Sample, Side, View};
 
-/// Noise below this (px) is rounding, not measurement.
+/// Lower bound of the noise (px): below it residuals are rounding errors.
 pub(crate) const MIN_SCALE: f64 = 1e-9;
 
 /// Distance of a sample to the image of its line.
@@ -20,14 +20,14 @@ pub(crate) struct Residual {
     pub normal: Vector2<f64>,
     /// One over the standard deviation given for the sample.
     pub weight: f64,
-    /// Whether the sample and its side belong to the scene; an outlier says nothing about the noise.
+    /// Whether the sample and its side belong to the scene: outliers do not count for the noise.
     pub counts: bool,
 }
 
 /// The residuals of all samples, by plane.
 pub(crate) type Residuals = Vec<Vec<Residual>>;
 
-/// Root mean square distance, in pixels, of those that count, or of all if none does.
+/// Root mean square distance, in pixels, of the residuals that count, or of all if none does.
 pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual> + Clone) -> f64 {
     let any_counts = residuals.clone().any(|residual| residual.counts);
     let (mut squares, mut count) = (0.0, 0.0);
@@ -38,12 +38,12 @@ pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual>
     (squares / f64::max(count, 1.0)).sqrt()
 }
 
-/// Distances of all samples; `None` where the lens is not invertible.
+/// Distances of all samples; `None` if the lens is not invertible at one.
 pub(crate) fn residuals<L: Lens>(planes: &[ObservedPlane], view: &View<L>) -> Option<Residuals> {
     residuals_near(planes, view, None)
 }
 
-/// The same by curves near the view, where there are any.
+/// `residuals` computed with curves near the view, if any.
 pub(super) fn residuals_near<L: Lens>(
     planes: &[ObservedPlane],
     view: &View<L>,
@@ -57,7 +57,7 @@ pub(super) fn residuals_near<L: Lens>(
     Some(all)
 }
 
-/// [`robust_scale`] of these.
+/// [`robust_scale`] of the residuals of a view.
 pub(super) fn scale_near<L: Lens>(
     planes: &[ObservedPlane],
     (view, unknowns): (&View<L>, usize),
@@ -72,8 +72,8 @@ pub(super) fn scale_near<L: Lens>(
     Some(bulk_scale(normalised, unknowns))
 }
 
-/// Gives all residuals in their order, each with the index of its plane; `None` where the lens is
-/// not invertible.
+/// Calls `give` with every residual, in order, and the index of its plane; `None` if the lens is
+/// not invertible at a sample.
 #[inline]
 fn for_each_residual<L: Lens>(
     planes: &[ObservedPlane],
@@ -118,8 +118,8 @@ fn for_each_residual<L: Lens>(
     Some(())
 }
 
-/// Distances of a side's samples to the image of the line that fits these alone best; `None` where
-/// the lens is not invertible.
+/// Distances of a side's samples to the image of the line fitted to these alone; `None` if the lens
+/// is not invertible at one.
 pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<Vec<Residual>> {
     let pixel_rays = side
         .samples
@@ -140,20 +140,21 @@ pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<V
     Some(pixel_rays.iter().zip(&side.samples).map(residual).collect())
 }
 
-/// Relative standard error of a scale from the median of so many absolute values, times the root of
-/// their number: it has 37 % of the efficiency of the root mean square.
+/// Relative standard error of a scale from the median of absolute values, times the square root of
+/// their number: the median has 37 % of the efficiency of the root mean square.
 const MEDIAN_ERROR: f64 = 1.16;
 
-/// The scale of the bulk of the residuals, in units of their given standard deviations, where so many
-/// unknowns were fitted to them.
+/// The scale of the bulk of the residuals, in units of their given standard deviations, after the
+/// fit of `unknowns` parameters.
 pub(crate) fn robust_scale(residuals: &Residuals, unknowns: usize) -> f64 {
     let counting = residuals.iter().flatten().filter(|r| r.counts);
     let normalised = counting.map(|r| r.distance * r.weight);
     bulk_scale(normalised.collect(), unknowns)
 }
 
-/// What a fit leaves is smaller than the noise: of few samples by so much that sound ones would be
-/// taken for outliers. Of many it is less than the scale's own error, and left.
+/// Robust scale, corrected for the fitted parameters: residuals are smaller than the noise, with
+/// few samples by so much that inliers would be taken for outliers. With many samples the
+/// correction is below the scale's own error, and omitted.
 fn bulk_scale(normalised: Vec<f64>, unknowns: usize) -> f64 {
     let count = normalised.len().max(1) as f64;
     let freedom = (count - unknowns as f64).max(1.0);

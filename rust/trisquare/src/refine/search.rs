@@ -1,5 +1,5 @@
-//! Joint maximum likelihood over the camera, its distortion and all planes, from edge samples:
-//! a search among some of them, and a finish on all.
+//! Joint maximum likelihood over the camera, its distortion and all planes, from edge samples: a
+//! search with some of them, and a finish with all.
 
 use super::edge_problem::EdgeProblem;
 use super::residuals::{
@@ -10,50 +10,51 @@ use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Limits, Loss, Problem, ResidualSpread, Termination, minimise};
 use crate::observations::{FreeParameters, ObservedPlane, View};
 
-/// Evaluations allowed to each round of one scale; from the linear start about six are used.
+/// Maximum number of evaluations per round of fixed scale; from the linear start about six are
+/// used.
 const MAX_ITERATIONS: usize = 100;
 
-/// Rounds of re-estimated scale and loss; the second usually changes next to nothing.
+/// Maximum number of rounds of re-estimated scale and loss; the second usually changes next to
+/// nothing.
 const MAX_ROUNDS: usize = 12;
 
-/// Fall of the cost, in units of the noise variance, below which a step is the last of the search:
-/// it is still taken, and what it leaves is second order. Among more than a few planes it is larger
-/// in proportion to them.
+/// Decrease of the cost, in units of the noise variance, below which a step of the search is the
+/// last: it is still taken, and the remaining error is of second order. For more than `FEW_PLANES`
+/// planes the threshold is proportional to their number.
 const LAST_DECREASE: f64 = 0.5;
 const FEW_PLANES: f64 = 48.0;
 
-/// Newton steps on all samples, from the optimum of some.
+/// Maximum number of Newton steps with all samples, from the optimum of some.
 const MAX_FINAL_STEPS: usize = 20;
 
-/// Predicted fall of the cost, in units of the noise variance, below which a Newton step is the
-/// last: what it leaves is its square.
+/// Predicted decrease of the cost, in units of the noise variance, below which a Newton step is the
+/// last: the remaining error is its square.
 const LAST_FINAL_DECREASE: f64 = 0.03;
 
-/// A scale that changes by less than this part no longer changes the answer: by a thousandth of a
-/// standard deviation.
+/// Relative change of the scale below which it no longer affects the result: it does so by a
+/// thousandth of a standard deviation.
 const FINAL_SCALE_TOLERANCE: f64 = 0.01;
 
-/// Changes of the scale allowed: one that still wanders then is two modes of one optimum.
+/// Maximum number of changes of the scale: if it still alternates, the optimum has two modes.
 const MAX_RESCALINGS: usize = 4;
 
-/// A relative increase of the cost that is rounding.
+/// Relative increase of the cost that may be rounding.
 const FINAL_ROUNDING: f64 = 1e-9;
 
-/// A scale that changes by less than this part no longer changes the weights.
+/// Relative change of the scale below which it no longer affects the weights.
 const SCALE_TOLERANCE: f64 = 0.1;
 
-/// The optimum, with what the covariance needs.
+/// The optimum, and the quantities needed for its covariance.
 #[derive(Clone)]
 pub(crate) struct Refined<L> {
     pub view: View<L>,
-    /// Normal equations at the optimum, in units of the noise, over the parameters that were
-    /// asked for.
+    /// Normal equations at the optimum, in units of the noise, over the requested parameters.
     pub system: ArrowSystem,
-    /// Turns the inverse of the weighted information into a covariance.
+    /// Factor from the inverse of the weighted information to a covariance.
     pub covariance_factor: f64,
-    /// Scale of the noise at which the normal equations were weighed.
+    /// Scale of the noise in the weights of the normal equations.
     pub scale: f64,
-    /// What the given standard deviations must be multiplied by.
+    /// Factor of the given standard deviations.
     pub noise_scale: f64,
     pub residuals: Residuals,
     pub iterations: usize,
@@ -89,7 +90,7 @@ impl<L: Lens> Refined<L> {
         }
     }
 
-    /// The linear steps' answer, with the spread of its residuals.
+    /// The result of the linear steps, with the spread of its residuals.
     pub fn of_linear(
         planes: &[ObservedPlane],
         free: &FreeParameters,
@@ -104,19 +105,19 @@ impl<L: Lens> Refined<L> {
     }
 }
 
-/// Samples that agree to this (px), root mean square, were computed and not measured: what is left
-/// is rounding, and says nothing of noise.
+/// Root mean square distance (px) below which samples were computed and not measured: the residuals
+/// are rounding errors, and give no estimate of the noise.
 const COMPUTED: f64 = 1e-5;
 
 impl<L: Lens> Refined<L> {
-    /// Whether nothing but rounding is left of the samples' distances.
+    /// Whether the samples' distances are only rounding errors.
     pub fn is_exact(&self) -> bool {
         let all = || self.residuals.iter().flatten();
         let squares: f64 = all().map(|r| r.distance * r.distance).sum();
         squares <= COMPUTED * COMPUTED * all().count() as f64
     }
 
-    /// Where a search from here would begin.
+    /// Start of a search from this optimum.
     pub fn as_start(&self) -> Search<L> {
         Search {
             view: self.view.clone(),
@@ -127,7 +128,8 @@ impl<L: Lens> Refined<L> {
     }
 }
 
-/// The cost of a view by samples and priors alone, and their normal equations.
+/// The cost of a view by samples and priors only, without the reach of the lens, and its normal
+/// equations.
 pub(crate) fn information<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -136,7 +138,8 @@ pub(crate) fn information<L: Lens>(
     EdgeProblem::new(planes, &free.without_reach(), scale).evaluate(view)
 }
 
-/// The normal equations of the samples at an optimum, over other parameters than it was found with.
+/// The normal equations of the samples at an optimum, over other parameters than those of its
+/// search.
 pub(crate) fn system_at<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -147,18 +150,18 @@ pub(crate) fn system_at<L: Lens>(
     Some(problem.evaluate(&optimum.view)?.1)
 }
 
-/// Where a search for the optimum ended.
+/// Result of a search for the optimum.
 #[derive(Clone)]
 pub(crate) struct Search<L> {
     pub view: View<L>,
-    /// Scale of the noise there.
+    /// Scale of the noise at the view.
     pub scale: f64,
     pub iterations: usize,
     pub termination: Termination,
 }
 
 impl<L> Search<L> {
-    /// The same if it has converged.
+    /// The search if it has converged.
     pub fn converged(self) -> Option<Self> {
         (self.termination == Termination::Converged).then_some(self)
     }
@@ -166,8 +169,8 @@ impl<L> Search<L> {
 
 /// Searches the optimum from a start; `None` if the lens is not invertible at a sample there.
 ///
-/// Rounds of fixed scale: Huber's loss first, which cannot lose the way, then Tukey's biweight
-/// until the scale converges.
+/// Rounds of fixed scale: Huber's loss first, which is convex, then Tukey's biweight until the
+/// scale converges.
 pub(crate) fn search<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -200,15 +203,15 @@ pub(crate) fn search<L: Lens>(
             break;
         }
     }
-    // A scale that still wanders after all rounds is two modes of the same optimum.
+    // A scale that still alternates after all rounds belongs to an optimum with two modes.
     Some(found)
 }
 
-/// Finishes a search on all samples, from the optimum of some of them.
+/// Finishes a search with all samples, from the optimum of some of them.
 ///
 /// A few Newton steps, until the scale of all residuals has converged; the normal equations are
-/// left over the parameters to be judged, which begin with the free ones. `None` if the steps do
-/// not converge: the start was no optimum.
+/// over the parameters to be judged, of which the free ones are the first. `None` if the steps do
+/// not converge: the start was not an optimum.
 pub(crate) fn finish<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -217,7 +220,7 @@ pub(crate) fn finish<L: Lens>(
 ) -> Option<Refined<L>> {
     let curves = SideCurves::of(planes, &start.view, start.scale);
     let near = finish_near(planes, (free, judged), &start, Some(&curves));
-    // Steps that lead far away from the curves may not converge by them.
+    // Steps far from the curves may not converge with them.
     match near {
         None if curves.has_any() => finish_near(planes, (free, judged), &start, None),
         near => near,
@@ -253,7 +256,7 @@ fn finish_near<L: Lens>(
         if !arrived && rescalings > 0 {
             continue;
         }
-        // The weights must not depend on where the search came from.
+        // The weights must not depend on the start of the search.
         let (next, residuals) = if arrived {
             let residuals = residuals_near(planes, &view, curves)?;
             (robust_scale(&residuals, unknowns), Some(residuals))

@@ -1,10 +1,10 @@
-//! The samples of a straight side beside a smooth curve: what they sum to, from a few nodes.
+//! The samples of a straight side relative to a smooth curve, and their sums from a few nodes.
 //!
-//! Along a side, the distance to the image of a line is a smooth function of the place, and so are
-//! its derivatives. They are computed at Chebyshev's nodes of a curve near the samples, and are
-//! between these the polynomial through the nodes. Across the curve, over the fractions of a pixel
-//! by which samples scatter, the distance grows linearly. A sample then costs a few
-//! multiplications, and its lens is asked only at the nodes.
+//! Along a side, the distance to the image of a line and its derivatives are smooth functions of
+//! the position. They are computed at the Chebyshev nodes of a curve near the samples, and
+//! interpolated by the polynomial through the nodes. Across the curve, over the fractions of a
+//! pixel by which samples scatter, the distance is linear. A sample then costs a few
+//! multiplications, and the lens is only evaluated at the nodes.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -14,32 +14,32 @@ use crate::lens::{Lens, LineImage, PixelLanes};
 use crate::numeric::{LANES, Loss, NODES, PolynomialSums, coefficients, polynomials};
 use crate::observations::{ObservedPlane, PlaneState, Side, View};
 
-/// Terms of the derivatives along a side: what is left of them turns a step by less than a part in a
-/// thousand, and moves no optimum.
+/// Number of polynomial terms of the derivatives along a side: the truncation changes the direction
+/// of a step by less than a part in a thousand, and does not move the optimum.
 const TERMS: usize = 7;
 
-/// Polynomials at each sample from which the products of two derivatives follow.
+/// Number of polynomials at each sample that determine the products of two derivatives.
 const MOMENTS: usize = 2 * TERMS - 1;
 
-/// Samples from which the nodes are worth their while.
+/// Minimum number of samples for which the nodes save work.
 const MIN_SAMPLES: usize = 3 * NODES;
 
-/// The last terms of the curve, and what its nodes miss the image of the line by, over the noise of
-/// the best sample: beyond, a polynomial does not describe the side.
+/// Maximum size of the curve's last terms, and of the nodes' distance from the image of the line,
+/// over the noise of the best sample: above it, a polynomial does not describe the side.
 const TRUNCATION: f64 = 0.01;
 
-/// Some samples beside the curve of their side.
+/// Some samples relative to the curve of their side.
 #[derive(Debug, Clone, Copy)]
 struct Samples {
-    /// Along the side, from -1 to 1.
+    /// Positions along the side, from -1 to 1.
     places: [f64; LANES],
-    /// Across the chord from the curve, pixels.
+    /// Distances from the curve, across the chord, pixels.
     beside: [f64; LANES],
-    /// One over the standard deviation; zero where there is no sample.
+    /// One over the standard deviation; zero for unused lanes.
     weights: [f64; LANES],
 }
 
-/// The samples of a side beside a curve.
+/// The samples of a side relative to a curve.
 #[derive(Debug, Clone)]
 pub(super) struct SideCurve {
     /// Pixels of the curve.
@@ -49,11 +49,11 @@ pub(super) struct SideCurve {
     samples: Vec<Samples>,
 }
 
-/// The curves of all sides, by plane; `None` of sides that have none.
+/// The curves of all sides, by plane; `None` for sides without one.
 pub(super) struct SideCurves(Vec<Vec<Option<SideCurve>>>);
 
 impl SideCurves {
-    /// Near where a view sees the lines, for noise of a scale.
+    /// Curves near the images of the lines in a view, for noise of a scale.
     pub fn of<L: Lens>(planes: &[ObservedPlane], view: &View<L>, scale: f64) -> Self {
         let own = |(plane, state): (&ObservedPlane, &PlaneState)| {
             let curve = |(f, side): (usize, &Side)| {
@@ -65,19 +65,19 @@ impl SideCurves {
         Self(planes.iter().zip(&view.planes).map(own).collect())
     }
 
-    /// Whether any side has one.
+    /// Whether any side has a curve.
     pub fn has_any(&self) -> bool {
         self.0.iter().flatten().any(Option::is_some)
     }
 
-    /// Of a plane's side, counted over its figures.
+    /// The curve of a plane's side, with sides counted over its figures.
     pub fn get(&self, plane: usize, side: usize) -> Option<&SideCurve> {
         self.0[plane][side].as_ref()
     }
 }
 
 impl SideCurve {
-    /// Near the image of a line, for noise of a scale.
+    /// The curve near the image of a line, for noise of a scale.
     fn of<L: Lens>(lens: &L, line: &Vector3<f64>, side: &Side, scale: f64) -> Option<Self> {
         if side.samples.len() < MIN_SAMPLES {
             return None;
@@ -107,8 +107,8 @@ impl SideCurve {
         })
     }
 
-    /// Sums over the samples at so many times their weights. `row` gives the derivatives of a
-    /// node's distance to the line, and the distance.
+    /// Sums over the samples, with their weights multiplied by `to_scale`. `row` returns the
+    /// derivatives of a node's distance to the line, and the distance.
     pub fn sums<L: Lens, const N: usize>(
         &self,
         (lens, line): (&L, &Vector3<f64>),
@@ -126,7 +126,7 @@ impl SideCurve {
         Some(self.sums_of(&rows, &cosines, (loss, to_scale)))
     }
 
-    /// The sums by the rows of the nodes, and by how their distances grow across the curve.
+    /// The sums, given the rows of the nodes and the slopes of their distances across the curve.
     fn sums_of<const N: usize>(
         &self,
         rows: &[[f64; N]; NODES],
@@ -163,8 +163,9 @@ impl SideCurve {
         LineSums { cost, products }
     }
 
-    /// Gives the distances of the samples to a line's image, and its unit normals there; after the
-    /// last sample some of none may follow. `None` where the lens is not invertible.
+    /// Calls `give` with the distances of the samples to a line's image, and its unit normals
+    /// there; a few calls for unused lanes may follow the last sample. `None` if the lens is not
+    /// invertible at a node.
     #[inline]
     pub fn for_each_distance<L: Lens>(
         &self,
@@ -181,7 +182,7 @@ impl SideCurve {
         let values = coefficients(&values);
         for samples in &self.samples {
             let terms = polynomials::<NODES>(&samples.places);
-            // One by one: who asks for no normal computes none.
+            // One by one: normals that a caller does not use are not computed.
             let at = |which: usize| {
                 let mut sums = [0.0; LANES];
                 for (values, terms) in values.iter().zip(&terms) {
@@ -201,8 +202,8 @@ impl SideCurve {
     }
 }
 
-/// The cost of samples, and their weighted sums, by polynomials of their distance to a line and of
-/// how that grows across the curve.
+/// The cost of samples and their weighted sums, from the polynomials of their distance to a line
+/// and of its slope across the curve.
 fn weighed(
     samples: &[Samples],
     (distances, cosines): (&[f64; NODES], &[f64; NODES]),

@@ -1,4 +1,4 @@
-//! All planes among which a choice is made, without their distortion.
+//! All planes to choose among, undistorted.
 
 use super::hypothesis::Hypothesis;
 use super::squareness::CandidatePlane;
@@ -8,13 +8,13 @@ use crate::linear::{Homographies, Undistortion};
 use crate::observations::ObservedPlane;
 use crate::solver::JointProblem;
 
-/// The planes that have homographies, and what these show.
+/// The planes that have homographies, and their properties.
 pub(crate) struct Pool<L> {
-    /// Mean square curvature of the sides where they are as straight as a lens can make them, in
-    /// units of their noise; at least 1.
+    /// Mean square curvature of the sides under the lens that makes them straightest, in units of
+    /// their noise; at least 1.
     pub bent: f64,
     pub undistortion: Undistortion<L>,
-    /// Their indices, ascending.
+    /// Indices of the planes, ascending.
     pub places: Vec<usize>,
     pub candidates: Vec<CandidatePlane>,
     /// In the order of `places`.
@@ -26,7 +26,7 @@ impl<L: Lens> Pool<L> {
         Self::by(Straightness::of(planes, problem), planes, problem)
     }
 
-    /// Through the lens that makes the sides so straight.
+    /// The pool under the lens of `straightness`.
     pub fn by(
         straightness: Straightness<L>,
         planes: &[ObservedPlane],
@@ -53,7 +53,7 @@ impl<L: Lens> Pool<L> {
         pool
     }
 
-    /// The same but for one plane.
+    /// The pool without one plane.
     pub fn without(&self, plane: usize) -> Self {
         let of_others = |i: &usize| self.places[*i] != plane;
         let rest: Vec<usize> = (0..self.places.len()).filter(of_others).collect();
@@ -76,7 +76,7 @@ impl<L: Lens> Pool<L> {
         )
     }
 
-    /// The planes that a hypothesis takes for squares.
+    /// The planes that are squares by a hypothesis.
     pub fn squares(&self, hypothesis: &Hypothesis) -> Vec<usize> {
         hypothesis.squares().map(|i| self.places[i]).collect()
     }

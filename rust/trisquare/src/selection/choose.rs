@@ -1,10 +1,10 @@
-//! Choosing among candidates: the largest set of squares that one camera explains.
+//! Choice among candidates: the largest set of squares that one camera explains.
 //!
-//! Where all candidates agree in one joint fit, all are kept, and nothing more is done. Otherwise
-//! cameras are hypothesised (every plausible focal length with the principal point at the image
-//! centre; and from pairs and triples of candidates, whatever camera they ask for), each is moved
-//! to where it explains most, and the one with the most evidence is taken. Its squares go through
-//! the joint fit, which drops what does not agree and takes back what does.
+//! If all candidates agree in one joint fit, all are kept. Otherwise cameras are hypothesised
+//! (every plausible focal length with the principal point at the image centre, and the cameras
+//! determined by pairs and triples of candidates), each is moved to where it explains most, and the
+//! one with the most evidence is used. Its squares go through the joint fit, which drops those that
+//! do not agree and restores those that do.
 
 use std::cell::{LazyCell, OnceCell};
 
@@ -22,19 +22,20 @@ use crate::observations::{Method, ObservedPlane, Options, PlaneEdges, has_grid, 
 use crate::refine::{Refined, Residual, residuals, root_mean_square};
 use crate::solver::{JointProblem, reject_outliers};
 
-/// No board that comes so near to the others' camera, px, is false: its paper is not as flat.
+/// Residual (px) under the boards' camera up to which a board is always kept: paper is not flatter
+/// than that.
 const BOARD_STICKS_OUT: f64 = 0.1;
 
-/// Samples of each side that the choice looks at: a false square shows in few.
+/// Number of samples per side used for the choice: they suffice to show a false square.
 const SAMPLES_PER_SIDE: usize = 16;
 
-/// Lenses by which the planes are looked at again: what is clearly wrong in the first is right in the
-/// third.
+/// Maximum number of times the choice is repeated with a better lens: a lens clearly wrong in the
+/// first round is right in the third.
 const MAX_LENSES: usize = 2;
 
 /// Chooses the largest set of planes that one camera sees as true squares.
 ///
-/// Three planes or fewer are all kept, as are planes that agree.
+/// Three planes or fewer are all kept, and so are planes that agree.
 ///
 /// ```
 /// use trisquare::{Calibration, Error, ImageSize, Options, PlaneEdges, calibrate, choose};
@@ -49,8 +50,8 @@ const MAX_LENSES: usize = 2;
 /// ```
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] and its like for bad edges or options. That no camera is found is no
-/// error: then nothing is dropped.
+/// [`Error::InvalidArgument`] or another error for bad edges or options. It is no error if no
+/// camera is found: nothing is dropped then.
 pub fn choose<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -94,13 +95,13 @@ pub fn choose<L: Lens>(
 
 struct Chooser<'a, L: Lens>(Inliers<'a, L>);
 
-/// The camera that boards show alone, taken for flat.
+/// The camera determined by the boards alone, under the assumption that they are flat.
 struct CameraOfBoards<L: Lens> {
     boards: Vec<usize>,
     refined: Refined<L>,
     /// Root mean square distance of each board's samples from its lines, px.
     distances: Vec<f64>,
-    /// The middle one of them.
+    /// Upper median of them.
     usual: f64,
 }
 
@@ -111,8 +112,8 @@ impl<L: Lens> CameraOfBoards<L> {
 }
 
 impl<L: Lens> Chooser<'_, L> {
-    /// Whether the one plane that a choice drops is found false, or bent on one side, by the fit of
-    /// all planes as well: that one names it, and may keep its other sides.
+    /// Whether the fit of all planes also rejects sides of the one plane that a choice drops: that
+    /// fit names them, and may keep its other sides.
     fn is_outlier_anyway(&self, choice: &Choice) -> bool {
         let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
         let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
@@ -122,10 +123,11 @@ impl<L: Lens> Chooser<'_, L> {
             .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
     }
 
-    /// What the camera of all planes leaves of their residuals, root mean square, if they agree (px).
+    /// Root mean square residual (px) under the camera of all planes, if they agree.
     fn all_agree(&self) -> Option<f64> {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
-        // Among many, some show what is wrong as well, and otherwise about which camera it is.
+        // Among many planes, a part of them shows a disagreement as well, and otherwise
+        // approximates the camera.
         let step = all.len().div_ceil(MAX_FITTED);
         let refined = if step > 1 {
             let some: Vec<usize> = all.iter().copied().step_by(step).collect();
@@ -150,7 +152,7 @@ impl<L: Lens> Chooser<'_, L> {
         (0..self.0.planes.len()).filter(is_board).collect()
     }
 
-    /// The camera that boards show alone, if they do.
+    /// The camera determined by the boards alone; `None` if they do not determine it.
     fn camera_of(&self, boards: Vec<usize>) -> Option<CameraOfBoards<L>> {
         if boards.len() < MIN_BOARDS {
             return None;
@@ -170,12 +172,12 @@ impl<L: Lens> Chooser<'_, L> {
         })
     }
 
-    /// What agrees with boards as well as these among themselves: a board is no chance find, and its
-    /// paper need not be as flat as its noise is small.
+    /// Keeps the planes that agree with the boards as well as these do with each other: a board is
+    /// not found by chance, and its paper need not be as flat as its noise is small.
     fn beside_boards(&self, camera: &CameraOfBoards<L>) -> Choice {
         let lens = &camera.refined.view.lens;
         let limit = STICKS_OUT * camera.usual;
-        // Beside bent ones anything would agree.
+        // With bent boards the limit would accept anything.
         let of_others = if camera.are_bent() { 0.0 } else { limit };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let (residual, limit) = match camera.boards.binary_search(&i) {
@@ -202,7 +204,7 @@ impl<L: Lens> Chooser<'_, L> {
         self.choice_in(MAX_LENSES)
     }
 
-    /// The choice once the lens is known as well as the planes tell it, tried so many times.
+    /// The choice with the lens improved up to `lenses` times from the planes fitted so far.
     fn choice_in(&self, lenses: usize) -> Option<Choice> {
         let (best, fits) = self.fits()?;
         let pool = (lenses > 0).then(|| self.0.pool_by_fits(&best, &fits));
@@ -217,7 +219,7 @@ impl<L: Lens> Chooser<'_, L> {
         again.choice_in(lenses - 1)
     }
 
-    /// The best hypothesis, and the joint fits that all lead to.
+    /// The best hypothesis, and the joint fits of all.
     fn fits(&self) -> Option<(Hypothesis, Vec<JointFit<L>>)> {
         let inliers = &self.0;
         let hypotheses = propose(inliers.problem, inliers.pool());
@@ -233,7 +235,7 @@ impl<L: Lens> Chooser<'_, L> {
         Some((best, fits))
     }
 
-    /// The joint fit that agrees and is worth most.
+    /// The choice of the joint fit that agrees and is worth most.
     fn best_of(&self, best: &Hypothesis, mut fits: Vec<JointFit<L>>) -> Choice {
         let inliers = &self.0;
         let order = |fit: &JointFit<L>| (inliers.agrees(fit), inliers.worth(fit));
@@ -263,7 +265,7 @@ impl<L: Lens> Chooser<'_, L> {
         }
     }
 
-    /// How far a plane's samples are from the best square that a camera allows.
+    /// Distance (px) of a plane's samples from the best square under a camera.
     fn residual(&self, plane: &ObservedPlane, lens: &L) -> Option<f64> {
         let view = self.0.placed(plane, lens)?;
         let residuals = residuals(std::slice::from_ref(plane), &view)?;
@@ -302,7 +304,7 @@ mod tests {
         (first, edges)
     }
 
-    /// Stretches a figure's image about its middle: no camera sees a square there.
+    /// Stretches a figure's image about its centre, so that no camera sees a square there.
     fn stretched(mut figure: PlaneEdges, by: f64) -> PlaneEdges {
         let all: Vec<Vector2<f64>> = figure.points.iter().flatten().copied().collect();
         let middle = all.iter().sum::<Vector2<f64>>() / all.len() as f64;
@@ -407,7 +409,7 @@ mod tests {
         let (scene, mut edges) = squares(8);
         for figure in &mut edges[..6] {
             for point in figure.points.iter_mut().flatten() {
-                // Samples in one place are refused: these are as near as numbers tell apart.
+                // Coincident samples are an error: these differ by next to rounding.
                 *point = Vector2::new(100.0, 100.0) + 1e-12 * *point;
             }
         }

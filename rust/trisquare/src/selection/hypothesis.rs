@@ -1,18 +1,19 @@
-//! What one camera makes of many four-sided things: which are squares, which rectangles, and how
-//! probable the whole is.
+//! Interpretation of many quadrilaterals by one camera: which are squares, which rectangles, and
+//! the probability of the whole.
 //!
 //! Every candidate is a square, a rectangle, or something else. A square's deviation is near zero
-//! in both numbers, a rectangle's in one (its sides are perpendicular), the rest are spread evenly.
-//! The evidence for a camera is the logarithm of how much better this explains all deviations than
-//! chance, integrated over the camera's neighbourhood (Laplace's method): a camera that is bent to
-//! suit a few squares pays for it. Windows in a wall are alike, so that one camera may make squares
-//! of all of them at once: things that stand alike count little more than one.
+//! in both numbers, a rectangle's in one (its sides are perpendicular), the rest are uniformly
+//! distributed. The evidence for a camera is the log likelihood ratio of this against chance over
+//! all deviations, integrated over the camera's neighbourhood (Laplace's method), which penalises a
+//! camera that is adapted to a few squares. Windows in a wall are alike, so that one camera may
+//! turn all of them into squares at once: candidates of the same orientation count little more than
+//! one.
 
 use nalgebra::{Matrix4, Vector2, Vector3};
 
 use super::squareness::{CandidatePlane, Deviation, Pinhole};
 
-/// What a candidate is to a camera.
+/// Class of a candidate under a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
     Square,
@@ -20,30 +21,30 @@ pub(crate) enum Shape {
     Other,
 }
 
-/// How common squares, rectangles, and other four-sided things are among what is found.
+/// Prior fractions of squares, rectangles, and other quadrilaterals among the candidates.
 const SHARES: [f64; 3] = [0.3, 0.5, 0.2];
 
-/// Density of a chance deviation: what passes for a quad spreads over so much of the cosine and of
-/// the logarithm of the sides' ratio.
+/// Ranges of the uniform distribution of a chance deviation: of the cosine and of the logarithm of
+/// the sides' ratio.
 const SPREADS: [f64; 2] = [1.0, 2.0];
 
-/// Things whose sides differ by less than this (radians) in direction stand alike.
+/// Difference in direction (radians) below which sides have the same orientation.
 const ALIKE: f64 = 0.06;
 
-/// What the second and every further one of things that stand alike counts for.
+/// Weight of the second and every further candidate of the same orientation.
 pub(crate) const ALIKE_SHARE: f64 = 0.15;
 
-/// Steps of a camera toward what it explains; six converge.
+/// Maximum number of steps of a camera; six converge.
 const MAX_STEPS: usize = 12;
 
-/// Largest step of the focal length's logarithm: the model is linear about so far.
+/// Maximum step of the logarithm of the focal length: the model is approximately linear up to it.
 const LONGEST_STEP: f64 = 0.3;
 
-/// A step below this, in standard deviations, is the last.
+/// Step, in standard deviations, below which the iteration ends.
 const SETTLED: f64 = 0.05;
 
-/// Where cameras are before anything is seen: independent, each of Student's distribution with two
-/// degrees of freedom, so that a cropped picture is improbable but not impossible.
+/// Prior of the camera: independent parameters, each with Student's distribution of two degrees of
+/// freedom, so that a cropped picture is improbable but not impossible.
 #[derive(Debug, Clone)]
 pub(crate) struct Prior {
     pub mean: Pinhole,
@@ -60,7 +61,7 @@ impl Prior {
         scaled.iter().map(|z| one(*z)).sum()
     }
 
-    /// The parabola's curvature through the distribution's top and the camera.
+    /// Curvature of the parabola about the mean that has the cost's gradient at the camera.
     fn information(&self, camera: &Pinhole) -> Matrix4<f64> {
         let scaled = (camera - self.mean).component_div(&self.std);
         let heavy = scaled.map(|z| (PRIOR_FREEDOM + 1.0) / (PRIOR_FREEDOM + z * z));
@@ -73,13 +74,13 @@ impl Prior {
     }
 }
 
-/// A camera with what it explains.
+/// A camera and its interpretation of the candidates.
 #[derive(Debug, Clone)]
 pub(crate) struct Hypothesis {
     pub camera: Pinhole,
     pub covariance: Matrix4<f64>,
     pub shapes: Vec<Shape>,
-    /// Logarithm of how much more probable it makes what was seen than chance.
+    /// Log likelihood ratio of the observations under the camera against chance.
     pub evidence: f64,
 }
 
@@ -89,10 +90,10 @@ impl Hypothesis {
         shapes.filter_map(|(i, shape)| (*shape == Shape::Square).then_some(i))
     }
 
-    /// What the camera explains once it has moved to where it explains it best; `None` where it
-    /// cannot be told.
+    /// The hypothesis after the camera has moved to its best explanation; `None` if it is not
+    /// determined.
     ///
-    /// `doubt` holds the standard deviations of the first guess.
+    /// `doubt` is the standard deviations of the first guess.
     pub fn converged(
         candidates: &[CandidatePlane],
         prior: &Prior,
@@ -135,7 +136,7 @@ impl Hypothesis {
         best
     }
 
-    /// The hypothesis by a camera of known covariance.
+    /// The hypothesis of a camera with known covariance.
     fn at(
         seen: &[Option<Deviation>],
         prior: &Prior,
@@ -172,7 +173,7 @@ impl Hypothesis {
     }
 }
 
-/// What a deviation shows, for a camera that is itself uncertain.
+/// The likeliest shape for a deviation, under an uncertain camera.
 fn shape(deviation: &Deviation, covariance: &Matrix4<f64>) -> Shape {
     let wrt_camera = &deviation.wrt_camera;
     best_gain(
@@ -182,7 +183,7 @@ fn shape(deviation: &Deviation, covariance: &Matrix4<f64>) -> Shape {
     .0
 }
 
-/// The likeliest shape, and the logarithm of how much likelier than chance it makes a deviation.
+/// The likeliest shape for a deviation, and its log likelihood ratio against chance.
 fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape, f64) {
     let covariance = deviation.covariance + further;
     let value = deviation.value;
@@ -196,7 +197,7 @@ fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape,
         best = (Shape::Rectangle, rectangle);
     }
     if deviation.has_any_aspect {
-        // All that it is to be; "square" is the name of what is looked for.
+        // Any aspect is accepted; "square" denotes the shape searched for.
         return match best.0 {
             Shape::Rectangle => (Shape::Square, best.1),
             _ => best,
@@ -213,7 +214,7 @@ fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape,
     best
 }
 
-/// Adds what a candidate of known shape tells of the camera.
+/// Adds the information of a candidate of known shape on the camera.
 fn add(deviation: &Deviation, shape: Shape, information: &mut Matrix4<f64>, pull: &mut Pinhole) {
     match shape {
         Shape::Square => {
@@ -233,7 +234,7 @@ fn add(deviation: &Deviation, shape: Shape, information: &mut Matrix4<f64>, pull
     }
 }
 
-/// Whether two things' sides have the same directions, in either order.
+/// Whether the sides of two candidates have the same directions, in either order.
 pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
     let same = |u: &Vector3<f64>, v: &Vector3<f64>| u.cross(v).norm() < ALIKE;
     same(&a[0], &b[0]) && same(&a[1], &b[1]) || same(&a[0], &b[1]) && same(&a[1], &b[0])

@@ -1,8 +1,9 @@
-//! Joint fits of candidates that agree with one another: which squares of a hypothesis, and which
-//! others with them.
+//! Joint fits of candidates that agree: subsets of a hypothesis' squares, and further candidates
+//! that agree with them.
 //!
-//! A joint fit costs as much as it has planes. What is tried one by one is tried among a few dozen,
-//! those that tell most of the camera; the camera that they agree on is then put to all at once.
+//! The cost of a joint fit grows with its planes. Trials one by one are limited to a few dozen
+//! planes that determine the camera best; the camera on which they agree is then applied to all
+//! planes.
 
 use std::cell::OnceCell;
 
@@ -24,73 +25,78 @@ use crate::refine::{Refined, search};
 use crate::solver::JointProblem;
 use crate::uncertainty::check_plane_count;
 
-/// Planes that a set of inliers has: of three, two cannot show which one is false.
+/// Minimum number of candidates for a set of inliers: with three, two cannot show which one is
+/// false.
 pub(crate) const MIN_CANDIDATES: usize = 4;
 
-/// A plane does not belong if it puts sides in the wrong place by so many times the variance of the
-/// noise, per degree of freedom, of which it has two: chance does it once in three thousand times.
+/// Threshold on a plane's misfit, the variance of its sides' displacements over that of the noise,
+/// per degree of freedom, above which the plane does not belong. With its two degrees of freedom
+/// chance exceeds it once in three thousand times.
 const FALSE_PLANE: f64 = 8.0;
 
-/// Excluded candidates whose squared deviation is below this are put to the joint fit.
+/// Squared deviation below which excluded candidates are tried in the joint fit.
 const WORTH_A_TRIAL: f64 = 60.0;
 
-/// How many at most.
+/// Maximum number of such trials.
 const MAX_TRIALS: usize = 12;
 
-/// Rounds in which those planes are dropped that are so many times farther off than the median one.
+/// Maximum number of rounds of trimming, and the ratio of a plane's distance to the median one
+/// above which a round drops the plane.
 const MAX_TRIMS: usize = 12;
 pub(crate) const STICKS_OUT: f64 = 2.5;
 
-/// Triples of a hypothesis' squares that are fitted where these do not agree: all of nine.
+/// Maximum number of triples of a hypothesis' squares that are fitted if these do not agree: all of
+/// nine.
 const MAX_SEEDS: usize = 84;
 
-/// Squares that are tried one by one; beyond, further ones hardly tell more of the camera.
+/// Maximum number of squares that are tried one by one; more hardly determine the camera better.
 pub(crate) const MAX_FITTED: usize = 32;
 
-/// One in so many of the planes that do not agree goes, where none sticks out among many.
+/// One in so many of the planes that do not agree is dropped per round, if none of many sticks out.
 const PART_DROPPED: usize = 8;
 
-/// Squares that are in all hypotheses, and left out in turn where no joint fit agrees.
+/// Maximum number of squares common to all hypotheses that are left out in turn if no joint fit
+/// agrees.
 const MAX_SHARED: usize = 3;
 
-/// By how much less evidence than the best a hypothesis may have that is followed up.
+/// Maximum difference in evidence to the best hypothesis for one to be considered.
 const CONSIDERED: f64 = 8.0;
 
-/// Logarithm of the odds below which another hypothesis is nearly as good.
+/// Log odds below which another hypothesis is nearly as good.
 pub(super) const CLOSE_RIVAL: f64 = 4.0;
 
-/// What a square that agrees speaks for a joint fit: what one of median precision has in evidence.
+/// Evidence of a square that agrees for a joint fit: the evidence of one with median precision.
 const SQUARE_EVIDENCE: f64 = 5.0;
 
-/// What the joint fit that a triple grows to is worth at most: all of it standing apart.
+/// Maximum worth of the joint fit grown from a triple: none of its planes alike.
 const MAX_WORTH_OF_SEED: f64 = SQUARE_EVIDENCE * (3 + MAX_TRIALS) as f64;
 
-/// Evidence that one hypothesis needs to stand out from chance, over that of no square at all.
+/// Minimum evidence of a hypothesis to stand out from chance, above that of no square at all.
 pub(super) const MIN_EVIDENCE: f64 = 8.0;
 
-/// Whether a joint fit has planes that can contradict each other.
+/// Whether a joint fit has enough planes to contradict each other.
 pub(super) fn is_triple<L>(fit: &JointFit<L>) -> bool {
     fit.members.len() + 1 >= MIN_CANDIDATES
 }
 
-/// What agrees is sought among these planes.
+/// Search for planes that agree.
 #[derive(Clone, Copy)]
 pub(crate) struct Inliers<'a, L: Lens> {
     pub problem: &'a JointProblem<'a, L>,
     pub planes: &'a [ObservedPlane],
-    /// Once it is asked for.
+    /// Created on first use.
     pub pool: &'a OnceCell<Pool<L>>,
 }
 
 impl<L: Lens> Inliers<'_, L> {
-    /// Whether the planes of a joint fit agree: all of them together and, where they are so many
-    /// that one false one would be lost among them, each by itself.
+    /// Whether the planes of a joint fit agree: all of them together and, if they are so many that
+    /// a false one would be lost among them, each separately.
     pub fn agrees(&self, fit: &JointFit<L>) -> bool {
         let agrees = |bent: f64| {
             let all = fit.members.len();
             fit.agrees(bent) && (all <= MAX_FITTED || Self::within(fit, bent).len() == all)
         };
-        // What agrees as if all sides were straight agrees in any case: then nothing else is asked.
+        // Agreement under the assumption of straight sides suffices; the pool is not computed then.
         agrees(1.0) || agrees(self.pool().bent)
     }
 
@@ -100,7 +106,8 @@ impl<L: Lens> Inliers<'_, L> {
             .get_or_init(|| Pool::of(self.planes, self.problem))
     }
 
-    /// The members of a joint fit that do not stick out of it, where sides are so much bent.
+    /// The members of a joint fit that do not stick out of it, given the mean square curvature of
+    /// sides.
     fn within(fit: &JointFit<L>, bent: f64) -> Vec<usize> {
         let limit = FALSE_PLANE * bent * fit.ordinary_misfit();
         let own = fit.members.iter().zip(&fit.own_misfits);
@@ -109,7 +116,7 @@ impl<L: Lens> Inliers<'_, L> {
             .collect()
     }
 
-    /// The joint fit of some planes, searched from a camera.
+    /// The joint fit of some planes, starting from a camera.
     fn fit(&self, members: &[usize], start: &Pinhole) -> Option<JointFit<L>> {
         let JointProblem {
             size,
@@ -133,7 +140,7 @@ impl<L: Lens> Inliers<'_, L> {
         Some(self.judged(members, &planes, refined))
     }
 
-    /// The joint fit of many planes, searched from a lens that some of them have shown.
+    /// The joint fit of many planes, starting from a lens determined by some of them.
     fn fit_of_many(&self, members: &[usize], lens: &L) -> Option<JointFit<L>> {
         check_plane_count(members.len(), &self.problem.free).ok()?;
         let planes = self.planes_of(members);
@@ -145,8 +152,8 @@ impl<L: Lens> Inliers<'_, L> {
         members.iter().map(|i| self.planes[*i].clone()).collect()
     }
 
-    /// Judges a joint fit: where its planes disagree, with what the pictures' tone curves may have
-    /// done to their edges taken out.
+    /// Evaluates a joint fit; if its planes disagree, after correction of their edges for the
+    /// effect of the pictures' tone curves.
     pub fn judged(
         &self,
         members: &[usize],
@@ -192,7 +199,7 @@ impl<L: Lens> Inliers<'_, L> {
         }
     }
 
-    /// The joint fits that the best of some hypotheses lead to.
+    /// The joint fits found from the best of some hypotheses.
     pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<JointFit<L>> {
         let mut fits = Vec::new();
         for hypothesis in hypotheses {
@@ -203,8 +210,8 @@ impl<L: Lens> Inliers<'_, L> {
         fits
     }
 
-    /// The joint fits that agree once a square is left out which is in all hypotheses: one that
-    /// is known so well as a board is in any, also where another camera saw it.
+    /// The joint fits that agree after leaving out a square common to all hypotheses: a plane known
+    /// as precisely as a board is in all of them, even if it was seen by another camera.
     pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<JointFit<L>> {
         let in_all = |plane: &usize| {
             let mut sets = found.iter().map(|one| self.pool().squares(one));
@@ -228,8 +235,9 @@ impl<L: Lens> Inliers<'_, L> {
         fits
     }
 
-    /// The joint fits of three planes that agree, with what else does, whatever the hypotheses make
-    /// of them: these know a wide lens too badly to tell its squares from other things.
+    /// The joint fits of three planes that agree, extended by further planes that agree, regardless
+    /// of the hypotheses: these approximate a wide lens too poorly to distinguish its squares from
+    /// other shapes.
     pub fn fits_of_triples(&self, best: &Hypothesis) -> Vec<JointFit<L>> {
         let known = self.problem.options.known_intrinsics(&self.problem.size);
         let mut fits = Vec::new();
@@ -251,7 +259,7 @@ impl<L: Lens> Inliers<'_, L> {
         fits
     }
 
-    /// The joint fits that a hypothesis leads to: of its squares, or of those that agree.
+    /// Adds the joint fits found from a hypothesis: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
         let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
@@ -280,7 +288,7 @@ impl<L: Lens> Inliers<'_, L> {
         }
     }
 
-    /// Keeps a joint fit with what else agrees, unless it is within another one.
+    /// Keeps a joint fit with all that agree with it, unless it is contained in another one.
     fn keep(&self, fit: JointFit<L>, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
         let is_known = |members: &[usize]| {
             let within = |known: &&JointFit<L>| members.iter().all(|i| known.members.contains(i));
@@ -295,14 +303,15 @@ impl<L: Lens> Inliers<'_, L> {
         }
     }
 
-    /// What speaks for a joint fit: squares that do not stand alike, and an ordinary camera.
+    /// Worth of a joint fit: the evidence of squares that do not stand alike, less the prior cost
+    /// of the camera.
     pub fn worth(&self, fit: &JointFit<L>) -> f64 {
         fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
-    /// The planes by the lens of the joint fit that makes all sides straightest, where straight sides
-    /// alone did not show the lens well: a fit knows its centre, too, which moves a fisheye's sides
-    /// far.
+    /// The pool under the lens of the joint fit that makes all sides straightest, if straight sides
+    /// alone did not determine the lens well: a fit also estimates its centre, which displaces a
+    /// fisheye's sides considerably.
     pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[JointFit<L>]) -> Option<Pool<L>> {
         let bent = self.pool().bent;
         if bent < CURVED && best.evidence >= MIN_EVIDENCE {
@@ -316,8 +325,8 @@ impl<L: Lens> Inliers<'_, L> {
         is_better.then(|| Pool::by(straightness, self.planes, self.problem))
     }
 
-    /// The squares of a hypothesis that tell most of its camera: of those that stand alike one
-    /// before the others, and what is known best before what is less certain.
+    /// The squares of a hypothesis that determine its camera best: one of those that stand alike
+    /// before the others, and in order of decreasing certainty.
     fn most_telling(&self, squares: Vec<usize>, hypothesis: &Hypothesis) -> Vec<usize> {
         if squares.len() <= MAX_FITTED {
             return squares;
@@ -351,7 +360,8 @@ impl<L: Lens> Inliers<'_, L> {
         first
     }
 
-    /// What agrees of a fit once the planes that stick out are dropped, if anything does.
+    /// The part of a fit that agrees after dropping the planes that stick out; `None` if there is
+    /// none.
     fn trimmed(&self, fit: &JointFit<L>) -> Option<JointFit<L>> {
         let mut rest = self.fit(&fit.members, &fit.camera)?;
         for _ in 0..MAX_TRIMS {
@@ -364,7 +374,7 @@ impl<L: Lens> Inliers<'_, L> {
             let within = distances.iter().filter(|(distance, _)| *distance <= limit);
             let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
             if members.len() == distances.len() {
-                // Nobody sticks out, but they do not agree: the farthest must go.
+                // No plane sticks out, but they do not agree: the farthest is dropped.
                 members.pop();
             }
             if members.len() + 1 < MIN_CANDIDATES {
@@ -376,8 +386,8 @@ impl<L: Lens> Inliers<'_, L> {
         None
     }
 
-    /// Takes back what agrees in the joint fit, the most promising first, up to as many as are
-    /// tried one by one.
+    /// Adds candidates that agree in the joint fit, the most promising first, up to the maximum
+    /// number of planes tried one by one.
     fn with_others(&self, mut fit: JointFit<L>, hypothesis: &Hypothesis) -> JointFit<L> {
         let mut others: Vec<(f64, usize)> = self
             .pool()
@@ -406,7 +416,7 @@ impl<L: Lens> Inliers<'_, L> {
         fit
     }
 
-    /// Where a plane lies best under a known lens.
+    /// The best pose of a plane under a known lens.
     pub fn placed(&self, plane: &ObservedPlane, lens: &L) -> Option<View<L>> {
         let options = Options {
             fixed: Fixed {
@@ -424,7 +434,7 @@ impl<L: Lens> Inliers<'_, L> {
         Some(search(one, &options.free_parameters(), start)?.view)
     }
 
-    /// Some planes, each where it lies best under a known lens; without those that it does not see.
+    /// Some planes with their best poses under a known lens, without those that it does not see.
     fn all_placed(&self, planes: &[usize], lens: &L) -> Option<JointFit<L>> {
         let place = |plane: &usize| {
             let state = self.placed(&self.planes[*plane], lens)?.planes.pop()?;
@@ -443,9 +453,10 @@ impl<L: Lens> Inliers<'_, L> {
         Some(self.judged(&members, &planes, refined))
     }
 
-    /// A joint fit with all that agrees, where there are too many to be tried one by one.
+    /// Extends a joint fit by all planes that agree, if there are too many to be tried one by one.
     ///
-    /// What dozens of planes agree on shows of every other one by itself whether it is a square.
+    /// The camera on which dozens of planes agree shows separately for each other plane whether it
+    /// is a square.
     pub fn completed(&self, fit: JointFit<L>) -> JointFit<L> {
         if self.pool().places.len() <= MAX_FITTED {
             return fit;

@@ -1,4 +1,4 @@
-//! The joint fit of some of the candidates, and whether they agree.
+//! Joint fit of some of the candidates, and whether they agree.
 
 use nalgebra::Vector3;
 
@@ -9,18 +9,19 @@ use crate::noise::Misfit;
 use crate::numeric::upper_median;
 use crate::refine::{Refined, root_mean_square};
 
-/// A joint fit agrees if its sides are in the wrong place, and bent, by less than so many times the
-/// variance of the curvature that no lens takes out: paper that is not flat does both.
+/// Threshold on the displacements and on the curvature of a joint fit's sides, in units of the
+/// curvature's variance that no lens removes: paper that is not flat causes both.
 const AGREED: f64 = 2.0;
 
-/// Mean square curvature of straight sides, in units of their noise, is 1; less than this it is where
-/// the noise is no noise.
+/// Minimum mean square curvature, in units of the noise: it is 1 for straight sides, and lower
+/// where the assumed noise is not noise.
 const MIN_CURVED: f64 = 0.25;
 
-/// Standard deviations of chance that are allowed beyond what is expected.
+/// Number of standard deviations of chance allowed above the expectation.
 const CHANCE: f64 = 4.0;
 
-/// Median of what chance makes of one square, whose sides have two degrees of freedom in place.
+/// Median of the misfit by chance of one square, whose sides have two degrees of freedom in
+/// position.
 const MEDIAN_OF_CHANCE: f64 = std::f64::consts::LN_2;
 
 /// The joint fit of some planes.
@@ -30,14 +31,13 @@ pub(crate) struct JointFit<L> {
     pub camera: Pinhole,
     pub refined: Refined<L>,
     pub misfit: Misfit,
-    /// By how much every member puts its sides in the wrong place, per degree of freedom and in
-    /// units of the noise.
+    /// Displacement of every member's sides, per degree of freedom and in units of the noise.
     pub own_misfits: Vec<f64>,
 }
 
 impl<L: Lens> JointFit<L> {
-    /// Whether its sides lie where they should, and are straight, but for the noise and for what
-    /// bends them anyway.
+    /// Whether its sides are in place and straight, up to the noise and to the curvature `bent`
+    /// that no lens removes.
     pub fn agrees(&self, bent: f64) -> bool {
         let within = |sum: f64, freedom: f64| {
             let limit = AGREED.max(1.0 + CHANCE * (2.0 / freedom).sqrt());
@@ -48,21 +48,20 @@ impl<L: Lens> JointFit<L> {
             && within(misfit.curved, misfit.curved_freedom)
     }
 
-    /// Whether its residuals are its sides' noise: a fit that has run away leaves so much that nothing
-    /// stands out.
+    /// Whether its residuals are the noise of its sides: a divergent fit leaves so much that no
+    /// plane sticks out.
     pub fn is_settled(&self) -> bool {
         let misfit = &self.misfit;
         self.refined.is_exact() || misfit.curved > MIN_CURVED * misfit.curved_freedom
     }
 
-    /// By how much an ordinary member puts its sides in the wrong place: more than noise alone, at
-    /// least 1, where paper is not flat.
+    /// Typical misfit of a member, at least 1: it exceeds that of noise alone if paper is not flat.
     pub fn ordinary_misfit(&self) -> f64 {
         let median = upper_median(self.own_misfits.clone());
         median.map_or(1.0, |median| (median / MEDIAN_OF_CHANCE).max(1.0))
     }
 
-    /// The number of members, of which those that stand alike count as little more than one.
+    /// The number of members, in which further ones that stand alike have a low weight.
     pub fn standing_apart(&self) -> f64 {
         let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
         let mut number = 0.0;
@@ -75,14 +74,15 @@ impl<L: Lens> JointFit<L> {
         number
     }
 
-    /// By how much further planes put sides in the wrong place, per degree of freedom.
+    /// Misfit added by further planes, per degree of freedom.
     pub fn strain(&self, more: &Self) -> f64 {
         let (before, after) = (&self.misfit, &more.misfit);
         let freedom = (after.straight_freedom - before.straight_freedom).max(1.0);
         (after.straight - before.straight) / freedom
     }
 
-    /// How far the samples of every member are from its lines, root mean square, px.
+    /// Root mean square distance of every member's samples from its lines, px, with the member's
+    /// index.
     pub fn distances(&self) -> Vec<(f64, usize)> {
         let own = self.refined.residuals.iter();
         let distances = own.map(|own| root_mean_square(own.iter()));

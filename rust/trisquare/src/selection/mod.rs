@@ -1,4 +1,4 @@
-//! Which candidates are squares that one camera sees.
+//! Choice of the candidates that are squares seen by one camera.
 
 mod candidates;
 mod choose;

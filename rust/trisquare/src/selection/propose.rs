@@ -1,5 +1,4 @@
-//! Cameras that may explain candidates, before any is known to be a square, and what they make of
-//! them.
+//! Hypotheses of cameras for the candidates, before any of these is known to be a square.
 
 use nalgebra::Matrix3;
 
@@ -14,32 +13,33 @@ use crate::linear::Homographies;
 use crate::observations::Options;
 use crate::solver::JointProblem;
 
-/// Focal lengths tried, over half the image diagonal, and how many: neighbours differ by 8 %.
+/// Range of focal lengths tried, over half the image diagonal, and their number: neighbours differ
+/// by 8 %.
 const FOCAL_LENGTHS: (f64, f64) = (0.4, 18.0);
 const FOCAL_STEPS: usize = 48;
 
-/// Explanations that are kept.
+/// Maximum number of hypotheses that are kept.
 const MAX_HYPOTHESES: usize = 4;
 
-/// Of more candidates, every hypothesis is first weighed by so many, evenly chosen: they show which
-/// cameras are worth weighing by all.
+/// Number of candidates, evenly chosen, by which every hypothesis is weighed first if there are
+/// more: they show which cameras are worth weighing by all.
 const MAX_WEIGHED: usize = 64;
 
-/// What the prior knows of cameras: focal length (its logarithm), aspect, and principal point over
-/// half the diagonal. Nearly all pixels are square and principal points near the centre; of the
-/// focal length nothing is known but its order.
+/// Prior standard deviations of the camera: focal length (its logarithm), aspect, and principal
+/// point over half the diagonal. Nearly all pixels are square and principal points near the centre;
+/// of the focal length only the order of magnitude is known.
 const PRIOR_STD: [f64; 4] = [1.0, 0.01, 0.03, 0.03];
 
 /// Logarithm of an ordinary focal length, over half the diagonal: a 40 mm lens on 36 x 24 mm.
 const ORDINARY_FOCAL: f64 = 0.6;
 
-/// Standard deviation of a parameter that is held.
+/// Standard deviation of a fixed parameter.
 const HELD: f64 = 1e-6;
 
-/// Doubt about the logarithm of a hypothesised focal length.
+/// Standard deviation of the logarithm of a hypothesised focal length.
 pub(crate) const FOCAL_DOUBT: f64 = 0.04;
 
-/// What is known of the camera beforehand.
+/// Prior of the camera.
 pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
     let Options { fixed, initial, .. } = *problem.options;
     let mut mean = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0);
@@ -63,7 +63,7 @@ pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
     Prior { mean, std }
 }
 
-/// All that cameras make of the candidates, from the most evidence to the least.
+/// The hypotheses of all cameras, in order of decreasing evidence.
 pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) -> Vec<Hypothesis> {
     let prior = prior(problem);
     let mut doubt = prior.std;
@@ -83,7 +83,7 @@ pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) ->
     explained(all, best.into_iter().map(|found| found.camera).collect())
 }
 
-/// The hypotheses with the most evidence, of those that take the same squares only one.
+/// The hypotheses with the most evidence, one for each set of squares.
 fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let mut different: Vec<Hypothesis> = Vec::new();
@@ -101,8 +101,8 @@ fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     different
 }
 
-/// Cameras that may explain candidates: every plausible focal length, and what pairs and triples of
-/// candidates ask for.
+/// Cameras that may explain candidates: every plausible focal length, and the cameras determined by
+/// pairs and triples of candidates.
 fn candidate_cameras<L: Lens>(
     problem: &JointProblem<'_, L>,
     pool: &Pool<L>,

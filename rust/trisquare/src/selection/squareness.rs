@@ -1,10 +1,10 @@
-//! How far a figure is from a square, as a given camera sees it: two numbers, and how well its
-//! edges determine them.
+//! Deviation of a figure from a square under a given camera: two numbers, and their covariance by
+//! the figure's edges.
 //!
 //! A square's homography has columns that the camera turns into perpendicular vectors of equal
-//! length (Hartley & Zisserman, 2nd ed., section 8.5). What deviates from that, the cosine between
-//! them and the logarithm of their ratio, is what remains of the eight numbers of four lines once
-//! the six of a pose are taken out.
+//! length (Hartley & Zisserman, 2nd ed., section 8.5). The deviations, the cosine between them and
+//! the logarithm of their ratio, are what remains of the eight parameters of four lines after the
+//! six of a pose.
 
 use nalgebra::{Matrix2, Matrix2x4, SMatrix, SVector, Vector2, Vector3, Vector4};
 
@@ -15,15 +15,16 @@ use crate::lens::Lens;
 use crate::linear::{Undistortion, homography_of_figure};
 use crate::observations::ObservedPlane;
 
-/// Displacement of a whole side that is always allowed for (px): a distortion that is known from
-/// straightness alone, about a centre that is not, moves a side so far.
+/// Standard deviation of a displacement of a whole side (px): the error of a distortion estimated
+/// from straightness alone, about an uncertain centre.
 const SIDE_ERROR: f64 = 0.1;
 
-/// The same for the deviation itself: paper is cut, and squares are printed, this well.
+/// Standard deviation of the deviation itself: accuracy with which paper is cut and squares are
+/// printed.
 const MIN_DEVIATION: f64 = 0.003;
 
-/// How far the centre of distortion may be from where it is taken to be, over half the diagonal:
-/// the principal points of ordinary cameras scatter so far about the image centre.
+/// Standard deviation of the assumed centre of distortion, over half the diagonal: the scatter of
+/// ordinary cameras' principal points about the image centre.
 const CENTRE_ERROR: f64 = 0.03;
 
 /// Step of a numerical derivative, over half the diagonal.
@@ -33,32 +34,34 @@ const STEP: f64 = 1e-3;
 /// the focal length and of the aspect `fy / fx`, and the principal point.
 pub(crate) type Pinhole = Vector4<f64>;
 
-/// A plane's first figure, without its distortion.
+/// A plane's first figure, undistorted.
 #[derive(Clone)]
 pub(crate) struct CandidatePlane {
     /// The first two columns of its homography.
     columns: [Vector3<f64>; 2],
     /// Their covariance.
     covariance: SMatrix<f64, 6, 6>,
-    /// Standard deviation of the deviation that no edge of its own tells.
+    /// Standard deviation of the deviation from causes other than its edges.
     floor: f64,
-    /// Whether it is to be a rectangle of any aspect: then only the cosine is a deviation.
+    /// Whether a rectangle of any aspect is expected: only the cosine is a deviation then.
     has_any_aspect: bool,
 }
 
-/// What a camera makes of a candidate.
+/// Deviation of a candidate under a camera.
 pub(crate) struct Deviation {
-    /// Cosine between the sides, logarithm of their ratio.
+    /// Cosine between the sides, and logarithm of their ratio.
     pub value: Vector2<f64>,
     pub covariance: Matrix2<f64>,
     pub wrt_camera: Matrix2x4<f64>,
-    /// Whether the ratio of the sides says nothing.
+    /// Whether the ratio of the sides is uninformative.
     pub has_any_aspect: bool,
     /// Directions of the sides in the camera's frame, not quite perpendicular.
     pub directions: [Vector3<f64>; 2],
 }
 
 impl CandidatePlane {
+    /// The undistorted first figure of a plane.
+    ///
     /// # Errors
     /// If the figure has no homography.
     pub fn of<L: Lens>(
@@ -104,7 +107,7 @@ impl CandidatePlane {
             let bent = ideal.iter().map(|p| line.distance(p).powi(2)).sum::<f64>() / count;
             let variance = bent + (SIDE_ERROR / unit).powi(2);
             for pixel in &ideal {
-                // A change of the homography moves the line's image by -H^-T dH^T l.
+                // A change of the homography changes the line's image by -H^-T dH^T l.
                 let there = inverse * pixel.push(1.0);
                 let gradient = SVector::<f64, 9>::from_fn(|i, _| image[i % 3] * there[i / 3]);
                 information.ger(1.0 / (count * variance), &gradient, &gradient, 1.0);
@@ -112,7 +115,7 @@ impl CandidatePlane {
             middle += ideal.iter().sum::<Vector2<f64>>() / count;
         }
         middle /= figure.sides.len() as f64;
-        // The homography's scale is open, and changes no deviation.
+        // The homography's scale is undetermined, and changes no deviation.
         let scale = SVector::<f64, 9>::from_iterator(normalised.iter().copied());
         information.ger(information.trace(), &scale, &scale, 1.0);
         let covariance = information
@@ -130,7 +133,7 @@ impl CandidatePlane {
         })
     }
 
-    /// The deviation from a square as a camera sees it; `None` where it is no number.
+    /// The deviation from a square under a camera; `None` if it is not finite.
     pub fn deviation(&self, camera: &Pinhole) -> Option<Deviation> {
         let fx = camera[0].exp();
         let fy = fx * camera[1].exp();
@@ -184,7 +187,7 @@ impl CandidatePlane {
     }
 }
 
-/// By how much the distortion stretches a small figure more along the radius than across it.
+/// Excess of the distortion's radial stretch of a small figure over its tangential stretch.
 fn anisotropy<L: Lens>(undistortion: &Undistortion<L>, size: ImageSize, rho: f64) -> f64 {
     let Undistortion::Straightened(straightening) = undistortion else {
         return 0.0;

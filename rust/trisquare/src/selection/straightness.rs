@@ -1,8 +1,8 @@
-//! The lens that makes the sides of candidates straight, and how straight it makes them.
+//! The lens that makes the sides of candidates straightest, and the remaining curvature.
 //!
-//! The sides of false squares are straight, too, so that one lens suits all that one camera saw. A
-//! board in a picture of a picture was seen by another one: no lens makes all sides straight then,
-//! and what half of the planes agree on is taken.
+//! The sides of false squares are straight, too, so that one lens fits all that one camera saw. A
+//! board in a picture of a picture was seen by another camera: no lens makes all sides straight
+//! then, and the lens on which half of the planes agree is used.
 
 use nalgebra::Vector2;
 
@@ -15,18 +15,18 @@ use crate::observations::{ObservedPlane, Sample, Side};
 use crate::refine::{Residual, Residuals, robust_scale, straightness_residuals};
 use crate::solver::JointProblem;
 
-/// Mean square curvature, in units of the noise, from which lenses of some planes are tried: that
-/// of paper which is clearly not flat, or of two cameras.
+/// Mean square curvature, in units of the noise, above which lenses of some planes are tried: that
+/// of clearly uneven paper, or of two cameras.
 pub(super) const CURVED: f64 = 2.0;
 
-/// Triples of planes whose lens is tried: all of six, of which half are right.
+/// Maximum number of triples of planes whose lens is tried: all of six, of which half are right.
 const MAX_TRIPLES: usize = 20;
 
-/// A lens of some planes is taken if the straighter half of all are so many times straighter with
-/// it, in variance: of bent papers the straightest happen to be twice or three times so.
+/// Minimum improvement of the straighter half's curvature, in variance, for a lens of some planes
+/// to be used: for bent papers the straightest triple improves it by chance two- or threefold.
 const CLEARLY_STRAIGHTER: f64 = 4.0;
 
-/// A lens, and how straight it makes the sides that it concerns.
+/// A lens, and the curvature of the sides under it.
 pub(crate) struct Straightness<L> {
     pub undistortion: Undistortion<L>,
     /// Mean square curvature of the sides, in units of their noise; at least 1.
@@ -68,7 +68,7 @@ impl<L: Lens> Straightness<L> {
         }
     }
 
-    /// That of a known lens; `None` where it does not see all sides.
+    /// Curvature under a known lens; `None` if it does not see all sides.
     pub fn by_lens(planes: &[ObservedPlane], lens: L) -> Option<Self> {
         let found = Straightened::of(planes, Undistortion::Known(lens));
         (!found.misfits.is_empty()).then(|| Self {
@@ -86,10 +86,10 @@ fn undistortion<L: Lens>(
         .unwrap_or_else(|_| Undistortion::Straightened(Straightening::identity(problem.size)))
 }
 
-/// Planes seen without the distortion of a lens.
+/// Planes undistorted by a lens.
 struct Straightened<L> {
     undistortion: Undistortion<L>,
-    /// Of every plane; empty where the lens cannot map them all.
+    /// Misfit of every plane; empty if the lens cannot map them all.
     misfits: Vec<Misfit>,
 }
 
@@ -114,7 +114,7 @@ impl<L: Lens> Straightened<L> {
         }
     }
 
-    /// Mean square curvature, at least 1, of the planes for which it is at most so much.
+    /// Mean square curvature, at least 1, of the planes for which it is at most `limit`.
     fn mean_below(&self, limit: f64) -> f64 {
         let (mut curved, mut freedom) = (0.0, 0.0);
         for misfit in self.misfits.iter().filter(|m| curvature(m) <= limit) {
@@ -124,7 +124,7 @@ impl<L: Lens> Straightened<L> {
         f64::max(curved / f64::max(freedom, 1.0), 1.0)
     }
 
-    /// Mean square curvature, at least 1, that half of the planes do not exceed.
+    /// Lower median over the planes of the mean square curvature, at least 1.
     fn straighter_half(&self) -> f64 {
         let mut all: Vec<f64> = self.misfits.iter().map(curvature).collect();
         all.sort_by(f64::total_cmp);
@@ -138,8 +138,8 @@ fn curvature(misfit: &Misfit) -> f64 {
     misfit.curved / misfit.curved_freedom.max(1.0)
 }
 
-/// A side's distances from its line: in the picture where the lens is known, otherwise in the
-/// undistorted one, which wide lenses do not have.
+/// A side's distances from its line: in the picture if the lens is known, otherwise in the
+/// undistorted one, which does not exist for wide lenses.
 fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec<Residual>> {
     if let Undistortion::Known(lens) = undistortion {
         return straightness_residuals(lens, side);

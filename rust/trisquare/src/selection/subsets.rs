@@ -1,12 +1,12 @@
-//! Pairs and triples of candidates, evenly chosen where there are many.
+//! Pairs and triples of candidates, evenly chosen if there are many.
 
-/// Pairs and triples of candidates that are asked for their camera.
+/// Maximum number of pairs and triples of candidates whose camera is computed.
 const MAX_SUBSETS: usize = 160;
 
-/// Of more candidates, only so many are combined.
+/// Maximum number of candidates that are combined.
 const MAX_COMBINED: usize = 24;
 
-/// Pairs and triples of so many things, evenly chosen.
+/// Pairs and triples of `count` candidates, evenly chosen.
 pub(super) fn subsets(count: usize) -> Vec<Vec<usize>> {
     let things: Vec<usize> = (0..count)
         .step_by(count.div_ceil(MAX_COMBINED).max(1))
@@ -22,7 +22,7 @@ pub(super) fn subsets(count: usize) -> Vec<Vec<usize>> {
     all.into_iter().step_by(step).collect()
 }
 
-/// Triples of some things, evenly chosen where there are more.
+/// Triples of candidates, evenly chosen if there are more than `most`.
 pub(super) fn triples(things: &[usize], most: usize) -> Vec<[usize; 3]> {
     let mut all = Vec::new();
     for (i, a) in things.iter().enumerate().take(MAX_COMBINED) {

@@ -1,4 +1,4 @@
-//! What a choice among candidates returns, and why it may be wrong.
+//! Result of a choice among candidates, and reasons to doubt it.
 
 use super::hypothesis::Hypothesis;
 use super::inliers::{CLOSE_RIVAL, Inliers, MAX_FITTED, MIN_EVIDENCE};
@@ -6,68 +6,71 @@ use super::joint_fit::JointFit;
 use crate::lens::Lens;
 use crate::observations::{ObservedPlane, PlaneEdges};
 
-/// Boards that show a camera and their own errors: more than half of them are then right.
+/// Minimum number of boards that determine a camera and their own errors: more than half of them
+/// are right then.
 pub(crate) const MIN_BOARDS: usize = 3;
 
-/// Cameras whose focal lengths differ by more than this part are different hypotheses.
+/// Relative difference of focal lengths above which cameras are different hypotheses.
 const DIFFERENT_FOCAL: f64 = 0.02;
 
-/// Of more candidates than are tried one by one, a smaller part that agrees is doubted.
+/// Fraction of the candidates below which agreement is doubted, if there are more than are tried
+/// one by one.
 const MINORITY: f64 = 0.5;
 
-/// An aspect, and a principal point (over half the diagonal), this far from the ordinary are
-/// plausible for no ordinary picture: 4 standard deviations of those in use.
+/// Deviations of the aspect, and of the principal point (over half the diagonal), from the ordinary
+/// above which a picture is implausible: 4 standard deviations of those in use.
 const ODD_ASPECT: f64 = 0.03;
 const ODD_CENTRE: f64 = 0.12;
 
-/// What was chosen.
+/// Result of a choice.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Choice {
     /// One for each plane, in the order of the planes' first figures.
     pub verdicts: Vec<Verdict>,
-    /// Root mean square distance of the samples from the squares of the camera that explains those
-    /// planes that agree (px); `None` where none was found, or sought among three planes or fewer.
+    /// Root mean square distance of the samples from the squares of the camera that explains the
+    /// planes that agree (px); `None` if there is none, or if none was searched among three planes
+    /// or fewer.
     pub residual: Option<f64>,
-    /// Why the choice may be wrong, if so.
+    /// Reason for which the choice may be wrong, if any.
     pub doubt: Option<Doubt>,
 }
 
-/// What became of a candidate plane.
+/// Verdict on a candidate plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Verdict {
     /// Index of its first figure.
     pub figure: usize,
-    /// Whether it is a square to the camera that was found.
+    /// Whether it is a square under the camera found.
     pub kept: bool,
-    /// Root mean square distance of its samples from the best square that the camera allows (px),
-    /// of what was not kept.
+    /// Root mean square distance of its samples from the best square under the camera (px), if it
+    /// was not kept.
     pub residual: Option<f64>,
 }
 
-/// Why a choice may be wrong.
+/// Reason for which a choice may be wrong.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Doubt {
-    /// Another camera makes squares of others.
+    /// Under another camera other candidates are squares.
     #[error(
         "another choice of squares is nearly as good: {squares} of them and a focal length of \
          {focal:.0} px"
     )]
     Rival {
-        /// How many squares it has.
+        /// Number of its squares.
         squares: usize,
         /// Its focal length, px.
         focal: f64,
     },
-    /// What agrees may do so by chance.
+    /// The agreement may be due to chance.
     #[error("so few planes agree that it may be chance")]
     Chance,
-    /// Of many candidates too few agree: a camera makes squares of some of them by chance.
+    /// Too few of many candidates agree: under some camera a few are squares by chance.
     #[error("fewer than half of the candidates agree, and so many may agree by chance")]
     Minority,
-    /// The camera is no ordinary one.
+    /// The camera is unusual.
     #[error(
         "they imply an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
          the image centre"
@@ -81,7 +84,7 @@ pub enum Doubt {
 }
 
 impl Choice {
-    /// Drops, of the figures among which was chosen, those on planes that are not kept, and the
+    /// Removes the figures on planes that are not kept from those among which was chosen, and the
     /// relations to them.
     pub fn keep(&self, edges: &mut Vec<PlaneEdges>) {
         let dropped = self.verdicts.iter().filter(|verdict| !verdict.kept);
@@ -102,7 +105,7 @@ impl Choice {
                 .next()
                 .is_some_and(|i| kept.binary_search(&i).is_ok())
         });
-        // Relations name figures by their places.
+        // Relations refer to figures by index.
         for figure in edges {
             let relations = figure.relations.iter();
             figure.relations = relations
@@ -126,7 +129,7 @@ impl Choice {
     }
 }
 
-/// That a choice has a rival, comes about by chance, or asks for an odd camera.
+/// Doubt of a choice that has a rival, may be due to chance, or implies an unusual camera.
 pub(crate) fn doubt_of_choice<L: Lens>(
     inliers: &Inliers<'_, L>,
     best: &Hypothesis,
@@ -148,7 +151,7 @@ pub(crate) fn doubt_of_choice<L: Lens>(
         });
     }
     let unknowns = problem.options.known_intrinsics(&problem.size).unknowns();
-    // Two equations each: where no more are left than unknowns, any squares agree.
+    // Two equations per square: if no more than unknowns are left, any squares agree.
     let exact =
         !problem.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
     let candidates = inliers.planes.len();
@@ -165,8 +168,8 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     (odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
 }
 
-/// That as many others as boards show another camera as well: the boards may be those of a picture
-/// in the picture.
+/// Doubt if at least `MIN_BOARDS` rejected planes determine another camera as well: the boards may
+/// be in a picture within the picture.
 pub(crate) fn doubt_of_boards<L: Lens>(
     inliers: &Inliers<'_, L>,
     rejected: &[usize],

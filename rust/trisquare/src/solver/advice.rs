@@ -1,4 +1,4 @@
-//! What would help where the geometry of an optimum cannot answer: the solver is asked again.
+//! Remedies for a geometry that does not determine the camera, verified by further solutions.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -10,14 +10,14 @@ use crate::observations::{Fixed, ObservedPlane, Options};
 use crate::refine::Refined;
 use crate::uncertainty::{MARGIN, add_remedies};
 
-/// Principal points for each of which holding it must help, in parts of the picture's width from
-/// where it is held so far: nobody knows yet what value the user will find. Most cameras have
-/// theirs so near the image centre.
+/// Principal points for each of which fixing it must help, as fractions of the picture's width from
+/// its current value: the value that the user will find is unknown yet. Those of most cameras are
+/// this near to the image centre.
 const PRINCIPAL_POINTS: [(f64, f64); 4] =
     [(0.0, 0.0), (0.015, 0.0), (-0.01, 0.01), (-0.005, -0.015)];
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// The error of a failure of some planes; a weak geometry is told with what would help.
+    /// The error of a failure of some planes; that of a weak geometry includes remedies.
     pub fn advised(&self, planes: &[ObservedPlane], failure: Failure<L>) -> Error {
         let found = match failure {
             Failure::IllConditioned(found) => found,
@@ -38,8 +38,8 @@ impl<L: Lens> JointProblem<'_, L> {
         Error::IllConditioned(Box::new(ill_conditioning))
     }
 
-    /// What is held of the camera matrix, where no search ends with it: the focal lengths or the
-    /// principal point, if the planes answer without.
+    /// Fixed value of the camera matrix with which no search converges: the focal lengths or the
+    /// principal point, if the planes determine the camera without it.
     fn contradicted_value(&self, planes: &[ObservedPlane]) -> Option<IllConditioning> {
         let (fixed, held) = (self.options.fixed, self.options.initial?);
         let pair = |held: Vector2<f64>| (held.x, held.y);
@@ -70,7 +70,8 @@ impl<L: Lens> JointProblem<'_, L> {
         Some(conditioning.of_contradicted(parameter, fixed, remedy))
     }
 
-    /// Whether the planes answer with a margin if so much is held, whatever the principal point.
+    /// Whether the planes determine the camera with a margin if `fixed` is held, for any principal
+    /// point.
     fn is_sound_holding(&self, fixed: Fixed, planes: &[ObservedPlane]) -> bool {
         let is_new = fixed.principal_point && !self.options.fixed.principal_point;
         let places = if is_new {
@@ -95,13 +96,14 @@ impl<L: Lens> JointProblem<'_, L> {
         })
     }
 
-    /// Whether the planes answer other options with a margin.
+    /// Whether the planes determine the camera with a margin under other options.
     fn is_sound_by(&self, options: &Options<L>, planes: &[ObservedPlane]) -> bool {
         let trial = JointProblem::new(self.size, options).within(&self.work);
         trial.sound_optimum(planes).is_some()
     }
 
-    /// The optimum of planes that answer with a margin; `None` where they do not, or no work is left.
+    /// The optimum of planes that determine the camera with a margin; `None` if they do not, or if
+    /// no work is left.
     fn sound_optimum(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let found = self.tried(planes)?;
         let conditioning = self.conditioning(planes, &found);

@@ -1,4 +1,4 @@
-//! The calibration that an optimum makes.
+//! Assembly of the calibration of an optimum.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::result::{
 use crate::uncertainty::{Correlated, pose_uncertainties};
 
 impl<L: Lens> Calibration<L> {
-    /// Says how well the poses of the optimum are known that it was assembled from.
+    /// Sets the uncertainties of the poses of the optimum it was assembled from.
     pub(crate) fn state_poses(&mut self, solution: &Solution<L>) {
         let independent = &self.covariance - &self.residual_correlation.added;
         let (planes, refined) = (&solution.planes, &solution.refined);
@@ -42,7 +42,7 @@ impl<L: Lens> Calibration<L> {
         }
     }
 
-    /// The numbers of an optimum, but for how well its poses are known.
+    /// The results of an optimum, except the uncertainties of its poses.
     pub(crate) fn assemble(
         problem: &JointProblem<'_, L>,
         solution: &Solution<L>,
@@ -64,7 +64,7 @@ impl<L: Lens> Calibration<L> {
         let one_picture = planes.iter().all(|plane| plane.image == planes[0].image);
         let together = residual_correlation.warnings(&covariance, &known, free, one_picture);
         let disagreement = disagreement.map(|(found, change)| {
-            // Which of the planes is true, nobody knows.
+            // It is unknown which of the planes is right.
             let doubt = &change * change.transpose();
             covariance += &doubt;
             residual_correlation.added += doubt;
@@ -107,7 +107,7 @@ impl<L: Lens> Calibration<L> {
     }
 }
 
-/// The residuals of every figure and line, in the order in which they were given.
+/// The residuals of every figure and line, in the order given.
 fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
     let mut sorted = BTreeMap::new();
     for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
@@ -118,7 +118,7 @@ fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResid
                 .or_insert_with(|| (number, BTreeMap::<usize, Vec<(usize, &Residual)>>::new()));
             let indices = side.samples.iter().map(|sample| sample.index);
             let of_side = indices.zip(own.by_ref().take(side.samples.len()));
-            // The arcs of a circle are one curve.
+            // The arcs of a circle form one curve.
             curves.entry(side.number).or_default().extend(of_side);
         }
     }
@@ -134,7 +134,7 @@ fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResid
     figures.collect()
 }
 
-/// The radii of circles of which some are estimated, with their standard deviations.
+/// The radii of circles, if some are estimated, with their standard deviations.
 fn circle_radii(figure: &Figure, placement: &Placement, stds: &[f64]) -> Vec<CircleRadius> {
     let mut radii = Vec::new();
     for side in &figure.sides {
@@ -150,9 +150,9 @@ fn circle_radii(figure: &Figure, placement: &Placement, stds: &[f64]) -> Vec<Cir
     radii
 }
 
-/// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice
-/// the corners of the rectangle that its lines' crossings span, of circles those of a square about
-/// the first.
+/// The images of a plane's corners: of a square where sides `i - 1` and `i` meet, of a lattice the
+/// corners of the rectangle spanned by its lines' crossings, of circles those of a square about the
+/// first.
 fn observed_corners<L: Lens>(
     plane: &ObservedPlane,
     view: &View<L>,
@@ -178,7 +178,7 @@ fn observed_corners<L: Lens>(
         }
         for i in 0..sides.len() {
             for j in 0..i {
-                // Crossings of nearly parallel lines lie far outside and are none.
+                // Crossings of nearly parallel lines lie far outside and are ignored.
                 let normal = |i: usize| sides[i].line().map_or_else(Vector2::zeros, |l| l.normal());
                 let turn = normal(i).perp(&normal(j)).abs();
                 if let Some(point) = crossing(i, j).filter(|_| turn > 0.1) {

@@ -1,5 +1,5 @@
-//! The optimum of many planes, from that of some of them: what a search from afar costs does not
-//! grow with the planes, and a step or two lead all of them to where they agree.
+//! The optimum of many planes, from that of some of them: the cost of a search from a distant start
+//! does not grow with the planes, and a step or two lead to the optimum of all.
 
 use super::problem::JointProblem;
 use super::starts::Starts;
@@ -8,35 +8,37 @@ use crate::linear::view_by_lens;
 use crate::observations::{Method, ObservedPlane};
 use crate::refine::Refined;
 
-/// Of twice as many planes or more, so many, evenly chosen, are searched for the camera first.
+/// Number of planes, evenly chosen, from which the camera is estimated first if there are at least
+/// twice as many.
 const SOME_PLANES: usize = 48;
 
-/// One in so many of the planes stands for all of them where there are many.
+/// Stride of the planes that represent all of them if there are many.
 pub(crate) fn step_of_some(planes: usize) -> Option<usize> {
     Some(planes / SOME_PLANES).filter(|step| *step > 1)
 }
 
-/// Starts of theirs that must lead to an optimum, of which the better one is taken: the conic of a
-/// few planes may lead to a wrong one. Where that is doubtful, all starts are tried.
+/// Number of starts that must lead to an optimum, of which the better one is used: the conic of a
+/// few planes may lead to a wrong one. In case of doubt all starts are tried.
 const STARTS: usize = 2;
 
-/// Samples of each side with which all of them are searched: of so many sides few tell enough.
+/// Number of samples per side in the search with all planes: with so many sides few are enough.
 const SAMPLES_PER_SIDE: usize = 5;
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// The better of the first optima that some planes have.
+    /// The better of the first optima of some planes.
     pub fn sketched(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         Starts::of(self, planes).ok()?.best_of_first(STARTS)
     }
 
-    /// The optimum of many planes; `None` where there are few, or it is not found so.
+    /// The optimum of many planes; `None` if there are few, or if it is not found this way.
     pub(super) fn optimum_of_many(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let step = step_of_some(planes.len())?;
         if self.options.method == Method::Linear {
             return None;
         }
         let lens = match &self.beginning {
-            // They leave a poorer model's optimum in no doubt: a search from there is enough.
+            // A poorer model's optimum is a sufficient start: many planes determine it without
+            // doubt.
             Some(beginning) => beginning.view.lens,
             None => {
                 let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
@@ -46,7 +48,8 @@ impl<L: Lens> JointProblem<'_, L> {
         self.optimum_from(&lens, planes)
     }
 
-    /// The optimum of many planes of which some have shown the lens; `None` where it is not found so.
+    /// The optimum of many planes, from a lens determined by some of them; `None` if it is not
+    /// found this way.
     pub fn optimum_from(&self, lens: &L, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         let few = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
         let few: Vec<_> = few.collect();
@@ -54,7 +57,8 @@ impl<L: Lens> JointProblem<'_, L> {
         let found = self.searched(&few, &self.free, view)?.converged()?;
         let view = found.view.clone();
         self.finished(planes, found).or_else(|| {
-            // Where one of the planes is far from a parabola, Newton's undamped steps do not arrive.
+            // If the cost of one of the planes is far from a parabola, Newton's undamped steps do
+            // not converge.
             let found = self.searched(planes, &self.free, view)?.converged()?;
             Refined::of_linear(planes, &self.free, &self.judged, found.view)
         })

@@ -1,4 +1,4 @@
-//! From the planes of a scene to the best camera, and what is left out of it.
+//! From the planes of a scene to the best camera, and the outliers left out of it.
 
 mod advice;
 mod assemble;

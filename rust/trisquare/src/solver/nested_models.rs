@@ -1,4 +1,5 @@
-//! Models richer than the default begin where the next poorer one ends, and have to be lenses.
+//! Start of models richer than the default: the optimum of the next poorer one. They have to be
+//! lenses.
 
 use std::rc::Rc;
 
@@ -11,8 +12,8 @@ use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens};
 use crate::observations::{FreeParameters, Method, ObservedPlane, Options};
 
-/// What nested models begin from and find, for the same planes, by models that are asked in turn:
-/// each may ask for the poorer ones' again.
+/// Starts and results of nested models for the same planes: each model may need the poorer ones'
+/// again.
 #[derive(Clone)]
 pub(crate) struct NestedOptima<L: Lens>(Vec<KnownModel<L>>);
 
@@ -36,7 +37,7 @@ impl<L: Lens> KnownModel<L> {
         }
     }
 
-    /// A problem that knows of its planes what is known of its model.
+    /// A problem with everything known of its model for these planes.
     fn problem<'a>(
         &self,
         planes: &'a [ObservedPlane],
@@ -70,9 +71,9 @@ impl<L: Lens> NestedOptima<L> {
 }
 
 impl<'a, L: Lens> JointProblem<'a, L> {
-    /// What is asked of some planes, beginning from what the next poorer model finds where the
-    /// model is richer than the default. What is known of nested models is of the same planes, with
-    /// the same options but for the model.
+    /// The problem of some planes, starting from the optimum of the next poorer model if the model
+    /// is richer than the default. `nested` must be of the same planes, with the same options
+    /// except the model.
     pub fn of_planes(
         planes: &'a [ObservedPlane],
         size: ImageSize,
@@ -89,10 +90,10 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         found
     }
 
-    /// The same beginning from what a poorer model has found, if any has.
+    /// The problem starting from the result of a poorer model, if there is one.
     ///
-    /// Where its distortion turns back inside the picture, beyond the samples, one is searched among
-    /// those that do not.
+    /// If its distortion turns back inside the picture, beyond the samples, the search is
+    /// restricted to distortions that do not.
     pub(super) fn beginning_beyond(
         poorer: Option<Beginning<L>>,
         planes: &'a [ObservedPlane],
@@ -111,7 +112,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         problem.with_optimum(planes).seeing_all_of_picture()
     }
 
-    /// The same with its optimum, where there is one.
+    /// The problem with its optimum, if there is one.
     fn with_optimum(mut self, planes: &'a [ObservedPlane]) -> Self {
         if !self.work.is_spent() {
             let optimum = self.optimum_with_noise(planes);
@@ -121,7 +122,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     }
 }
 
-/// What the richest model poorer than the one asked for finds; `None` where that is no richer than
+/// The result of the richest model poorer than the requested one; `None` if that is no richer than
 /// the default, or nothing converges.
 fn poorer_optimum<L: Lens>(
     planes: &[ObservedPlane],

@@ -1,9 +1,9 @@
-//! What a search for the best camera ends with.
+//! Result of the search for the best camera.
 
 use crate::noise::Noise;
 use crate::refine::Refined;
 
-/// An optimum, and what its residuals say of their noise where that was asked.
+/// An optimum, and the noise of its residuals if it was measured.
 #[derive(Clone)]
 pub(super) struct Optimum<L> {
     pub refined: Refined<L>,

@@ -1,5 +1,5 @@
-//! Sides and planes that do not belong to the scene: bent, torn or covered sides, and targets that
-//! are no squares. They are found by how much better the rest agrees without them.
+//! Rejection of sides and planes that do not belong to the scene: bent, torn or covered sides, and
+//! targets that are not squares. The criterion is how much better the rest agrees without them.
 
 use super::problem::{Failure, JointProblem};
 use super::solve::Solution;
@@ -10,55 +10,60 @@ use crate::refine::{Refined, root_mean_square, straightness_residuals};
 use crate::result::Warning;
 use crate::uncertainty::check_plane_count;
 
-/// A plane whose samples are farther from a target, over its mean side, has another shape: this
-/// is how far a rectangle of 1.06 : 1 is from a square. What is nearer may be a target of another
-/// size than it should have, which then speaks against the others as well.
+/// Distance of a plane's samples from a target, as a fraction of its mean side, above which it has
+/// another shape: that of a rectangle of 1.06 : 1 from a square. Below, it may be a target of wrong
+/// size, in which case the others are in doubt as well.
 const OTHER_SHAPE: f64 = 0.01;
 
-/// Planes that must remain where one is rejected: two cannot show which of three is false.
+/// Minimum number of planes that remain after a rejection: with three, two cannot show which is
+/// false.
 const MIN_PLANES: usize = 3;
 
-/// Mean square misfit from which the planes are doubted.
+/// Mean square misfit above which the planes are in doubt.
 const DOUBTED: f64 = 2.0;
 
-/// A plane is rejected if what it adds to the misfit is, per degree of freedom, so many times
-/// what remains without it: chance makes it 4 once in ten thousand times.
+/// Threshold for the rejection of a plane, on its contribution to the misfit per degree of freedom
+/// over the misfit of the rest: by chance 4 is exceeded once in ten thousand times.
 const FALSE_PLANE: f64 = 6.0;
 
-/// A side is bent if its mean square curvature is so many times that of the noise and of the other
-/// sides.
+/// Threshold on a side's mean square curvature, over that of the noise and of the other sides,
+/// above which it is bent.
 const BENT: f64 = 10.0;
 
-/// A side is rejected if what it adds to the misfit is, per degree of freedom, so many times what
-/// remains without it: chance makes it 7 once in ten thousand times, and there are some twelve.
+/// Threshold for the rejection of a side, on its contribution to the misfit per degree of freedom
+/// over the misfit of the rest: by chance 7 is exceeded once in ten thousand times, and there are
+/// some twelve sides.
 const FALSE_SIDE: f64 = 10.0;
 
-/// Part of its weight that the robust loss must leave every side where a bent one stays: of a side
-/// that it mostly ignores, the standard deviations do not include the bend.
+/// Minimum fraction of the weight of every side left by the robust loss if a bent one is kept: the
+/// standard deviations do not include the bend of a side that is mostly ignored.
 const MIN_WEIGHT: f64 = 0.5;
 
-/// At most one side in so many is rejected: beyond, nobody can tell who is right.
+/// Number of sides per rejected one, at least: with more outliers it cannot be decided which sides
+/// are right.
 const SIDES_PER_OUTLIER: usize = 4;
 
-/// Planes and sides are all tried where there are this many planes. Every trial fits all planes, so
-/// beyond, fewer are tried, the farthest off first: the more planes hold the camera, the less a
-/// false one can bias it, and the more plainly it shows in its own residuals.
+/// Number of planes up to which all planes and sides are tried. Every trial fits all planes, so
+/// with more of them fewer are tried, those with the largest misfit first: the more planes
+/// determine the camera, the less a false one biases it, and the more clearly it shows in its own
+/// residuals.
 const ALL_TRIED: usize = 16;
 
-/// Trials of so many planes in all, over the rounds in each of which one side is rejected.
+/// Total number of planes fitted in the trials, and in the rounds, each of which rejects one side.
 const PLANES_FITTED: usize = ALL_TRIED * ALL_TRIED;
 
-/// Trials that are made in any case: the farthest off may be a true plane beside a false one.
+/// Minimum number of trials: the plane with the largest misfit may be a true one beside a false
+/// one.
 const MIN_TRIALS: usize = 3;
 
-/// Sides of a square.
+/// Number of sides of a square.
 const SIDES: usize = 4;
 
-/// Sides that a plane keeps: they just tell its pose. Of fewer, the rest would be fitted whatever
-/// they are.
+/// Minimum number of sides that a plane keeps: these just determine its pose. Fewer would fit in
+/// any case.
 const MIN_SIDES: usize = 3;
 
-/// The best camera for the sides and planes that agree, and the warnings that name the others.
+/// The best camera for the sides and planes that agree, and warnings about the others.
 ///
 /// # Errors
 /// If no camera is found for any of the planes.
@@ -92,18 +97,18 @@ pub(crate) fn reject_outliers<L: Lens>(
             last_sound = Some(before);
         }
     }
-    // Sides are to blame only where the others agree without them, or one plane alone is bent.
+    // Sides are rejected only if the others agree without them, or if only one plane is bent.
     if solution.misfit(problem).mean() > DOUBTED && bent_plane(&with_all_sides).is_none() {
         (solution, last_sound) = (with_all_sides, None);
     }
-    // A bent side may lead to a wrong optimum, which looks weak, and from which no step leads back.
+    // A bent side may lead to a wrong optimum that appears weak, and from which no step leads back.
     if solution.misfit(problem).mean() > DOUBTED && problem.is_ill_conditioned(&solution) {
         solution = solved_without_bent_side(problem, planes).unwrap_or(solution);
     }
     if let Some(flatter) = without_bent_plane(problem, &solution) {
         (solution, last_sound) = (flatter, None);
     }
-    // A side that the others cannot replace stays: what bends it raises the standard deviations.
+    // A side that the others cannot replace is kept: its bend increases the standard deviations.
     if let Some(sound) = last_sound
         && problem.is_ill_conditioned(&solution)
     {
@@ -113,8 +118,9 @@ pub(crate) fn reject_outliers<L: Lens>(
     Ok((solution, warnings))
 }
 
-/// The best camera for all sides and planes, with its warnings: the answer of [`reject_outliers`] where
-/// that rejects none of them, without the search. `None` where they disagree, or no camera is found.
+/// The best camera for all sides and planes, with its warnings: the result of [`reject_outliers`]
+/// if that rejects none of them, without the search. `None` if they disagree, or if no camera is
+/// found.
 pub(crate) fn agreed_by_all<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
@@ -124,7 +130,7 @@ pub(crate) fn agreed_by_all<L: Lens>(
     solution.agrees(problem).then_some((solution, warnings))
 }
 
-/// How many of so many planes are left out in turn.
+/// Number of planes, out of `planes`, that are left out in turn.
 fn trials(planes: usize) -> usize {
     match planes {
         ..=ALL_TRIED => planes,
@@ -132,15 +138,15 @@ fn trials(planes: usize) -> usize {
     }
 }
 
-/// The farthest off of some things, by their misfit.
+/// The items with the largest misfit.
 fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
     things.sort_by(|(_, a), (_, b)| b.total().total_cmp(&a.total()));
     things.iter().take(count).map(|(thing, _)| *thing).collect()
 }
 
-/// Leaves out each plane in turn where they disagree, and rejects the one without which the
-/// others agree much better, or only its one bent side. Of many planes only the farthest off are
-/// left out, from the optimum of all.
+/// Leaves out each plane in turn if they disagree, and rejects the one without which the others
+/// agree much better, or only its one bent side. Of many planes only those with the largest misfit
+/// are left out, starting from the optimum of all.
 fn without_false_plane<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
@@ -159,7 +165,7 @@ fn without_false_plane<L: Lens>(
     let many = planes.len() > ALL_TRIED;
     let suspects = match &all {
         Ok(solution) if many => suspected_planes(solution),
-        // Where they gave no camera, nothing shows which of many to leave out.
+        // Without a camera, nothing shows which of many planes to leave out.
         Err(_) if many => Vec::new(),
         _ => (0..planes.len()).collect(),
     };
@@ -188,7 +194,7 @@ fn without_false_plane<L: Lens>(
     }
 }
 
-/// The optimum of the planes that are left where one of a solution's is left out, from that of all.
+/// The optimum of a solution's planes without one, starting from the optimum of all.
 fn again_without<L: Lens>(
     problem: &JointProblem<'_, L>,
     rest: &[ObservedPlane],
@@ -200,7 +206,7 @@ fn again_without<L: Lens>(
     problem.again(rest, &before)
 }
 
-/// A plane of which one side alone is bent comes back with the others.
+/// Restores the other sides of a rejected plane if only one of its sides is bent.
 fn with_its_straight_sides<L: Lens>(
     problem: &JointProblem<'_, L>,
     found: Solution<L>,
@@ -238,18 +244,18 @@ impl<L: Lens> Solution<L> {
         })
     }
 
-    /// Whether no plane or side of it is doubted.
+    /// Whether no plane or side is in doubt.
     pub(crate) fn agrees(&self, problem: &JointProblem<'_, L>) -> bool {
         self.misfit(problem).mean() < DOUBTED
     }
 
-    /// Whether the robust loss leaves every side that counts most of its weight.
+    /// Whether the robust loss leaves every side in use most of its weight.
     fn has_weight_on_all_sides(&self) -> bool {
         self.ignored_sides().is_empty()
     }
 
-    /// The sides that count, and of which the robust loss takes most of the weight: plane, and index
-    /// over all its figures.
+    /// The sides in use from which the robust loss takes most of the weight: plane, and index over
+    /// all its figures.
     fn ignored_sides(&self) -> Vec<(usize, usize)> {
         let Some(noise) = &self.noise else {
             return Vec::new();
@@ -268,7 +274,7 @@ impl<L: Lens> Solution<L> {
     }
 }
 
-/// The planes that are worth leaving out: those farthest off.
+/// The planes to be left out in trials: those with the largest misfit.
 fn suspected_planes<L: Lens>(solution: &Solution<L>) -> Vec<usize> {
     let own = |noise: &Noise| {
         let planes = 0..noise.sides.len();
@@ -280,7 +286,8 @@ fn suspected_planes<L: Lens>(solution: &Solution<L>) -> Vec<usize> {
     farthest(misfits, trials(solution.planes.len()))
 }
 
-/// The sides of squares that are worth leaving out: all, or of many those farthest off.
+/// The sides of squares to be left out in trials: all, or of many planes those with the largest
+/// misfit.
 fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
     let sides = sides_of_squares(&solution.planes);
     match &solution.noise {
@@ -297,8 +304,8 @@ fn has_squares_alone(plane: &ObservedPlane) -> bool {
     plane.figures.iter().all(Figure::has_four_sides)
 }
 
-/// Plane, and index over all figures of the plane, of every side of a square that counts and that
-/// its plane can spare.
+/// Plane, and index over all figures of the plane, of every side of a square that is in use and
+/// without which its plane keeps enough sides.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
         let counting = plane.sides().filter(|side| !side.is_outlier).count();
@@ -308,8 +315,8 @@ fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, us
     })
 }
 
-/// Leaves out each side of a square from the start on, where all of them together gave no camera:
-/// of a few planes, for among many no single side is to blame.
+/// Leaves out each side of a square from the start on, if all of them together gave no camera. Only
+/// for few planes: among many, a single side is not the cause.
 fn solved_without_bent_side<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
@@ -327,9 +334,9 @@ fn solved_without_bent_side<L: Lens>(
     (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
 }
 
-/// Leaves out each side of a square in turn where the sides disagree, and rejects the one
-/// without which the others agree much better; `None` if there is none, or if it is straight: a
-/// straight side in the wrong place belongs to a square that is none.
+/// Leaves out each side of a square in turn if the sides disagree, and rejects the one without
+/// which the others agree much better; `None` if there is none, or if it is straight: a straight
+/// side in the wrong place belongs to a figure that is not a square.
 fn without_bent_side<L: Lens>(
     problem: &JointProblem<'_, L>,
     solution: &Solution<L>,
@@ -357,8 +364,8 @@ fn without_bent_side<L: Lens>(
     trial.shows_bent(&found, place).then_some(found)
 }
 
-/// The plane of squares that alone has sides which are bent, and which the robust loss ignores. A lens
-/// that is wrong bends the sides of several.
+/// The only plane of squares with sides that are bent and ignored by the robust loss. A wrong lens
+/// bends the sides of several planes.
 fn bent_plane<L: Lens>(solution: &Solution<L>) -> Option<usize> {
     let ignored = solution.ignored_sides();
     let (bent, _) = *ignored.first()?;
@@ -371,8 +378,8 @@ fn bent_plane<L: Lens>(solution: &Solution<L>) -> Option<usize> {
     is_alone.then_some(bent)
 }
 
-/// Rejects a bent plane whose sides it cannot spare: of a sheet that curves about two of them, the other
-/// two arch alike. `None` if there is none, or if the rest do not tell the camera.
+/// Rejects a bent plane that cannot spare sides: of a sheet that curves about two of them, the
+/// other two are bent alike. `None` if there is none, or if the rest do not determine the camera.
 fn without_bent_plane<L: Lens>(
     problem: &JointProblem<'_, L>,
     solution: &Solution<L>,
@@ -387,7 +394,7 @@ fn without_bent_plane<L: Lens>(
     (!problem.is_ill_conditioned(&found)).then_some(found)
 }
 
-/// The planes with one more side rejected: of a plane, by its index over all figures.
+/// The planes with one more side rejected, given by plane and index over all its figures.
 fn without_side(
     planes: &[ObservedPlane],
     (plane, side): (usize, usize),
@@ -397,7 +404,7 @@ fn without_side(
     Some(rest)
 }
 
-/// What remains where a plane or a side is left out, and how well it agrees.
+/// The rest without a plane or a side, and its misfit.
 struct Trial<L> {
     planes: Vec<ObservedPlane>,
     refined: Refined<L>,
@@ -419,25 +426,26 @@ impl<L: Lens> Trial<L> {
         problem.converge(&self.planes, self.refined.clone()).ok()
     }
 
-    /// Mean square misfit, no less than what noise alone makes of it.
+    /// Mean square misfit, at least that of noise alone.
     fn ordinary(&self) -> f64 {
         self.misfit.mean().max(1.0)
     }
 
-    /// What was left out added to the misfit of all, per degree of freedom and over what remains.
+    /// Contribution of the left-out part to the misfit of all, per degree of freedom and over the
+    /// misfit of the rest.
     fn gain(&self, all: &Misfit) -> f64 {
         let added = all.total() - self.misfit.total();
         let freedom = (all.freedom() - self.misfit.freedom()).max(1.0);
         added / freedom / self.ordinary()
     }
 
-    /// Whether the side left out is curved, beyond what the others are.
+    /// Whether the left-out side is clearly more curved than the others.
     fn shows_bent(&self, found: &Solution<L>, (plane, side): (usize, usize)) -> bool {
         curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
     }
 }
 
-/// The trial whose remainder agrees best; `None` where the work was spent before all were made.
+/// The trial whose rest agrees best; `None` if the work was spent before all were made.
 fn best<L: Lens, T>(
     problem: &JointProblem<'_, L>,
     trials: impl Iterator<Item = (T, Trial<L>)>,
@@ -448,8 +456,8 @@ fn best<L: Lens, T>(
 
 /// Mean square curvature of every side of a plane, in units of the noise.
 ///
-/// That of its own line: the image of a straight side in the wrong place is curved differently from
-/// that of its line.
+/// Computed for the side's own line: the image of a straight side in the wrong place is curved
+/// differently from that of its nominal line.
 fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     let lens = &solution.refined.view.lens;
     let curvature = |noise: &Noise, side: &Side| {
@@ -467,7 +475,7 @@ fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     own.collect()
 }
 
-/// Whether a plane that does not fit is no target at all, by how far its samples are from one (px).
+/// Whether a plane that does not fit is not a target, by the distance of its samples from one (px).
 fn is_other(plane: &ObservedPlane, distance: f64) -> bool {
     let length = |side: &Side| {
         let ends = side.samples.first().zip(side.samples.last());
@@ -478,7 +486,7 @@ fn is_other(plane: &ObservedPlane, distance: f64) -> bool {
     distance > OTHER_SHAPE * mean && !plane.figures.iter().any(has_grid)
 }
 
-/// Names the outliers.
+/// Warnings about the outliers.
 fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut strays = Vec::new();
@@ -530,9 +538,9 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
     warnings
 }
 
-/// A sample that is where its neighbours are not.
+/// A sample far from its neighbours.
 struct Stray {
-    /// From its line, pixels.
+    /// Distance from its line, pixels.
     distance: f64,
     /// Plane, outline, side and sample.
     place: [usize; 4],

@@ -1,4 +1,4 @@
-//! What is asked of the planes, and how a search for the answer may fail.
+//! The joint problem of some planes, and the failures of its solution.
 
 use std::rc::Rc;
 
@@ -14,25 +14,25 @@ use crate::observations::{FreeParameters, ObservedPlane, Options, View};
 use crate::refine::Refined;
 use crate::uncertainty::{Conditioning, judged_parameters};
 
-/// What is asked of the planes.
+/// Joint problem of some planes.
 pub(crate) struct JointProblem<'a, L: Lens> {
     pub size: ImageSize,
     pub options: &'a Options<L>,
     pub free: FreeParameters,
     pub judged: FreeParameters,
-    /// What the search begins from, where the model is richer than the default.
+    /// Start of the search, if the model is richer than the default.
     pub(super) beginning: Option<Beginning<L>>,
-    /// By how much the free parameters would change with the lens that fits best, where it does not
-    /// see all of the picture and the samples contradict those that do.
+    /// Change of the free parameters to those of the lens that fits best, if that does not see all
+    /// of the picture and the samples contradict those that do.
     pub(super) contradicted: Option<DVector<f64>>,
-    /// Planes of which the optimum is known already, and that.
+    /// Planes whose optimum is already known, and that optimum.
     pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
-    /// What the searches have cost: shared by all problems that [`Self::within`] bounds together, as
-    /// a calibration, its nested models and the trials of what would help.
+    /// Work done by the searches: shared by all problems that [`Self::within`] bounds together,
+    /// such as a calibration, its nested models and the trials of remedies.
     pub work: Rc<Work>,
 }
 
-/// An optimum from which another is searched: a poorer model's, or that of a lens that sees all of
+/// An optimum from which another is searched: that of a poorer model, or of a lens that sees all of
 /// the picture.
 #[derive(Clone)]
 pub(super) struct Beginning<L> {
@@ -40,15 +40,16 @@ pub(super) struct Beginning<L> {
     pub free: FreeParameters,
 }
 
-/// Why the solver gives no answer.
+/// Failure of the solver.
 pub(crate) enum Failure<L> {
-    /// The geometry of an optimum cannot answer; what would help has not been asked yet.
+    /// The geometry of an optimum does not determine the camera; remedies have not been computed
+    /// yet.
     IllConditioned(Box<IllConditionedOptimum<L>>),
     /// Anything else.
     Other(Error),
 }
 
-/// An optimum whose geometry cannot answer.
+/// An optimum whose geometry does not determine the camera.
 pub(crate) struct IllConditionedOptimum<L> {
     pub planes: Vec<ObservedPlane>,
     pub refined: Refined<L>,
@@ -62,7 +63,7 @@ impl<L> From<Error> for Failure<L> {
 }
 
 impl<L> Failure<L> {
-    /// Whether fewer planes or sides may give an answer where all of them gave none.
+    /// Whether fewer planes or sides may have a solution although all of them had none.
     pub fn may_be_outliers(&self) -> bool {
         matches!(
             self,
@@ -86,7 +87,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// Where another search may begin: this one's optimum.
+    /// Start of another search: the optimum of this one.
     pub(super) fn beginning_at(&self, optimum: View<L>) -> Beginning<L> {
         Beginning {
             view: optimum,
@@ -94,8 +95,8 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// The same beginning from what the next poorer model found, which also says of what size
-    /// coefficients are.
+    /// The problem with a start from the next poorer model's result, which also determines the
+    /// scale of the coefficients' priors.
     pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {
         let (model, known) = (self.options.model, (&poorer.view.lens, self.size));
         let free = self.free.clone().held_like(model, known, &poorer.free);
@@ -105,7 +106,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// The same with other free parameters.
+    /// The problem with other free parameters.
     pub(super) fn with_free(self, free: FreeParameters) -> Self {
         Self {
             judged: judged_parameters(&free),
@@ -120,7 +121,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         estimated && self.options.model.poorer().is_some()
     }
 
-    /// The same, whose searches end where they have cost so much.
+    /// The problem with a bound on the work of its searches.
     pub fn within(self, work: &Rc<Work>) -> Self {
         Self {
             work: Rc::clone(work),
@@ -128,7 +129,8 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// Why the geometry of an optimum cannot answer, if it cannot.
+    /// Description of why the geometry of an optimum does not determine the camera; `None` if it
+    /// does.
     pub fn ill_conditioning(
         &self,
         planes: &[ObservedPlane],
@@ -139,7 +141,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         conditioning.ill_conditioning(&refined.system, &self.free, factor)
     }
 
-    /// The refusal of an optimum whose geometry cannot answer; `None` where it can.
+    /// The refusal of an optimum whose geometry does not determine the camera; `None` if it does.
     pub fn refusal(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Option<Failure<L>> {
         let ill_conditioning = self.ill_conditioning(planes, refined)?;
         Some(Failure::IllConditioned(Box::new(IllConditionedOptimum {

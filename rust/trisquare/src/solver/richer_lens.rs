@@ -1,4 +1,5 @@
-//! Whether a lens is beyond its model, which richer one holds it, and what that leaves in doubt.
+//! Tests whether a lens is beyond its model, searches a richer model for it, and estimates the
+//! remaining doubt.
 
 use std::rc::Rc;
 
@@ -13,16 +14,16 @@ use crate::observations::{ObservedPlane, Options};
 use crate::result::{Calibration, Warning};
 use crate::uncertainty::{LensVerdict, beyond_lens};
 
-/// What is known of a lens beyond its model.
+/// Doubt about a lens beyond its model.
 struct LensDoubt {
-    /// How far the free parameters are off.
+    /// Error of the free parameters.
     change: DVector<f64>,
-    /// The poorest richer model that holds the lens, and `fx` with it; `None` where none does.
+    /// The poorest richer model that describes the lens, and `fx` with it; `None` if none does.
     cure: Option<(String, f64)>,
 }
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// What the residuals say of the lens.
+    /// Verdict of the residuals on the lens.
     pub fn lens_verdict(&self, solution: &Solution<L>) -> Option<LensVerdict> {
         let noise = solution.noise.as_ref()?;
         let refined = &solution.refined;
@@ -37,8 +38,8 @@ impl<L: Lens> JointProblem<'_, L> {
         }
     }
 
-    /// Adds what a verdict leaves in doubt to the covariance of an answer; returns what to warn of
-    /// before all else.
+    /// Adds the uncertainty of a verdict to the covariance of a calibration; returns the warnings
+    /// that come first.
     pub fn heed(
         &self,
         verdict: &LensVerdict,
@@ -65,12 +66,11 @@ impl<L: Lens> JointProblem<'_, L> {
         first
     }
 
-    /// What is known of the lens where it is beyond its model; `None` where it is not, or where
-    /// planes that are bent may be the cause.
+    /// Doubt about a lens beyond its model; `None` if it is not beyond it, or if bent planes may be
+    /// the cause.
     ///
-    /// The residuals name the lens where fields over the picture explain them, or where a richer
-    /// model leaves nothing to explain. Of the planes as they were given, what is an outlier
-    /// of the solution stays one.
+    /// The lens is the cause if fields over the picture explain the residuals, or if a richer model
+    /// leaves none to explain. `planes` are those given; outliers of the solution remain outliers.
     fn lens_doubt(
         &self,
         planes: &[ObservedPlane],
@@ -87,7 +87,7 @@ impl<L: Lens> JointProblem<'_, L> {
         };
         let planes = solution.with_its_outliers(planes);
         let mut poorer = self.beginning_at(solution.refined.view.clone());
-        // Where the distortion is held, its own model with other coefficients may do.
+        // If the distortion is fixed, its own model with other coefficients may suffice.
         let (own, mut fixed) = (self.options.model, self.options.fixed);
         let freed = fixed.distortion.then_some(own);
         fixed.distortion = false;
@@ -109,7 +109,7 @@ impl<L: Lens> JointProblem<'_, L> {
                 continue;
             }
             let moved = || self.free.difference(&lens, &solution.refined.view.lens);
-            // What explains the sides' shapes, and not their places, is no cure.
+            // A model that explains the sides' shapes but not their positions is no cure.
             let contradicts = found.correlated.residual_correlation.planes_contradict();
             match richer.lens_verdict(&found) {
                 Some(LensVerdict::Held) if !contradicts => {

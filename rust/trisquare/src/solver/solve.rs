@@ -1,5 +1,5 @@
-//! What a solution knows: its optimum weighed by the planes' own noise, its covariance, its
-//! judgement.
+//! Solution of a problem: the optimum weighted by the planes' own noise, its covariance, and its
+//! refusal.
 
 use nalgebra::DMatrix;
 
@@ -17,22 +17,22 @@ use crate::uncertainty::{
     Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
 };
 
-/// Evaluations that the last steps on all samples take, about.
+/// Approximate number of evaluations of the last steps with all samples.
 const FINAL_STEPS: usize = 6;
 
-/// The best camera for some planes, and what is known of it.
+/// The best camera for some planes, with its covariance and noise.
 #[derive(Clone)]
 pub(crate) struct Solution<L> {
-    /// The planes, each weighed by its own noise.
+    /// The planes, each weighted by its own noise.
     pub planes: Vec<ObservedPlane>,
     pub refined: Refined<L>,
     pub correlated: Correlated,
-    /// What the residuals say of their noise; nothing where they are exact, or not asked.
+    /// Noise of the residuals; `None` if they are exact, or if it was not measured.
     pub noise: Option<Noise>,
 }
 
 impl<L> Solution<L> {
-    /// Planes as they were given, with the outliers of this solution.
+    /// The given planes with the outliers of this solution.
     pub fn with_its_outliers(&self, planes: &[ObservedPlane]) -> Vec<ObservedPlane> {
         let mut planes = planes.to_vec();
         for (plane, found) in planes.iter_mut().zip(&self.planes) {
@@ -45,7 +45,7 @@ impl<L> Solution<L> {
 }
 
 impl<L: Lens> JointProblem<'_, L> {
-    /// The optimum of planes that are only tried; `None` where there is none, or no work is left.
+    /// The optimum of planes in a trial; `None` if there is none, or if no work is left.
     pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         match self.work.is_spent() {
             true => None,
@@ -53,7 +53,7 @@ impl<L: Lens> JointProblem<'_, L> {
         }
     }
 
-    /// The answer of the method asked for.
+    /// The optimum by the selected method.
     pub fn optimum(&self, planes: &[ObservedPlane]) -> Result<Refined<L>, Failure<L>> {
         Ok(self.optimum_with_noise(planes)?.refined)
     }
@@ -73,7 +73,7 @@ impl<L: Lens> JointProblem<'_, L> {
         Starts::of(self, planes)?.optimum()
     }
 
-    /// The same, with what is known of it.
+    /// The solution by the selected method.
     pub fn solve(&self, planes: &[ObservedPlane]) -> Result<Solution<L>, Failure<L>> {
         let found = self.optimum_with_noise(planes)?;
         match self.options.method {
@@ -82,7 +82,7 @@ impl<L: Lens> JointProblem<'_, L> {
         }
     }
 
-    /// The same beginning from the view of a richer model.
+    /// The solution, starting from the view of a richer model.
     pub fn solve_below(
         &self,
         planes: &[ObservedPlane],
@@ -98,8 +98,8 @@ impl<L: Lens> JointProblem<'_, L> {
         }
     }
 
-    /// Weighs the planes of an optimum by their own noise, and asks the residuals how far they
-    /// are independent.
+    /// Weights the planes of an optimum by their own noise, and measures the correlation of the
+    /// residuals.
     pub fn converge(
         &self,
         planes: &[ObservedPlane],
@@ -108,8 +108,8 @@ impl<L: Lens> JointProblem<'_, L> {
         self.converge_with(planes, refined.into(), Sheets::Boards)
     }
 
-    /// A solution of the same planes whose squares are not on flat sheets either, `planes` as they
-    /// were given.
+    /// A solution of the same planes in which the sheets of squares are not flat either; `planes`
+    /// are those given.
     pub fn with_relief(&self, planes: &[ObservedPlane], flat: &Solution<L>) -> Option<Solution<L>> {
         let planes = flat.with_its_outliers(planes);
         let refined = self.again(&planes, &flat.refined)?;
@@ -117,7 +117,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let mut found = found.ok()?;
         let flat = &flat.correlated.residual_correlation;
         let own = &mut found.correlated.residual_correlation;
-        // A relief that the fit takes out is an error of the sides all the same.
+        // A relief that the fit removes is still an error of the sides.
         own.displacements.clone_from(&flat.displacements);
         own.probability = flat.probability;
         Some(found)
@@ -140,7 +140,7 @@ impl<L: Lens> JointProblem<'_, L> {
             noise = Noise::of_optimum(&weighed, &again);
             (planes, refined) = (weighed, again);
         }
-        // Sheets that are not flat would pass for an error of the tone curve.
+        // Sheets that are not flat would be mistaken for an error of the tone curve.
         let found = account_for_relief(&planes, &self.free, &self.judged, &refined, sheets)
             .or_else(|| account_for_drift(&planes, &self.free, &self.judged, &refined));
         if let Some(found) = found {
@@ -157,7 +157,7 @@ impl<L: Lens> JointProblem<'_, L> {
         })
     }
 
-    /// The optimum of planes that are weighed otherwise than before.
+    /// The optimum of planes with changed weights, starting from the previous one.
     pub fn again(&self, planes: &[ObservedPlane], before: &Refined<L>) -> Option<Refined<L>> {
         self.finished(planes, before.as_start()).or_else(|| {
             let found = self.searched(planes, &self.free, before.view.clone())?;
@@ -165,7 +165,7 @@ impl<L: Lens> JointProblem<'_, L> {
         })
     }
 
-    /// As [`search`], its work counted.
+    /// [`search`] with its work counted.
     pub fn searched(
         &self,
         planes: &[ObservedPlane],
@@ -178,13 +178,13 @@ impl<L: Lens> JointProblem<'_, L> {
         found
     }
 
-    /// As [`finish`], its work counted.
+    /// [`finish`] with its work counted.
     pub fn finished(&self, planes: &[ObservedPlane], start: Search<L>) -> Option<Refined<L>> {
         self.work.count(planes, FINAL_STEPS);
         finish(planes, &self.free, &self.judged, start)
     }
 
-    /// A solution for some planes, with one more that follows its camera without moving it.
+    /// A solution with an additional plane that is placed under its camera without affecting it.
     pub fn with_follower(
         &self,
         solution: &Solution<L>,
@@ -202,7 +202,7 @@ impl<L: Lens> JointProblem<'_, L> {
         self.converge(&planes, refined).ok()
     }
 
-    /// A solution whose residuals are not asked about their correlation.
+    /// A solution under the assumption of uncorrelated residuals.
     fn independent_solution(
         &self,
         planes: &[ObservedPlane],
@@ -227,13 +227,13 @@ impl<L: Lens> JointProblem<'_, L> {
         })
     }
 
-    /// Whether the geometry cannot answer.
+    /// Whether the geometry does not determine the camera.
     pub fn is_ill_conditioned(&self, solution: &Solution<L>) -> bool {
         self.ill_conditioning(&solution.planes, &solution.refined)
             .is_some()
     }
 
-    /// Refuses geometry that cannot answer.
+    /// Checks that the geometry determines the camera.
     ///
     /// # Errors
     /// [`Failure::IllConditioned`].
@@ -242,7 +242,7 @@ impl<L: Lens> JointProblem<'_, L> {
         refusal.map_or(Ok(()), Err)
     }
 
-    /// Why there is no covariance: most likely the geometry.
+    /// Failure because of a singular covariance: most likely due to the geometry.
     fn singular(&self, planes: &[ObservedPlane], refined: &Refined<L>) -> Failure<L> {
         let refusal = self.refusal(planes, refined);
         refusal.unwrap_or(Failure::Other(Error::NotConverged {

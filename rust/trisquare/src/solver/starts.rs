@@ -17,12 +17,12 @@ use crate::noise::{Misfit, Noise};
 use crate::observations::{Fixed, FreeParameters, Method, ObservedPlane, Options, Sample, View};
 use crate::refine::{Refined, Search};
 
-/// Samples of each side with which the search for the optimum starts: enough for the robust
-/// scale, and within a few standard deviations of what all samples will say.
+/// Number of samples per side with which the search for the optimum starts: enough for the robust
+/// scale, and for a result within a few standard deviations of that of all samples.
 const START_SAMPLES_PER_SIDE: usize = 16;
 
-/// Residuals with the principal point held may be this part of those with it free, for chance;
-/// where they are smaller, the free optimum is a wrong one.
+/// Ratio of the residuals with the principal point fixed to those with it free, below which the
+/// free optimum is a wrong one: ratios above it may be chance.
 const BEATEN: f64 = 0.98;
 
 /// Keeps the optimum with the smaller residuals.
@@ -35,15 +35,15 @@ fn keep_better<L>(best: &mut Option<Optimum<L>>, found: Optimum<L>) {
     }
 }
 
-/// Mean square misfit from which an optimum may be a wrong one; that of noise alone is 1.
+/// Mean square misfit above which an optimum may be a wrong one; that of noise alone is 1.
 const STRAINED: f64 = 2.0;
 
-/// Focal lengths, in image widths, of wide lenses: half a picture's width shows 80, 50 and 115
+/// Focal lengths, in image widths, of wide lenses: half a picture's width covers 80, 50 and 115
 /// degrees.
 const WIDE_FOCALS: [f64; 3] = [0.36, 0.57, 0.25];
 
-/// Lenses to start from by the law of those that bend directions: a pinhole of no focal length
-/// sees what they see, and no polynomial straightens it.
+/// Starting lenses with the undistorted law of models that bend directions: no pinhole has the same
+/// field of view, and no polynomial straightens their images.
 fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<Item = L> {
     let options = problem.options;
     let is_asked = L::centre_columns().is_empty() && !options.fixed.distortion;
@@ -52,13 +52,13 @@ fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<It
     guessed.map(|camera_matrix| L::from_camera_matrix(&camera_matrix))
 }
 
-/// Where the searches for an optimum begin.
+/// Starts of the searches for an optimum.
 pub(crate) struct Starts<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
     planes: &'a [ObservedPlane],
-    /// The same with fewer samples: from these the search starts.
+    /// The planes with fewer samples, used at the start of the search.
     some: Vec<ObservedPlane>,
-    /// Once they are asked for.
+    /// Computed on first use.
     linear_steps: OnceCell<Result<LinearSteps<L>, Error>>,
 }
 
@@ -74,7 +74,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         planes: &'a [ObservedPlane],
     ) -> Result<Self, Error> {
         let starts = Self::unasked(problem, planes);
-        // Where the lens's law or a poorer model gives a start, polynomials may never be needed.
+        // With a start by the lens's law or by a poorer model, the polynomials may never be needed.
         if problem.beginning.is_none() && lenses_of_the_law(problem).next().is_none() {
             starts.linear_steps()?;
         }
@@ -95,7 +95,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         }
     }
 
-    /// The optimum that a search from a view finds.
+    /// The optimum found by a search from a view.
     pub fn optimum_near(
         problem: &'a JointProblem<'a, L>,
         planes: &'a [ObservedPlane],
@@ -123,7 +123,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         found.as_ref().map_err(Clone::clone)
     }
 
-    /// The view that a camera matrix implies.
+    /// The view implied by a camera matrix.
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
         let steps = self.linear_steps()?;
         self.with_samples_enough(first_view(
@@ -136,13 +136,13 @@ impl<'a, L: Lens> Starts<'a, L> {
         )?)
     }
 
-    /// The view that a lens implies.
+    /// The view implied by a lens.
     fn view_by(&self, lens: &L) -> Result<View<L>, Error> {
         let (size, options) = (self.problem.size, self.problem.options);
         self.with_samples_enough(view_by_lens(lens, &self.some, self.planes, size, options)?)
     }
 
-    /// The same view, if there are more samples than it has unknowns.
+    /// Checks that there are more samples than the view has unknowns, and returns it.
     fn with_samples_enough(&self, view: View<L>) -> Result<View<L>, Error> {
         let unknowns = view.unknowns(&self.problem.free);
         let samples = self.samples().count();
@@ -156,7 +156,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         self.planes.iter().flat_map(ObservedPlane::samples)
     }
 
-    /// The answer of the method asked for.
+    /// The optimum by the selected method.
     pub fn optimum(&self) -> Result<Optimum<L>, Failure<L>> {
         match self.problem.options.method {
             Method::Linear => match self.linear() {
@@ -170,12 +170,12 @@ impl<'a, L: Lens> Starts<'a, L> {
         }
     }
 
-    /// The optimum that the search begins from, a poorer model's for one, and from there that of the
-    /// model, which therefore fits no worse.
+    /// The optimum of the model, searched from the beginning's optimum, such as that of a poorer
+    /// model; it therefore fits no worse.
     fn continued(&self) -> Option<Refined<L>> {
         let problem = self.problem;
         let Beginning { view, free } = problem.beginning.as_ref()?;
-        // Where planes were left out, nothing tells which of the view's these are.
+        // If planes were left out, it is unknown which of the view's planes these are.
         let start = match view.planes.len() == self.planes.len() {
             true => view.clone(),
             false => self.view_by(&view.lens).ok()?,
@@ -184,11 +184,11 @@ impl<'a, L: Lens> Starts<'a, L> {
             let found = problem.searched(planes, free, start.clone())?;
             self.finish(problem.searched(planes, &problem.free, found.view)?)
         };
-        // Of some samples the distortion may turn back before others.
+        // With some of the samples the distortion may turn back before others.
         among(&self.some).or_else(|| among(self.planes))
     }
 
-    /// The linear steps' own answer.
+    /// The solution of the linear steps.
     fn linear(&self) -> Result<Refined<L>, Error> {
         let view = self.view(&self.conic_camera_matrix()?)?;
         self.around(view).ok_or(Error::NotConverged {
@@ -198,8 +198,8 @@ impl<'a, L: Lens> Starts<'a, L> {
         })
     }
 
-    /// Where the linear steps give no camera, its geometry is the likeliest reason, and the
-    /// refinement can tell.
+    /// The failure if the linear steps give no camera: the geometry is the likeliest reason, and
+    /// the refinement can show it.
     fn why_not_linear(&self, error: Error) -> Failure<L> {
         match self.refine() {
             Err(found @ Failure::IllConditioned(_)) => found,
@@ -223,7 +223,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         )
     }
 
-    /// The views from which a search may begin, the likeliest first.
+    /// The views from which a search may start, the likeliest first.
     fn starts(&self) -> impl Iterator<Item = Result<View<L>, Error>> {
         let by_law = lenses_of_the_law(self.problem).map(|lens| self.view_by(&lens));
         let linear = || {
@@ -234,7 +234,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         by_law.chain(iter::once_with(linear).flatten())
     }
 
-    /// The best of the first so many optima; where that is doubtful, of all, however doubtful.
+    /// The best of the first `count` optima; if that is doubtful, the best of all.
     pub fn best_of_first(&self, count: usize) -> Option<Refined<L>> {
         let optimum =
             |start: Result<_, _>| self.finish(self.search(&self.problem.free, start.ok()?)?);
@@ -255,13 +255,13 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// Joint maximum likelihood from the first start that converges: a lens that bends directions
-    /// begins by its law, others by the conic's camera matrix.
+    /// starts by its law, others by the conic's camera matrix.
     ///
-    /// A doubtful answer may be a wrong optimum, with the principal point far off and the planes
-    /// turned to match: then all starts are tried and the one that fits best is taken. One that
-    /// leaves much more than noise may be wrong, too, where the robust loss gave up a part of the
-    /// samples for the rest: it has to stand against that of another start, or of all that the lens's
-    /// law gives.
+    /// A doubtful result may be a wrong optimum, with the principal point far off and the planes
+    /// turned to match: then all starts are tried and the one that fits best is used. A result with
+    /// residuals well above the noise may be wrong, too, where the robust loss ignores a part of
+    /// the samples in favour of the rest: it is compared with that of another start, or with all
+    /// starts by the lens's law.
     fn refine(&self) -> Result<Optimum<L>, Failure<L>> {
         let starts = self.starts();
         let rivals = lenses_of_the_law(self.problem).count().max(1);
@@ -269,7 +269,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         let mut unsettled: Option<Search<L>> = None;
         let mut best: Option<Optimum<L>> = None;
         for start in starts {
-            // One is tried in any case.
+            // At least one is tried.
             let tried = best.is_some() || unsettled.is_some();
             if tried && self.problem.work.is_spent() {
                 break;
@@ -285,7 +285,8 @@ impl<'a, L: Lens> Starts<'a, L> {
             match self.finish(found.clone()) {
                 Some(refined) => {
                     let mut found = Optimum::from(refined);
-                    // A doubtful geometry asks for all starts, large residuals for rivals.
+                    // With a doubtful geometry all starts are tried, with large residuals the
+                    // rivals.
                     let enough = found_before >= rivals || !self.is_strained(&mut found);
                     found_before += 1;
                     keep_better(&mut best, found);
@@ -322,7 +323,7 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// Searches the optimum of some samples from a start.
     fn search(&self, free: &FreeParameters, start: View<L>) -> Option<Search<L>> {
-        // Where the straightening's polynomial does not reach a sample, start without.
+        // If the straightening's polynomial is not defined at a sample, start without it.
         let pinhole = View {
             lens: start.lens.without_distortion(),
             ..start.clone()
@@ -332,7 +333,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         found.or_else(|| problem.searched(&self.some, free, pinhole))
     }
 
-    /// The optimum with the principal point held where it is known to be, or at the image centre:
+    /// The optimum with the principal point fixed at its known value, or at the image centre:
     /// parallel planes have one there, though none without.
     fn centred(&self) -> Option<Search<L>> {
         let fixed = Fixed {
@@ -351,24 +352,25 @@ impl<'a, L: Lens> Starts<'a, L> {
             .find_map(Search::converged)
     }
 
-    /// From the optimum of some samples to that of all.
+    /// The optimum of all samples, from that of some.
     fn finish(&self, found: Search<L>) -> Option<Refined<L>> {
         let found = found.converged()?;
         let view = found.view.clone();
         let problem = self.problem;
         problem.finished(self.planes, found).or_else(|| {
-            // Some samples misled: search among all of them.
+            // Some samples were misleading: search with all of them.
             let found = problem.searched(self.planes, &problem.free, view)?;
             let found = found.converged()?;
             let view = found.view.clone();
-            // Where the cost is far from a parabola, Newton's undamped steps may not converge.
+            // If the cost is far from a parabola, Newton's undamped steps may not converge.
             problem
                 .finished(self.planes, found)
                 .or_else(|| self.around(view))
         })
     }
 
-    /// A geometry that cannot answer is the likeliest reason, and has its own error.
+    /// The failure to converge: the likeliest reason is a geometry that does not determine the
+    /// camera, which has its own error.
     fn no_convergence(&self, unsettled: Option<Search<L>>) -> Failure<L> {
         let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
         let refined = unsettled.and_then(|found| self.around(found.view));
@@ -391,7 +393,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         weakest.is_some_and(|weakest| weakest.is_doubtful())
     }
 
-    /// Whether the sides are much farther from their lines than noise explains.
+    /// Whether the distances of the sides from their lines greatly exceed the noise.
     fn is_strained(&self, found: &mut Optimum<L>) -> bool {
         let Optimum { refined, noise } = found;
         let noise = noise.insert(Noise::of_optimum(self.planes, refined));

@@ -1,4 +1,5 @@
-//! Lenses of rich models see all of the picture: no lens turns back inside it.
+//! Restriction of rich models to lenses that see all of the picture: that do not turn back inside
+//! it.
 
 use nalgebra::Vector2;
 
@@ -10,19 +11,19 @@ use crate::lens::Lens;
 use crate::observations::{ObservedPlane, View};
 use crate::refine::{Refined, information};
 
-/// By how many pixels a lens may end short of the corners it has to see, step by step: standard
-/// deviations.
+/// Standard deviations (px), in successive steps, of the distance by which a lens may end short of
+/// the corners that it has to see.
 const SHORT_OF_CORNERS: [f64; 5] = [100.0, 30.0, 10.0, 3.0, 1.0];
 
-/// Rise of half the sum of squares, in units of the noise, from which the samples contradict lenses
-/// that see all of the picture: four standard deviations.
+/// Increase of half the sum of squares, in units of the noise, above which the samples contradict
+/// lenses that see all of the picture: four standard deviations.
 const CONTRADICTED: f64 = 8.0;
 
-/// Residuals of such a lens are at most so many times those of the lens that fits best.
+/// Maximum ratio of such a lens's residuals to those of the lens that fits best.
 const MAX_CONTRADICTED: f64 = 1.1;
 
-/// Whether a lens surely sees as far from its principal point, all around, as the picture's corners
-/// are.
+/// Whether a lens certainly sees as far from its principal point, in all directions, as the
+/// picture's corners are.
 fn reaches_corners<L: Lens>(lens: &L, size: ImageSize) -> bool {
     let offsets = size.corners().map(|corner| corner - lens.principal_point());
     let seen = lens.valid_pixel_radius();
@@ -30,8 +31,9 @@ fn reaches_corners<L: Lens>(lens: &L, size: ImageSize) -> bool {
 }
 
 impl<'a, L: Lens> JointProblem<'a, L> {
-    /// The same among lenses that see all of the picture, where that of its optimum may not and the
-    /// samples allow them: from there, step by step, as that one may turn back far from the corners.
+    /// The problem restricted to lenses that see all of the picture, if its optimum may not and the
+    /// samples allow them: the search starts from that optimum and proceeds in steps, as its lens
+    /// may turn back far from the corners.
     pub(super) fn seeing_all_of_picture(self) -> Self {
         let size = self.size;
         let Some((planes, best)) = &self.found else {
@@ -63,7 +65,8 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// The same whose searches begin from its optimum, beside the lens that fits best.
+    /// The problem with its searches starting from its optimum `found`, given the lens that fits
+    /// best.
     fn settled(self, planes: &'a [ObservedPlane], found: Refined<L>, best: &Refined<L>) -> Self {
         let cost = |view: &View<L>| {
             let judged = information(planes, &self.free, (view, best.scale));
@@ -79,7 +82,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         }
     }
 
-    /// Refuses the lens of a rich model that turns back inside the picture.
+    /// Checks that the lens of a rich model does not turn back inside the picture.
     ///
     /// # Errors
     /// [`Error::TurnsBack`].

@@ -1,22 +1,23 @@
-//! How much has been searched: what bounds searches of which each is bounded, but there are many.
+//! Bound on the total work of searches, each of which is bounded but of which there are many.
 //!
-//! Work is counted and not timed, so that the answer does not depend on the machine.
+//! Work is counted and not timed, so that the result does not depend on the machine.
 
 use std::cell::Cell;
 
 use crate::observations::ObservedPlane;
 
-/// A plane's elimination costs as much as so many of its samples.
+/// Cost of a plane's elimination, in samples.
 const SAMPLES_PER_PLANE: usize = 32;
 
-/// Evaluations of all samples that a calibration may take. Sound ones take some dozens, those
-/// that reject sides or look for remedies up to 2,750.
+/// Maximum number of evaluations of all samples in a calibration. Sound ones take some dozens,
+/// those that reject sides or search for remedies up to 2,750.
 const EVALUATIONS: usize = 5_000;
 
-/// Work that is allowed to the smallest calibrations, in samples evaluated: about a second.
+/// Minimum of the work allowed, for the smallest calibrations, in samples evaluated: about a
+/// second.
 const LEAST: usize = 2_500_000;
 
-/// Work done, and how much is allowed; in samples evaluated.
+/// Work done, and work allowed, in samples evaluated.
 #[derive(Debug)]
 pub(crate) struct Work {
     done: Cell<usize>,
@@ -24,7 +25,7 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    /// Without a bound.
+    /// Work without a bound.
     pub fn unbounded() -> Self {
         Self {
             done: Cell::new(0),
@@ -32,7 +33,7 @@ impl Work {
         }
     }
 
-    /// What a calibration of some planes may take.
+    /// Work allowed to a calibration of some planes.
     pub fn for_planes(planes: &[ObservedPlane]) -> Self {
         Self {
             done: Cell::new(0),
@@ -46,13 +47,13 @@ impl Work {
         self.done.set(self.done.get().saturating_add(more));
     }
 
-    /// Whether no further search should begin.
+    /// Whether no further search should start.
     pub fn is_spent(&self) -> bool {
         self.done.get() >= self.allowed
     }
 }
 
-/// What one evaluation of all samples of some planes costs.
+/// Cost of one evaluation of all samples of some planes, in samples.
 fn cost(planes: &[ObservedPlane]) -> usize {
     let samples: usize = planes.iter().map(|plane| plane.samples().count()).sum();
     samples + SAMPLES_PER_PLANE * planes.len()
