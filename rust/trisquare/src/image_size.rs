@@ -43,6 +43,8 @@ impl ImageSize {
         (0..2).all(|axis| (-margin..=far[axis] + margin).contains(&point[axis]))
     }
 
+    /// Checks that the picture is not empty.
+    ///
     /// # Errors
     /// [`Error::InvalidArgument`] for an empty picture.
     pub(crate) fn check(&self) -> Result<(), Error> {
