@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn srgb_has_the_standard_values() {
-        // 0.5 and 0.0031308 from the standard's own formula, worked by hand.
+        // Values of the standard's formula, computed by hand.
         assert!((Tone::Srgb.encode(0.5) - 0.735_356_983_052_449_4).abs() < 1e-12);
         assert!((Tone::Srgb.encode(0.002) - 0.025_84).abs() < 1e-12);
         assert!((Tone::Srgb.encode(1.0) - 1.0).abs() < 1e-12);

@@ -116,12 +116,13 @@ pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised 
 /// least 0.0034; linear pictures through JPEG had misfits of 0.0015 to 0.0022.
 const LINEAR_MISFIT: f64 = 2.5e-3;
 
-/// Blur (px) above which the misfit is large for any curve, and only gamma distinguishes the two:
-/// over 5 rendered scenes each, blurred by 3 to 6.5 px, it was 1.9 to 2.1 for sRGB and 0.98 to 1.02
-/// if the blur came after the coding; beside other objects 1.1 to 2.0 and 0.7 to 1.0.
+/// Blur (px) above which the misfit is large for any curve, and only gamma distinguishes linear
+/// light from other curves: over 5 rendered scenes each, blurred by 3 to 6.5 px, it was 1.9 to 2.1
+/// for sRGB and 0.98 to 1.02 if the blur came after the coding; beside other objects 1.1 to 2.0 and
+/// 0.7 to 1.0.
 const WIDE_BLUR: f64 = 2.5;
-/// Standard deviation, in blurs, of the common displacement of all edges if it is uncertain which
-/// of the two it is: the shift between them is half a blur.
+/// Standard deviation, in blurs, of the common displacement of all edges if it is uncertain whether
+/// the light is linear or coded by a usual curve: the shift between the two is half a blur.
 const UNSURE_SHIFT: f64 = 0.25;
 
 /// Ratio of the relative differences in the edges' shifts to those in their light, from side to

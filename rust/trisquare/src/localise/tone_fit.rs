@@ -137,7 +137,7 @@ pub struct ToneEstimate {
     pub hidden_shift: f64,
     /// Standard deviation, in pixels, of the shift by that and the misfit together.
     pub misfit_shift: f64,
-    /// The same if the profiles fit no curve.
+    /// That standard deviation if the profiles fit no curve; `None` if they fit one.
     pub shift_std: Option<f64>,
     /// Kurtosis that the lens adds to that of the pixel's box, over 24.
     pub(super) kurtosis: f64,

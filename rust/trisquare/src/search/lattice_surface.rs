@@ -161,13 +161,13 @@ impl BentPlane {
         surface
     }
 
-    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
+    /// The point of the photograph, in half diagonals, for a column and row; NaN if there is none.
     fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
         // The depth is one in the middle of the crossings.
         seen(self.homography * site.push(1.0), self.bend)
     }
 
-    /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
+    /// Columns and rows of points of the photograph (half diagonals); not finite if there are none.
     fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
         // A singular homography, which noise may produce, is inverted as well as possible.
         let inverse = self
