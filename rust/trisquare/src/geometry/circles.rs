@@ -1,25 +1,26 @@
-//! The plane of two circles, from the conics that are their images.
+//! The homography of a plane from the images of two circles on it, which are conics.
 //!
-//! Homographies are of the plane in which the first circle is the unit circle about the origin, turned
-//! about that in an arbitrary way; coordinates should be of the size of 1.
+//! In the plane's frame the first circle is the unit circle about the origin; the rotation about
+//! the origin is arbitrary. Image coordinates should be of the order of 1.
 
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector2, Vector3};
 
 use super::normalisation::Normalisation;
 
-/// Sweeps of the eigendecomposition; a few suffice.
+/// Maximum number of sweeps of the eigendecomposition; a few suffice.
 const MAX_SWEEPS: usize = 100;
 
-/// Power iterations: each brings radii that differ by a tenth nearer by a fifth.
+/// Maximum number of power iterations. For radii that differ by a tenth, each one reduces the error
+/// by a fifth.
 const MAX_STEPS: usize = 300;
 
-/// Change of a unit vector that is rounding.
+/// Change of a unit vector below which the power iteration has converged: rounding.
 const ARRIVED: f64 = 1e-14;
 
-/// The ellipse `x^T C x = 0` that fits points best, negative inside; `None` where what fits best is
-/// none.
+/// The ellipse `x^T C x = 0` that fits points best, with `x^T C x` negative inside; `None` if the
+/// best conic is not an ellipse.
 ///
-/// The algebraic distance is minimised in normalised coordinates.
+/// Minimises the algebraic distance in normalised coordinates.
 pub(crate) fn fit_ellipse(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     let normalising = Normalisation::of_points(points.iter())?.matrix();
     let mut gram = SMatrix::<f64, 6, 6>::zeros();
@@ -56,11 +57,12 @@ pub(crate) fn area(ellipse: &Matrix3<f64>) -> f64 {
     std::f64::consts::PI * ellipse.determinant().abs() / quadratic.powf(1.5)
 }
 
-/// The homography of a plane from two concentric circles, the outer one the unit circle.
+/// The homography of a plane from two concentric circles, with the outer one as the unit circle.
 ///
-/// The image `o` of the centre is the one point that has the same polar line `l` in both, the plane's
-/// vanishing line (J.-S. Kim, P. Gurdjos & I.-S. Kweon, IEEE PAMI 27 (2005) 637-642): the
-/// eigenvector of `inner^-1 outer` with the single eigenvalue, which is the largest.
+/// The image `o` of the centre is the one point with the same polar line `l` in both conics, and
+/// `l` is the plane's vanishing line (J.-S. Kim, P. Gurdjos & I.-S. Kweon, IEEE PAMI 27 (2005)
+/// 637-642). `o` is the eigenvector of `inner^-1 outer` with the single eigenvalue, which is the
+/// largest.
 pub(crate) fn concentric_homography(
     inner: &Matrix3<f64>,
     outer: &Matrix3<f64>,
@@ -77,17 +79,17 @@ pub(crate) fn concentric_homography(
     circle_homography(outer, &centre)
 }
 
-/// The homography of a plane from two circles beside each other, the first one the unit circle;
-/// `None` where they meet or one is in the other.
+/// The homography of a plane from two circles beside each other, with the first one as the unit
+/// circle; `None` if they intersect or one is inside the other.
 ///
-/// Of the conics that the two span, three are degenerate, and one of these is two real lines: the
-/// radical axis, which runs between the circles, and the vanishing line, which does not.
+/// The pencil of the two conics contains three degenerate ones. One of these is a pair of real
+/// lines: the radical axis, which runs between the circles, and the vanishing line, which does not.
 pub(crate) fn separate_homography(
     first: &Matrix3<f64>,
     second: &Matrix3<f64>,
 ) -> Option<Matrix3<f64>> {
     let (of_first, of_second) = (first.try_inverse()?, second.try_inverse()?);
-    // The pole of infinity is inside an ellipse.
+    // The pole of the line at infinity is the centre of an ellipse, hence inside it.
     let ends = [of_first, of_second].map(|inverse| inverse * Vector3::z());
     let is_between = |line: &Vector3<f64>| {
         let [a, b] = [0, 1].map(|i: usize| line.dot(&ends[i]) / ends[i].z);
@@ -113,7 +115,8 @@ pub(crate) fn separate_homography(
     None
 }
 
-/// The eigenvalues of a matrix, if all three are real: the roots of its characteristic polynomial.
+/// The eigenvalues of a matrix as roots of its characteristic polynomial; `None` unless all three
+/// are real.
 fn real_eigenvalues(matrix: &Matrix3<f64>) -> Option<[f64; 3]> {
     let mean = matrix.trace() / 3.0;
     let rest = matrix - Matrix3::identity() * mean;
@@ -124,10 +127,11 @@ fn real_eigenvalues(matrix: &Matrix3<f64>) -> Option<[f64; 3]> {
     Some([0.0, 1.0, 2.0].map(|i| mean + 2.0 * size * (angle + i * third).cos()))
 }
 
-/// The homography of a plane from an ellipse that is the unit circle, and the image of its centre.
+/// The homography of a plane from the ellipse that is the image of the unit circle, and the image
+/// of the circle's centre.
 ///
-/// The centre's polar line is the plane's vanishing line, and any two points of that which are
-/// conjugate with respect to the circle are images of orthogonal directions.
+/// The centre's polar line is the plane's vanishing line. Any two points on it that are conjugate
+/// with respect to the ellipse are images of orthogonal directions.
 fn circle_homography(ellipse: &Matrix3<f64>, centre: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let centre = centre / centre.z;
     let polar = ellipse * centre;
@@ -140,7 +144,8 @@ fn circle_homography(ellipse: &Matrix3<f64>, centre: &Vector3<f64>) -> Option<Ma
         centre / (-form(&centre)).sqrt(),
     ];
     let mut homography = Matrix3::from_columns(&columns);
-    // Seen from the side from which X turns to Y as x to y on the screen.
+    // Choose the orientation in which the plane is seen from the side where X turns to Y as x to y
+    // on the screen.
     if homography.determinant() < 0.0 {
         homography.column_mut(1).neg_mut();
     }
@@ -174,7 +179,8 @@ mod tests {
 
     const ROUND: f64 = std::f64::consts::TAU;
 
-    /// The homography of a plane, and the images of a part of circles `(radius, x)` on it.
+    /// The homography of a plane, and the ellipses fitted to images of arcs of circles
+    /// `(radius, x)` on it; `part` is the angle of the arcs.
     fn seen(circles: &[(f64, f64)], part: f64) -> (Matrix3<f64>, Vec<Matrix3<f64>>) {
         let camera = Matrix3::new(1.8, 0.0, 0.1, 0.0, 1.7, -0.2, 0.0, 0.0, 1.0);
         let pose = Pose {
@@ -194,7 +200,7 @@ mod tests {
         (homography, circles.iter().map(ellipse).collect())
     }
 
-    /// Whether two homographies differ by a turn of the plane alone.
+    /// Whether two homographies differ only by a rotation of the plane about its origin.
     fn agree(found: &Matrix3<f64>, truth: &Matrix3<f64>) -> bool {
         let turn = found.try_inverse().unwrap() * truth;
         let turn = turn / turn.m33;

@@ -4,20 +4,20 @@ use nalgebra::{DMatrix, Matrix3, SVector, Vector2, Vector3};
 
 use crate::error::Error;
 
-/// Sweeps of the singular value decomposition; a few per column suffice.
+/// Maximum number of sweeps of the singular value decomposition; a few per column suffice.
 const MAX_SVD_SWEEPS: usize = 1000;
 
-/// Below this ratio of the second smallest to the largest singular value the constraints leave
-/// more than the scale open.
+/// Ratio of the second smallest to the largest singular value below which the constraints leave
+/// more than the scale undetermined.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Entries of a conic without skew: `w11, w13, w22, w23, w33`.
+/// Entries of a conic for zero skew: `w11, w13, w22, w23, w33`.
 type ConicVector = SVector<f64, 5>;
 
-/// Coefficients of one homogeneous linear equation on them, from any source.
+/// Coefficients of one homogeneous linear equation in these entries.
 type ConicConstraint = ConicVector;
 
-/// Coefficients of `h^T omega g`.
+/// Coefficients of `h^T omega g` in these entries.
 fn bilinear(h: &Vector3<f64>, g: &Vector3<f64>) -> ConicConstraint {
     ConicConstraint::new(
         h.x * g.x,
@@ -28,7 +28,7 @@ fn bilinear(h: &Vector3<f64>, g: &Vector3<f64>) -> ConicConstraint {
     )
 }
 
-/// What is known of a camera matrix beforehand.
+/// Known parts of a camera matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct KnownIntrinsics {
     /// The ratio `fy / fx`.
@@ -38,18 +38,18 @@ pub struct KnownIntrinsics {
 }
 
 impl KnownIntrinsics {
-    /// Unknowns of the camera matrix that remain.
+    /// Number of parameters of the camera matrix that remain unknown.
     pub fn unknowns(&self) -> usize {
         let focal = if self.aspect.is_some() { 1 } else { 2 };
         focal + if self.principal_point.is_some() { 0 } else { 2 }
     }
 }
 
-/// The camera matrix `K` with `omega ~ K^-T K^-1` from the homographies of planes.
+/// The camera matrix `K`, in pixels, with `omega ~ K^-T K^-1`, from the homographies of planes.
 ///
-/// Zero skew leaves four unknowns, every plane direction gives two equations: two well-tilted
-/// planes may do, three over-determine them (Hartley & Zisserman, 2nd ed., section 8.5; Zhou et
-/// al. 2013, step 3). Pixels.
+/// With zero skew there are four unknowns, and every plane gives two equations: two well-tilted
+/// planes may suffice, three over-determine them (Hartley & Zisserman, 2nd ed., section 8.5; Zhou
+/// et al. 2013, step 3).
 ///
 /// ```
 /// use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
@@ -81,7 +81,7 @@ pub fn camera_matrix_from_homographies(
     camera_matrix_from_planes(&planes.collect::<Vec<_>>(), &KnownIntrinsics::default())
 }
 
-/// A plane's homography, and whether it is that of a rectangle of unknown aspect.
+/// A plane's homography, and whether its figure is a rectangle of unknown aspect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PlaneHomography {
     pub homography: Matrix3<f64>,
@@ -96,7 +96,7 @@ impl PlaneHomography {
         }
     }
 
-    /// The equations `h1^T omega h2 = 0` and, of a known aspect, `h1^T omega h1 = h2^T omega h2`
+    /// The equations `h1^T omega h2 = 0` and, for a known aspect, `h1^T omega h1 = h2^T omega h2`
     /// (Hartley & Zisserman, 2nd ed., section 8.5).
     fn constraints(
         &self,
@@ -109,8 +109,8 @@ impl PlaneHomography {
     }
 }
 
-/// How much longer, on its plane, X is than Y for a camera, of the unit square that a homography
-/// maps; `None` where it is no number.
+/// Ratio of the lengths along X and Y, on the plane, of the unit square that a homography maps,
+/// given the camera matrix; `None` if it is not a positive number.
 pub(crate) fn aspect_of_homography(
     camera_matrix: &Matrix3<f64>,
     homography: &Matrix3<f64>,
@@ -120,8 +120,8 @@ pub(crate) fn aspect_of_homography(
     (aspect.is_finite() && aspect > 0.0).then_some(aspect)
 }
 
-/// As [`camera_matrix_from_homographies`], of planes some of which show a rectangle of unknown
-/// aspect, and with part of the camera matrix known.
+/// Same as [`camera_matrix_from_homographies`] for planes that may show a rectangle of unknown
+/// aspect, with part of the camera matrix known.
 pub(crate) fn camera_matrix_from_planes(
     planes: &[PlaneHomography],
     known: &KnownIntrinsics,
@@ -153,8 +153,9 @@ pub(crate) fn camera_matrix_from_planes(
     Ok(frame.denormalise(&intrinsics_of(&conic)?))
 }
 
-/// Coordinates in which the conic is well-conditioned: centred on the picture's middle (or the
-/// known principal point), of its size, with square pixels where the aspect is known.
+/// Coordinates in which the conic is well-conditioned: their origin is the mean of the imaged
+/// points (or the known principal point), their unit the points' rms distance from it, and pixels
+/// are square if the aspect is known.
 struct ConicFrame {
     normalising: Matrix3<f64>,
     centre: Vector2<f64>,
@@ -163,7 +164,8 @@ struct ConicFrame {
 
 impl ConicFrame {
     fn around(homographies: &[Matrix3<f64>], known: &KnownIntrinsics) -> Self {
-        // Images of the planes' origins and unit points stand for the picture's extent.
+        // The images of each plane's origin and of two points beside it represent the extent of the
+        // picture.
         let mut seen = Vec::with_capacity(3 * homographies.len());
         for h in homographies {
             for point in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)] {
@@ -215,16 +217,16 @@ impl ConicFrame {
     }
 }
 
-/// The conic that fits homogeneous constraints best, in coordinates where the known principal
-/// point is the origin and a known aspect is 1.
+/// The conic that fits homogeneous constraints best, in coordinates where the known principal point
+/// is the origin and a known aspect is 1.
 ///
 /// # Errors
-/// [`Error::UndeterminedConic`] if the constraints leave more than the scale open.
+/// [`Error::UndeterminedConic`] if the constraints leave more than the scale undetermined.
 fn solve_conic(
     constraints: &[ConicConstraint],
     known: &KnownIntrinsics,
 ) -> Result<[f64; 5], Error> {
-    // Columns of the basis: what the remaining unknowns move.
+    // Directions in the space of conics that the remaining unknowns span.
     let mut basis: Vec<ConicVector> = Vec::with_capacity(5);
     let unit = |i: usize| ConicVector::ith(i, 1.0);
     if known.aspect.is_some() {
@@ -237,7 +239,7 @@ fn solve_conic(
     }
     basis.push(unit(4));
 
-    // Padded with zero rows: the decomposition's right-hand factor must be square.
+    // Padded with zero rows, as the decomposition's right-hand factor must be square.
     let rows = constraints.len().max(basis.len());
     let mut design = DMatrix::zeros(rows, basis.len());
     for (i, constraint) in constraints.iter().enumerate() {
@@ -249,7 +251,7 @@ fn solve_conic(
         }
     }
     let undetermined = |ratio| Error::UndeterminedConic { ratio };
-    // The decomposition panics on NaN, which overflowing constraints end in.
+    // The decomposition panics on NaN, which overflow in the constraints produces.
     if !design.iter().all(|v| v.is_finite()) {
         return Err(undetermined(0.0));
     }
@@ -273,7 +275,7 @@ fn solve_conic(
 
 /// `fx, fy, cx, cy` of `omega ~ K^-T K^-1`, in the conic's own coordinates.
 ///
-/// The closed form of the Cholesky factor of a conic without skew.
+/// Uses the closed form of the Cholesky factor of a conic for zero skew.
 ///
 /// # Errors
 /// [`Error::IndefiniteConic`] if `omega` is not definite.

@@ -6,14 +6,14 @@ use super::line::Line;
 use super::normalisation::Normalisation;
 use crate::error::Error;
 
-/// Lines a homography needs, no three of them through one point.
+/// Minimum number of lines for a homography; no three of them may meet in one point.
 pub const MIN_LINES: usize = 4;
 
-/// Sweeps of the singular value decomposition; a few per column suffice.
+/// Maximum number of sweeps of the singular value decomposition; a few per column suffice.
 const MAX_SVD_SWEEPS: usize = 1000;
 
-/// Below this ratio of the second smallest to the largest singular value the lines leave more
-/// than the scale open.
+/// Ratio of the second smallest to the largest singular value below which the lines leave more than
+/// the scale undetermined.
 const RANK_TOLERANCE: f64 = 1e-10;
 
 const TOO_LARGE: &str = "their coordinates are too large";
@@ -41,7 +41,7 @@ const TOO_LARGE: &str = "their coordinates are too large";
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] for unequal numbers of lines, [`Error::TooFewLines`] for fewer than
-/// four, [`Error::DegenerateHomography`] if three of four meet in a point or are parallel.
+/// four, [`Error::DegenerateHomography`] if three of four lines meet in a point or are parallel.
 pub fn homography_from_lines(
     plane_lines: &[Line],
     image_lines: &[Line],
@@ -50,7 +50,8 @@ pub fn homography_from_lines(
     normalised_homography(plane_lines, image_lines, image)
 }
 
-/// As [`homography_from_lines`], with the image's normalisation measured on the edge samples.
+/// Same as [`homography_from_lines`], with the image's normalisation given: callers measure it on
+/// the edge samples.
 pub(crate) fn normalised_homography(
     plane_lines: &[Line],
     image_lines: &[Line],
@@ -80,14 +81,15 @@ pub(crate) fn normalised_homography(
     let normalised = null_direction(design).map_err(degenerate)?;
     let homography = image.inverse() * normalised * plane.matrix();
     let norm = homography.norm();
-    // Overflow here would pass for a map that sends everything to zero.
+    // An overflow here would look like a map of everything to zero.
     if !(norm > 0.0 && norm.is_finite()) {
         return Err(degenerate(TOO_LARGE));
     }
     Ok(homography / norm)
 }
 
-/// Three equations for each pair of lines, of a map between normalised coordinates, stored row by row.
+/// Coefficients of the three equations per pair of lines in the entries, row by row, of a map
+/// between normalised coordinates.
 fn design_of<'a>(
     pairs: impl ExactSizeIterator<Item = (&'a Line, &'a Line)>,
     plane: &Normalisation,
@@ -110,10 +112,10 @@ fn design_of<'a>(
     design
 }
 
-/// The map that solves the equations best, up to scale, or the reason why none does.
+/// The map that solves the equations best, up to scale, or the reason why there is none.
 fn null_direction(design: DMatrix<f64>) -> Result<Matrix3<f64>, &'static str> {
     const CONCURRENT: &str = "three of them meet in one point or are parallel";
-    // The decomposition panics on NaN, which overflowing coordinates end in.
+    // The decomposition panics on NaN, which overflow in the coordinates produces.
     if !design.iter().all(|v| v.is_finite()) {
         return Err(TOO_LARGE);
     }
@@ -123,13 +125,14 @@ fn null_direction(design: DMatrix<f64>) -> Result<Matrix3<f64>, &'static str> {
     let values = &svd.singular_values;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
-    // NaN must not pass for a full rank.
+    // Written so that NaN is not taken for full rank.
     if !(values[order[1]] > RANK_TOLERANCE * values[order[8]]) {
         return Err(CONCURRENT);
     }
     let v_t = svd.v_t.ok_or("its singular vectors were not found")?;
     let map = Matrix3::from_row_iterator(v_t.row(order[0]).iter().copied());
-    // Three concurrent lines that are imaged apart are answered by a singular map.
+    // If three concurrent lines have images that are not concurrent, the solution is a singular
+    // map.
     if map.determinant().abs() < RANK_TOLERANCE {
         return Err(CONCURRENT);
     }
@@ -197,7 +200,7 @@ mod tests {
             homography_from_lines(&concurrent, &plane),
             Err(Error::DegenerateHomography { .. })
         ));
-        // Either is in range, but not what maps one to the other.
+        // Both sets of lines are in range, but the map between them is not.
         let [tiny, huge] = [1e-100, 1e100].map(|size| {
             let sides = plane.iter().map(|line| line.coefficients());
             sides

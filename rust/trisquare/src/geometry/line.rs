@@ -4,10 +4,10 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
 
 use crate::error::Error;
 
-/// Sweeps after which an eigendecomposition is given up; it needs a few.
+/// Maximum number of sweeps of an eigendecomposition; it needs a few.
 const MAX_SWEEPS: usize = 100;
 
-/// Different points that a line needs.
+/// Minimum number of distinct points for a line.
 pub const MIN_LINE_SAMPLES: usize = 2;
 
 /// A line `a x + b y + c = 0` with `a^2 + b^2 = 1`, so that the left side is a signed distance.
@@ -23,8 +23,10 @@ crate::stored::read_checked!(Line {
 });
 
 impl Line {
+    /// Checks that the normal is a unit vector.
+    ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for what [`Self::new`] does not make.
+    /// [`Error::InvalidArgument`] for coefficients that [`Self::new`] cannot produce.
     #[cfg(feature = "serde")]
     fn check(&self) -> Result<(), Error> {
         let [a, b, c] = self.coefficients.into();
@@ -42,7 +44,7 @@ impl Line {
     ///
     /// # Errors
     /// [`Error::NotFinite`] for NaN or infinity, [`Error::InvalidArgument`] for the line at
-    /// infinity (`a = b = 0`, or next to it).
+    /// infinity (`a = b = 0`, or nearly so).
     pub fn new(a: f64, b: f64, c: f64) -> Result<Self, Error> {
         let norm = a.hypot(b);
         if !(norm.is_finite() && c.is_finite()) {
@@ -74,7 +76,7 @@ impl Line {
         self.coefficients.xy()
     }
 
-    /// The same line with its normal turned round.
+    /// The same line with the opposite normal.
     #[must_use]
     pub fn reversed(&self) -> Self {
         Self {
@@ -82,7 +84,7 @@ impl Line {
         }
     }
 
-    /// The line that it becomes where all X coordinates are so many times as large.
+    /// The image of the line under the map that multiplies all X coordinates by `factor`.
     pub(crate) fn stretched(&self, factor: f64) -> Self {
         let [x, y, z] = self.coefficients.into();
         let coefficients = Vector3::new(x / factor, y, z);
@@ -91,7 +93,7 @@ impl Line {
         }
     }
 
-    /// The line that it becomes where all points move along X by so many times their Y.
+    /// The image of the line under the shear that adds `by` times Y to all X coordinates.
     pub(crate) fn sheared(&self, by: f64) -> Self {
         let [x, y, z] = self.coefficients.into();
         let coefficients = Vector3::new(x, y - by * x, z);
@@ -140,10 +142,10 @@ impl Line {
     }
 }
 
-/// The normal of the plane through the camera's centre in which weighted unit rays lie best, which
-/// is the line of their image: no direction is too far from the axis.
+/// The normal of the plane through the camera's centre that fits weighted unit rays best. That
+/// plane is the line of their image, for rays at any angle from the axis.
 ///
-/// `None` if the iteration does not end.
+/// `None` if the iteration does not converge.
 pub(crate) fn line_of_rays(
     rays: impl Iterator<Item = (Vector3<f64>, f64)>,
 ) -> Option<Vector3<f64>> {

@@ -26,8 +26,8 @@ impl Normalisation {
         scale.is_finite().then_some(Self { centre, scale })
     }
 
-    /// Measures the similarity on lines alone: the point nearest to all of them, and their rms
-    /// distance from it.
+    /// Measures the similarity on lines: the centre is the point nearest to all of them, the scale
+    /// `sqrt(2)` over their rms distance from it.
     pub fn of_lines(lines: &[Line]) -> Option<Self> {
         let mut scatter = nalgebra::Matrix2::zeros();
         let mut moment = Vector2::zeros();

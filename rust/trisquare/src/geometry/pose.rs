@@ -1,19 +1,22 @@
-//! Where a plane stands: from a camera matrix and a homography to `cam_from_plane`.
+//! The pose of a plane: `cam_from_plane` from a camera matrix and a homography.
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::error::Error;
 
-/// Columns of a homography whose lengths differ by more show no plane in any picture.
+/// Largest length of a column of a homography, scaled so that the two have a geometric mean of 1;
+/// larger ones show no plane in any picture.
 const MAX_STRETCH: f64 = 1e8;
 
-/// Sine of an angle that is rounding: columns that span no plane, or a plane seen edge-on.
+/// Sine of an angle below which it is rounding: columns that span no plane, or a plane seen
+/// edge-on.
 const FLAT: f64 = 1e-12;
 
-/// Distance of the plane's origin, in the plane's unit, beyond which no picture shows the unit.
+/// Largest distance of the plane's origin, in the plane's unit; no picture shows the unit from
+/// farther.
 const FARTHEST: f64 = 1e12;
 
-/// Sweeps of the 3 x 3 singular value decomposition; a handful suffice.
+/// Maximum number of sweeps of the 3 x 3 singular value decomposition; a handful suffice.
 const MAX_SVD_SWEEPS: usize = 100;
 
 /// A rigid motion `X_cam = R X_plane + t`; lengths in the plane's unit.
@@ -33,8 +36,11 @@ crate::stored::read_checked!(Pose {
 });
 
 impl Pose {
+    /// Checks that this is a rigid motion.
+    ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if it is no rigid motion, [`Error::NotFinite`].
+    /// [`Error::InvalidArgument`] if it is not, [`Error::NotFinite`] for a translation with NaN or
+    /// infinity.
     #[cfg(feature = "serde")]
     fn check(&self) -> Result<(), Error> {
         let gap = (self.rotation.transpose() * self.rotation - Matrix3::identity()).norm();
@@ -54,16 +60,17 @@ impl Pose {
         Ok(())
     }
 
-    /// The pose that a homography `H_image_from_plane ~ K [r1 r2 t]` implies, in front of the
-    /// camera at the plane's point `witness`.
+    /// The pose that a homography `H_image_from_plane ~ K [r1 r2 t]` implies, with the plane's
+    /// point `witness` in front of the camera.
     ///
-    /// The scale makes `r1` and `r2` unit vectors in the geometric mean; the rotation is the one
-    /// nearest to `[r1 r2 r1 x r2]` in the Frobenius norm (Zhang, IEEE PAMI 22 (2000), appendix C).
+    /// The scale makes the geometric mean of the lengths of `r1` and `r2` equal to 1; the rotation
+    /// is the one nearest to `[r1 r2 r1 x r2]` in the Frobenius norm (Zhang, IEEE PAMI 22 (2000),
+    /// appendix C).
     ///
     /// # Errors
     /// [`Error::NotFinite`] for NaN or infinity, [`Error::DegenerateHomography`] if the homography
-    /// or the camera matrix is singular, or if they show a plane through the
-    /// camera's centre or at no finite distance.
+    /// or the camera matrix is singular, or if they show a plane through the camera's centre or at
+    /// no finite distance.
     pub fn from_homography(
         camera_matrix: &Matrix3<f64>,
         homography: &Matrix3<f64>,
@@ -125,15 +132,16 @@ impl Pose {
         ])
     }
 
-    /// The matrix `L` with `l = L (a, b, c)`: the plane through the camera centre and the line
-    /// `a X + b Y + c = 0` of this plane, oriented so that `l . X_cam` has the line's own sign
-    /// wherever `r3 . t > 0`.
+    /// The matrix `L` with `l = L (a, b, c)`: `l` is the normal of the plane through the camera
+    /// centre and the line `a X + b Y + c = 0` of this plane, oriented so that `l . X_cam` has the
+    /// sign of `a X + b Y + c` wherever `r3 . t > 0`.
     pub fn line_map(&self) -> Matrix3<f64> {
         let [r1, r2, r3] = [0, 1, 2].map(|i| self.rotation.column(i).into_owned());
         Matrix3::from_columns(&[r2.cross(&self.translation), self.translation.cross(&r1), r3])
     }
 
-    /// The pose after a small rotation vector (camera frame) and a translation.
+    /// The pose after a further small rotation (a rotation vector in the camera frame) and
+    /// translation.
     #[must_use]
     pub fn moved(&self, rotation: &Vector3<f64>, translation: &Vector3<f64>) -> Self {
         Self {

@@ -11,7 +11,8 @@ pub struct GreyBytes<'a> {
 }
 
 impl<'a> GreyBytes<'a> {
-    /// `None` if the picture is empty or the values are not `width * height`.
+    /// Wraps the values; `None` if the picture is empty or the number of values is not
+    /// `width * height`.
     #[must_use]
     pub fn new(width: usize, height: usize, values: &'a [u8]) -> Option<Self> {
         let whole = width > 0 && height > 0 && width.checked_mul(height) == Some(values.len());
@@ -27,18 +28,18 @@ impl<'a> GreyBytes<'a> {
         [self.width, self.height]
     }
 
-    /// In row order.
+    /// The values in row order.
     pub(crate) fn values(&self) -> &[u8] {
         self.values
     }
 
-    /// The nearest grey level to what `at` interpolates.
+    /// The result of `at` rounded to the nearest grey level, for coordinates rounded to `f32`.
     pub(crate) fn level(&self, point: Vector2<f64>) -> f64 {
         self.at(point.map(|x| f64::from(x as f32)))
             .round_ties_even()
     }
 
-    /// Bilinear interpolation; beyond the border its value goes on.
+    /// Bilinear interpolation; outside the picture, the value at the nearest point of the border.
     pub(crate) fn at(&self, point: Vector2<f64>) -> f64 {
         let x = point.x.clamp(0.0, (self.width - 1) as f64);
         let y = point.y.clamp(0.0, (self.height - 1) as f64);

@@ -6,14 +6,14 @@ use super::tone::{Tone, ToneCurve};
 /// Weights of blue, green and red in the grey that edges are measured in (ITU-R BT.601).
 const GREY_FROM_BGR: [f64; 3] = [0.114, 0.587, 0.299];
 
-/// Levels by which JPEG takes clipped pixels beside an edge below the limit.
+/// Number of levels by which JPEG lowers clipped pixels beside an edge.
 const RINGING: u8 = 6;
 
 /// The coded grey of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Grey {
     pub value: f64,
-    /// Whether a channel holds the largest value that the file can: the light was at least that.
+    /// Whether a channel has the largest value that the file can hold: its light was at least that.
     pub is_clipped: bool,
 }
 
@@ -27,15 +27,15 @@ pub struct GreyReader<'a> {
     picture: &'a Picture,
     tone: Tone,
     curve: ToneCurve,
-    /// What an 8-bit level stands for in each channel: its value (grey) or its share of the light
-    /// (BGR).
+    /// Value of each 8-bit level in each channel: the normalised value (grey), or the weighted
+    /// light (BGR).
     levels: [[f64; 256]; 3],
-    /// The 8-bit level from which on a channel is clipped.
+    /// Lowest 8-bit level at which a channel is clipped.
     limit: u8,
 }
 
 impl Picture {
-    /// The picture seen as coded grey under a tone curve.
+    /// Returns a reader of the picture as coded grey under a tone curve.
     #[must_use]
     pub fn reader(&self, tone: Tone) -> GreyReader<'_> {
         GreyReader::new(self, tone)
@@ -83,8 +83,8 @@ impl<'a> GreyReader<'a> {
         self.tone
     }
 
-    /// The coded grey at column `x` and row `y`; `None` outside the picture, in a row that is left
-    /// out, or where not finite.
+    /// The coded grey at column `x` and row `y`; `None` outside the picture, in an odd row if only
+    /// even rows are used, or if it is not finite.
     #[inline]
     #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<f64> {
@@ -94,7 +94,7 @@ impl<'a> GreyReader<'a> {
         self.get_any(x, y)
     }
 
-    /// The same in any row.
+    /// Same as [`get`](Self::get), for all rows.
     #[inline]
     fn get_any(&self, x: usize, y: usize) -> Option<f64> {
         if x >= self.picture.width || y >= self.picture.height {
@@ -102,7 +102,8 @@ impl<'a> GreyReader<'a> {
         }
         let index = y * self.picture.width + x;
         match &self.picture.pixels {
-            // Small enough to be inlined: by far the most are such.
+            // This function is kept small enough to be inlined: by far the most pixels are of this
+            // kind.
             Pixels::U8(values) if self.picture.channels == 1 => {
                 Some(self.levels[0][usize::from(values[index])])
             }
@@ -110,7 +111,7 @@ impl<'a> GreyReader<'a> {
         }
     }
 
-    /// The same of a pixel in colour, or of more than 8 bits.
+    /// The coded grey of a pixel in colour, or of more than 8 bits.
     fn get_other(&self, index: usize) -> Option<f64> {
         if self.picture.channels == 3 {
             return self.mixed(3 * index);
@@ -122,8 +123,8 @@ impl<'a> GreyReader<'a> {
         }
     }
 
-    /// The light in blue, green and red of a pixel inside a picture in colour, each in a unit of its
-    /// own.
+    /// The light in blue, green and red of a pixel inside a colour picture, each channel in its own
+    /// unit.
     pub(crate) fn lights(&self, x: usize, y: usize) -> [f64; 3] {
         let start = 3 * (y * self.picture.width + x);
         [0, 1, 2].map(|channel| match &self.picture.pixels {
@@ -136,8 +137,8 @@ impl<'a> GreyReader<'a> {
         })
     }
 
-    /// Whether a channel of a pixel inside the picture is at the file's limit. Floats have none, and
-    /// the white of two levels is no bound.
+    /// Whether a channel of a pixel inside the picture is at the file's limit. Floats have no
+    /// limit, and the white of a picture of two levels is not a lower bound of the light.
     pub(crate) fn is_clipped(&self, x: usize, y: usize) -> bool {
         if self.picture.has_two_levels {
             return false;
@@ -152,7 +153,8 @@ impl<'a> GreyReader<'a> {
         }
     }
 
-    /// The coded grey of a pixel inside the picture; `None` where [`get`](Self::get) is.
+    /// The coded grey of a pixel inside the picture, and whether it is clipped; `None` where
+    /// [`get`](Self::get) returns it.
     #[inline]
     pub(super) fn grey(&self, x: usize, y: usize) -> Option<Grey> {
         if let Some(bytes) = self.grey_bytes() {
@@ -164,7 +166,7 @@ impl<'a> GreyReader<'a> {
         })
     }
 
-    /// The bytes of a grey picture all of whose rows are read.
+    /// The bytes of an 8-bit grey picture, if all of its rows are used.
     #[inline]
     fn grey_bytes(&self) -> Option<&'a [u8]> {
         match &self.picture.pixels {
@@ -185,8 +187,8 @@ impl<'a> GreyReader<'a> {
         }
     }
 
-    /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards, all of them
-    /// inside the picture; values that are not finite are read as NaN.
+    /// Reads `count` pixels from column `x` and row `y` on, to the right or downwards. All of them
+    /// must be inside the picture; values that are not finite are read as NaN.
     pub(crate) fn read_line(
         &self,
         [x, y]: [usize; 2],
@@ -235,8 +237,9 @@ impl<'a> GreyReader<'a> {
             .sum()
     }
 
-    /// The grey between pixels, bilinear, at continuous pixel coordinates, of all rows; `None`
-    /// outside, also where rounding alone has put a place of the border there: clamp such.
+    /// Bilinear interpolation of the grey at continuous pixel coordinates, from all rows. `None`
+    /// outside the picture, even if only rounding puts a point of the border there: callers clamp
+    /// such points.
     #[must_use]
     pub fn bilinear(&self, x: f64, y: f64) -> Option<f64> {
         let (right, bottom) = (

@@ -1,4 +1,4 @@
-//! The pixels of a picture near some places; the others are forgotten.
+//! The pixels of a picture near given paths, without the others.
 
 use nalgebra::Vector2;
 
@@ -6,38 +6,38 @@ use super::grey_reader::{Grey, GreyReader};
 use super::picture::{Picture, Pixels};
 use super::tone::Tone;
 
-/// Distance (px) of the points of a path round which pixels are kept.
+/// Distance (px) between the points of a path around which pixels are kept.
 const STEP: f64 = 4.0;
 
-/// Points of a piece of a path at most: more than any picture is wide.
+/// Maximum number of points per piece of a path: more than any picture is wide.
 const MAX_STEPS: f64 = 16_000.0;
 
-/// The pixels of a picture near some paths, as they were in it.
+/// The pixels of a picture near some paths, unchanged.
 #[derive(Debug, Clone)]
 pub struct KeptPixels {
     width: usize,
     height: usize,
-    /// Index of the first run of each row, and of the one after the last.
+    /// Index of the first run of each row, and one past the index of the last run.
     rows: Vec<u32>,
     runs: Vec<Run>,
-    /// The pixels of all runs, in one row.
+    /// The pixels of all runs, as one row.
     pixels: Picture,
 }
 
-/// Pixels of a row that are kept, side by side.
+/// Adjacent pixels of a row that are kept.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     start: u32,
     end: u32,
-    /// Index of its first pixel among all that are kept.
+    /// Index of its first pixel among all kept pixels.
     first: u32,
 }
 
-/// Columns of a row: the first one, and the one after the last.
+/// Columns of a row: the first one, and one past the last.
 type ColumnRange = [usize; 2];
 
 impl Picture {
-    /// The pixels within a reach (px) of closed paths, each given with its own; and a few more.
+    /// The pixels within the reach (px) given with each closed path, and a few more.
     #[must_use]
     pub fn near<'a>(
         &self,
@@ -100,14 +100,14 @@ impl Picture {
     }
 }
 
-/// Marks the pixels within a reach of a straight piece of path, in every row.
+/// Marks the pixels within `reach` of a straight piece of path, in every row.
 fn mark(rows: &mut [Vec<ColumnRange>], width: usize, [start, end]: [&Vector2<f64>; 2], reach: f64) {
     let length = (end - start).norm();
     if !length.is_finite() {
         return;
     }
     let steps = (length / STEP).ceil().clamp(1.0, MAX_STEPS);
-    // A point of the piece is at most half a step from one that is looked at.
+    // No point of the piece is farther than half a step from the nearest point that is used.
     let reach = reach.hypot(0.5 * length / steps);
     let clip = |v: f64, count: usize| v.clamp(0.0, count as f64) as usize;
     for step in 0..steps as usize {
@@ -121,7 +121,7 @@ fn mark(rows: &mut [Vec<ColumnRange>], width: usize, [start, end]: [&Vector2<f64
             let start = clip(point.x - half, width);
             let end = clip(point.x + half + 1.0, width);
             match row.last_mut() {
-                // Most often it overlaps what is marked around the point before.
+                // Usually it overlaps the range marked around the previous point.
                 Some(last) if start <= last[1] && last[0] <= end => {
                     *last = [last[0].min(start), last[1].max(end)];
                 }
@@ -132,7 +132,7 @@ fn mark(rows: &mut [Vec<ColumnRange>], width: usize, [start, end]: [&Vector2<f64
     }
 }
 
-/// Sorted columns, those that overlap or meet as one.
+/// Sorted column ranges, with those that overlap or touch joined.
 fn joined(sorted: &[ColumnRange]) -> impl Iterator<Item = ColumnRange> {
     let mut rest = sorted.iter().copied().peekable();
     std::iter::from_fn(move || {
@@ -145,19 +145,19 @@ fn joined(sorted: &[ColumnRange]) -> impl Iterator<Item = ColumnRange> {
 }
 
 impl KeptPixels {
-    /// Pixels in a row of the picture.
+    /// Number of pixels in a row of the picture.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows of the picture.
+    /// Number of rows of the picture.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The pixels seen as coded grey under a tone curve.
+    /// Returns a reader of the pixels as coded grey under a tone curve.
     pub(crate) fn reader(&self, tone: Tone) -> KeptReader<'_> {
         KeptReader {
             kept: self,
@@ -165,7 +165,7 @@ impl KeptPixels {
         }
     }
 
-    /// Index of a pixel among those that are kept.
+    /// Index of a pixel among the kept pixels.
     #[inline]
     fn index(&self, x: usize, y: usize) -> Option<usize> {
         let [first, end] = [*self.rows.get(y)?, *self.rows.get(y + 1)?].map(|run| run as usize);
@@ -175,7 +175,7 @@ impl KeptPixels {
     }
 }
 
-/// The coded grey of the pixels that are kept: see [`GreyReader`].
+/// The coded grey of the kept pixels: see [`GreyReader`].
 pub(crate) struct KeptReader<'a> {
     kept: &'a KeptPixels,
     pixels: GreyReader<'a>,
@@ -186,8 +186,9 @@ impl<'a> KeptReader<'a> {
         self.kept
     }
 
-    /// The coded grey at column `x` and row `y`, and whether a channel of it is at the file's limit;
-    /// `None` where [`GreyReader::get`] of the picture is, and where the pixel is not kept.
+    /// The coded grey at column `x` and row `y`, and whether one of its channels is at the file's
+    /// limit; `None` where [`GreyReader::get`] of the picture returns it, and for pixels that are
+    /// not kept.
     #[inline]
     pub fn get(&self, x: usize, y: usize) -> Option<(f64, bool)> {
         let index = self.kept.index(x, y)?;

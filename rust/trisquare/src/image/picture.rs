@@ -1,30 +1,31 @@
-//! The photograph as it came: one contiguous copy of its raw pixels, read as coded grey.
+//! A photograph as it was read: one contiguous copy of its raw pixels, read as coded grey.
 
 use crate::error::{Error, counted};
 
-/// Black and white reach this part of the scale from its ends: JPEG leaves its noise on them.
+/// Values within one part in this many of the scale from either end count as black or white: JPEG
+/// leaves noise on both.
 const EXTREME_PART: u8 = 12;
 
-/// Why raw pixels are not a picture.
+/// Reason why raw pixels are not a picture.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// Neither grey nor BGR.
+    /// The number of channels is neither 1 (grey) nor 3 (BGR).
     #[error("a picture has 1 or 3 channels, not {channels}")]
     Channels {
         /// The number of channels given.
         channels: usize,
     },
-    /// The number of values is not `width * height * channels`, or it is zero.
+    /// The number of values is not `width * height * channels`, or is zero.
     #[error("{}", size_text(*width, *height, *channels, *count))]
     Size {
-        /// Pixels in a row.
+        /// Number of pixels in a row.
         width: usize,
-        /// Rows.
+        /// Number of rows.
         height: usize,
-        /// Values in a pixel.
+        /// Number of values in a pixel.
         channels: usize,
-        /// Values given.
+        /// Number of values given.
         count: usize,
     },
 }
@@ -35,12 +36,13 @@ impl From<PictureError> for Error {
     }
 }
 
-/// Part of a picture's values at the file's limit from which on JPEG may have taken others below it.
+/// Fraction of a picture's values at the file's limit above which JPEG may have lowered others from
+/// the limit.
 const OVEREXPOSED: f64 = 0.01;
-/// One value of so many is looked at for that; in colour all channels come in turn.
+/// One value in this many is counted for that; in colour the channels take turns.
 const WHITE_STEP: usize = 13;
 
-/// A picture: rows from the top, pixels from the left, channels of a pixel (BGR) side by side.
+/// A picture: rows from the top, pixels from the left, the channels of a pixel (BGR) adjacent.
 #[derive(Debug, Clone)]
 pub struct Picture {
     pub(super) width: usize,
@@ -48,7 +50,8 @@ pub struct Picture {
     pub(super) channels: usize,
     pub(super) pixels: Pixels,
     pub(super) has_two_levels: bool,
-    /// Whether so much is at the file's limit that what is near it may be, too.
+    /// Whether so many values are at the file's limit that values near the limit may be clipped,
+    /// too.
     pub(super) is_overexposed: bool,
     pub(super) has_even_rows_only: bool,
 }
@@ -61,10 +64,11 @@ pub(super) enum Pixels {
 }
 
 impl Picture {
-    /// A picture of 8-bit values, 255 being 1.
+    /// Creates a picture of 8-bit values, with 255 as 1.
     ///
     /// # Errors
-    /// [`PictureError`] if the channels are neither 1 nor 3 or the values do not fill the size.
+    /// [`PictureError`] if the number of channels is neither 1 nor 3 or the values do not fill the
+    /// size.
     pub fn from_u8(
         width: usize,
         height: usize,
@@ -74,7 +78,7 @@ impl Picture {
         Self::of([width, height, channels], values.len(), Pixels::U8(values))
     }
 
-    /// A picture of 16-bit values, 65535 being 1.
+    /// Creates a picture of 16-bit values, with 65535 as 1.
     ///
     /// # Errors
     /// As [`from_u8`](Self::from_u8).
@@ -87,7 +91,8 @@ impl Picture {
         Self::of([width, height, channels], values.len(), Pixels::U16(values))
     }
 
-    /// A picture of floating-point values, used as they are; those not finite count as missing.
+    /// Creates a picture of floating-point values, used as they are; values that are not finite are
+    /// missing.
     ///
     /// # Errors
     /// As [`from_u8`](Self::from_u8).
@@ -114,7 +119,7 @@ impl Picture {
         })
     }
 
-    /// The same in green light alone; `None` of a grey picture.
+    /// The picture's green channel as a grey picture; `None` for a grey picture.
     #[must_use]
     pub fn of_green(&self) -> Option<Self> {
         if self.channels != 3 {
@@ -132,7 +137,8 @@ impl Picture {
         })
     }
 
-    /// The same without its odd rows, which only a coarse look still sees.
+    /// The same picture without its odd rows, which only the bilinear interpolation of coarse
+    /// stages still reads.
     #[must_use]
     pub fn of_even_rows(&self) -> Self {
         Self {
@@ -141,31 +147,31 @@ impl Picture {
         }
     }
 
-    /// Whether all pixels are black or white, as a scan in two levels is.
+    /// Whether all pixels are black or white, as in a two-level scan.
     #[must_use]
     pub fn has_two_levels(&self) -> bool {
         self.has_two_levels
     }
 
-    /// Values in a pixel: 1 of grey, 3 of colour.
+    /// Number of values in a pixel: 1 for grey, 3 for colour.
     #[must_use]
     pub fn channels(&self) -> usize {
         self.channels
     }
 
-    /// Pixels in a row.
+    /// Number of pixels in a row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Number of rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The standard deviation that rounding to whole levels adds, coded and normalised.
+    /// Standard deviation of the rounding to whole levels, in normalised coded values.
     #[must_use]
     pub fn rounding_noise(&self) -> f64 {
         let level = match self.pixels {
@@ -179,7 +185,7 @@ impl Picture {
 
 impl Pixels {
     fn are_black_or_white(&self) -> bool {
-        // The first grey pixel answers.
+        // The search ends at the first grey pixel.
         match self {
             Self::U8(values) => all_extreme(values, u8::MAX, u8::MAX / EXTREME_PART),
             Self::U16(values) => all_extreme(values, u16::MAX, u16::MAX / u16::from(EXTREME_PART)),
@@ -196,14 +202,15 @@ impl Pixels {
     }
 }
 
-/// Whether more than [`OVEREXPOSED`] of all values are the largest; some of them tell.
+/// Whether more than a fraction [`OVEREXPOSED`] of the values are the largest, from a subsample.
 fn is_often<T: PartialEq>(values: &[T], most: T) -> bool {
     let seen = values.iter().step_by(WHITE_STEP);
     let white = seen.filter(|value| **value == most).count();
     (white * WHITE_STEP) as f64 > OVEREXPOSED * values.len() as f64
 }
 
-/// Whether all values are near either end, and some near both: 12 bits in 16 are all near one.
+/// Whether all values are near either end of the scale, with some near each: values of 12 bits in
+/// 16 are all near one end.
 fn all_extreme<T>(values: &[T], most: T, margin: T) -> bool
 where
     T: PartialOrd + Copy + std::ops::Sub<Output = T>,
@@ -219,7 +226,8 @@ fn green<T: Copy>(values: &[T]) -> Vec<T> {
     values.iter().skip(1).step_by(3).copied().collect()
 }
 
-/// What is wrong with the number of values; rows that are too long are told as padded.
+/// Describes what is wrong with the number of values; suggests padding as the cause if rows are too
+/// long.
 fn size_text(width: usize, height: usize, channels: usize, count: usize) -> String {
     let channels_text = counted(channels, "channel");
     let picture = format!("a picture of {width} x {height} pixels with {channels_text}");

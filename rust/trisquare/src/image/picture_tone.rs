@@ -1,27 +1,27 @@
-//! What is not known of how a picture was coded, and moves all of its edges.
+//! Unknowns in the coding of a picture that displace all of its edges.
 
 use nalgebra::Matrix2;
 
 use super::power_curve::{PowerCurve, TONE_PARAMETERS, TonePrior};
 use super::tone::{Tone, ToneCurve};
 
-/// How a picture was coded.
+/// How the coding of a picture is known or estimated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum PictureTone {
-    /// By this curve.
+    /// The curve is known.
     Known(Tone),
-    /// By a curve that is to be estimated, from this one on.
+    /// The curve is estimated, from this initial curve.
     Estimated(PowerCurve),
-    /// By a curve that is to be estimated but does not quite describe it, as after JPEG: its edges
-    /// lie off by a little, as those of [`Shifted`](Self::Shifted) do.
+    /// The curve is estimated from this initial curve, but does not quite describe the coding, as
+    /// after JPEG: its edges are displaced a little, as for [`Shifted`](Self::Shifted).
     Approximated(
         PowerCurve,
         #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64,
     ),
-    /// By something that no curve describes: with this one its edges lie off, all by the same
-    /// distance towards the dark, which is zero up to the given standard deviation, pixels.
+    /// No curve describes the coding. With this curve all edges are displaced towards the dark by
+    /// the same distance, with mean zero and the given standard deviation in pixels.
     Shifted(
         PowerCurve,
         #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64,
@@ -29,7 +29,7 @@ pub enum PictureTone {
 }
 
 impl PictureTone {
-    /// The curve to begin with.
+    /// The given or initial curve.
     #[must_use]
     pub fn tone(&self) -> Tone {
         match *self {
@@ -40,14 +40,14 @@ impl PictureTone {
         }
     }
 
-    /// Whether the curve is usable, and the deviation positive.
+    /// Whether the curve is usable, and the standard deviation positive.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let positive = |std: f64| std > 0.0 && std.is_finite();
         self.tone().is_valid() && self.shift_std().is_none_or(positive)
     }
 
-    /// Standard deviation of the distance by which all edges may lie off, pixels.
+    /// Prior standard deviation of the common displacement of all edges, pixels.
     fn shift_std(&self) -> Option<f64> {
         match *self {
             Self::Known(_) | Self::Estimated(_) => None,
@@ -56,40 +56,41 @@ impl PictureTone {
     }
 }
 
-/// Parameters that the pixels of a picture share: those of its tone curve, the shift, and the
-/// kurtosis of its lens's blur.
+/// Number of parameters that the pixels of a picture share: those of its tone curve, the shift, and
+/// the kurtosis of its lens's blur.
 pub(crate) const PICTURE_PARAMETERS: usize = TONE_PARAMETERS + 2;
 pub(crate) const SHIFT: usize = TONE_PARAMETERS;
 pub(crate) const KURTOSIS: usize = TONE_PARAMETERS + 1;
 
-/// How far the kurtosis of a lens's blur, over 24, may be from none: a lens out of focus spreads light
-/// over a disc (-0.04 of its share's square), one with wings over more.
+/// Prior standard deviation of the kurtosis of a lens's blur, over 24. A lens out of focus spreads
+/// light over a disc (-0.04 times the square of its share of the variance), one with wings over
+/// more.
 const KURTOSIS_STD: f64 = 0.004;
-/// That as information.
+/// Prior information on that kurtosis.
 pub(crate) const USUAL_KURTOSIS: f64 = 1.0 / (KURTOSIS_STD * KURTOSIS_STD);
 
-/// What a fit believes of the coding of a picture.
+/// Current values in a fit of how a picture was coded.
 #[derive(Clone)]
 pub(crate) struct PictureState {
     given: PictureTone,
     pub curve: ToneCurve,
-    /// How far all edges appear moved towards the dark, px.
+    /// Common apparent displacement of all edges towards the dark, px.
     pub shift: f64,
-    /// What the lens adds to the kurtosis of the pixel's box, over 24.
+    /// Kurtosis of the lens's blur, over 24, in addition to that of the pixel's box.
     pub kurtosis: f64,
     pub kurtosis_role: KurtosisRole,
 }
 
-/// What the kurtosis of a lens's blur is to a fit.
+/// Role of the kurtosis of a lens's blur in a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum KurtosisRole {
-    /// A parameter.
+    /// A parameter of the fit.
     Estimated,
-    /// Held at none, and what one would change is uncertain: the profiles do not quite fit any curve,
-    /// as after JPEG, which may be all that is seen of a kurtosis.
+    /// Held at zero, with an uncertainty for its effect. The profiles do not quite fit any curve,
+    /// as after JPEG, and an apparent kurtosis may be no more than that misfit.
     Doubted,
-    /// Held at none: only an estimated tone curve, which is not nearly linear, takes the shape of a
-    /// symmetric blur for its own.
+    /// Held at zero. Only an estimate of a tone curve that is not nearly linear would absorb the
+    /// shape of a symmetric blur.
     Irrelevant,
 }
 
@@ -106,8 +107,8 @@ impl KurtosisRole {
     }
 }
 
-/// Information on a picture's parameters from elsewhere than its pixels, and that times the way to
-/// where it points.
+/// Prior information on a picture's parameters, and its product with the differences from the
+/// parameters to the prior's means.
 pub(crate) struct PicturePrior {
     pub information: [f64; PICTURE_PARAMETERS],
     pub gradient: [f64; PICTURE_PARAMETERS],
@@ -133,7 +134,7 @@ impl PictureState {
         self.given.shift_std().is_some()
     }
 
-    /// The same, its kurtosis held where it is estimated: as if all blurs were normal.
+    /// The same state with an estimated kurtosis held, as if all blurs were normal.
     pub fn with_held_kurtosis(mut self) -> Self {
         if self.has_free_kurtosis() {
             self.kurtosis_role = KurtosisRole::Doubted;
@@ -141,7 +142,7 @@ impl PictureState {
         self
     }
 
-    /// The same, its kurtosis estimated where that is doubted.
+    /// The same state with a doubted kurtosis estimated.
     pub fn with_free_kurtosis(mut self) -> Self {
         if self.kurtosis_role == KurtosisRole::Doubted {
             self.kurtosis_role = KurtosisRole::Estimated;
@@ -153,8 +154,8 @@ impl PictureState {
         self.kurtosis_role == KurtosisRole::Estimated
     }
 
-    /// By how much the edges may lie off beside an estimated curve (standard deviation, px), where
-    /// they may and the curve is one that cameras write: they are likely not to.
+    /// Standard deviation (px) of the displacement of all edges beside an estimated curve, if there
+    /// may be one and the curve is one that cameras write. In that case it is probably zero.
     pub fn unlikely_shift(&self) -> Option<f64> {
         let is_usual = |_: &f64| match self.given.tone() {
             Tone::Power(given) => self.has_free_curve() && !given.is_like_linear(),
@@ -163,7 +164,7 @@ impl PictureState {
         self.given.shift_std().filter(is_usual)
     }
 
-    /// The estimated curve.
+    /// The curve, if it is of the estimated family.
     pub fn power(&self) -> Option<PowerCurve> {
         match self.curve.tone() {
             Tone::Power(power) => Some(power),
@@ -171,8 +172,8 @@ impl PictureState {
         }
     }
 
-    /// What keeps the parameters: usual curves, a small shift, and any at all for what is held and
-    /// has no derivatives.
+    /// The prior on the parameters: usual curves and a small shift. Parameters that are held have
+    /// no derivatives, and get unit information.
     pub fn prior(&self) -> PicturePrior {
         let mut prior = PicturePrior {
             information: [1.0; PICTURE_PARAMETERS],
@@ -210,22 +211,22 @@ impl PictureState {
     }
 }
 
-/// What a fit found out of the coding of a picture.
+/// Estimate of how a picture was coded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct ToneFit {
     /// The tone curve.
     pub curve: PowerCurve,
-    /// Covariance of the logarithm of its gamma, and its toe, where it was estimated.
+    /// Covariance of the logarithm of gamma and of the toe, if they were estimated.
     pub covariance: Option<Matrix2<f64>>,
-    /// How far all edges appeared moved towards the dark, and a standard deviation of that, pixels,
-    /// where no curve described them.
+    /// Common apparent displacement of all edges towards the dark and its standard deviation,
+    /// pixels, if no curve described them.
     pub shift: Option<(f64, f64)>,
 }
 
 impl ToneFit {
-    /// Standard deviation of the curve's effective gamma, where it was estimated.
+    /// Standard deviation of the curve's effective gamma, if it was estimated.
     #[must_use]
     pub fn effective_gamma_std(&self) -> Option<f64> {
         let covariance = self.covariance?;

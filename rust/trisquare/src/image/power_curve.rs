@@ -1,53 +1,54 @@
-//! A family of tone curves that holds the common ones, for pictures whose own is not known.
+//! A family of tone curves that includes the common ones, for pictures whose own curve is unknown.
 
 use nalgebra::{Matrix2, Vector2};
 
 #[cfg(feature = "serde")]
 use crate::error::Error;
 
-/// Below this light a pure gamma curve, whose own slope has no limit at black, is continued along
-/// its tangent; with gamma 2.2 that touches the lowest 3 of 255 levels only.
+/// Light below which a pure gamma curve is continued along its tangent, as its slope has no limit
+/// at black; with gamma 2.2 that affects only the lowest 3 of 255 levels.
 pub(crate) const GAMMA_FLOOR: f64 = 1.0 / (1 << FLOOR_OCTAVES) as f64;
 
 pub(crate) const FLOOR_OCTAVES: u32 = 14;
 
-/// Derivatives of a coded value by a [`PowerCurve`]'s parameters: the logarithm of its gamma, and
-/// its toe.
+/// Derivatives of a coded value with respect to a [`PowerCurve`]'s parameters: the logarithm of its
+/// gamma, and its toe.
 pub type Sensitivity = [f64; TONE_PARAMETERS];
 
-/// Parameters of a [`PowerCurve`].
+/// Number of parameters of a [`PowerCurve`].
 pub(crate) const TONE_PARAMETERS: usize = 2;
 
-/// Light of a mid-grey, at which curves are compared: 18 %, the photographers' grey card.
+/// Light of a mid-grey, for comparing curves: 18 %, the photographers' grey card.
 const MID_GREY: f64 = 0.18;
 
-/// What is usual: cameras write gammas about 2 within a factor 1.6, and toes between none and twice
-/// sRGB's. Loose enough to move no estimate from a picture with three large squares by a fifth of
-/// its standard deviation, it decides where the edges tell nothing.
+/// Mean of the prior on curves: cameras write gammas of about 2 within a factor of 1.6, and toes
+/// between zero and twice sRGB's. The prior moves no estimate from a picture with three large
+/// squares by as much as a fifth of its standard deviation; it decides where the edges do not
+/// determine the curve.
 pub(crate) const USUAL: PowerCurve = PowerCurve {
     gamma: 2.1,
     toe: 0.02,
 };
 const USUAL_STD: Sensitivity = [0.5, 0.02];
 
-/// sRGB, to 5e-5 of white.
+/// sRGB, to within 5e-5 of white.
 pub(crate) const SRGB: PowerCurve = PowerCurve {
     gamma: 2.4,
     toe: 0.055 / 1.4,
 };
 
-/// An estimated gamma below this is that of linear light, or of a picture that was blurred or
-/// enlarged after it was coded.
+/// Effective gamma below which an estimated curve is that of linear light, or of a picture that was
+/// blurred or enlarged after it was coded.
 const LINEAR_GAMMA: f64 = 1.3;
 
-/// No camera writes gammas beyond these, though noise may ask for them.
+/// Range of an estimated gamma: no camera writes others, though noise may lead to them.
 const GAMMAS: [f64; 2] = [0.5, 3.5];
 
-/// What is usual, as seen from a curve.
+/// The prior on curves, at a given curve.
 pub(crate) struct TonePrior {
-    /// Of the logarithm of gamma, and of the toe.
+    /// Information on the logarithm of gamma, and on the toe.
     pub information: Sensitivity,
-    /// Information times the way from the curve to [`USUAL`].
+    /// Information times the difference from the curve to [`USUAL`].
     pub gradient: Sensitivity,
 }
 
@@ -63,17 +64,17 @@ impl TonePrior {
 }
 
 /// `coded = (1 + o) linear^(1 / gamma) - o` with the offset `o = toe (gamma - 1)`, and a straight
-/// toe through black that touches it.
+/// line through black that is tangent to it.
 ///
-/// sRGB is (2.4, 0.039), BT.709 (2.22, 0.081), a pure gamma has no toe, and with gamma 1 the toe
-/// has no meaning. Gamma alone does not serve for sRGB: fitted to blurred edges between levels 40
+/// sRGB is (2.4, 0.039), BT.709 (2.22, 0.081); a pure gamma has no toe, and with gamma 1 the toe
+/// has no effect. A pure gamma does not suffice for sRGB: fitted to blurred edges between levels 40
 /// and 215 it misplaces them by 0.02 to 0.04 px, although it misses no pixel by more than 0.15
-/// levels; with the wrong kind of curve among these two an edge is off by as much as the noise of
-/// a whole picture leaves open.
+/// levels. With the wrong kind of curve among these two, the error of an edge is as large as the
+/// uncertainty from the noise of a whole picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PowerCurve {
-    /// Positive.
+    /// The exponent's inverse; positive.
     pub gamma: f64,
     /// The offset per unit of gamma above 1.
     pub toe: f64,
@@ -85,20 +86,22 @@ crate::stored::read_checked!(PowerCurve {
     toe: f64,
 });
 
-/// The power part at the light where a tangent leaves it.
+/// The point of the power part where a tangent touches it.
 #[derive(Clone, Copy)]
 struct Tangent {
     /// Light.
     at: f64,
     /// `at^(1 / gamma)`.
     power: f64,
-    /// Whether the light is the knee's, which moves with the parameters.
+    /// Whether this is the knee, which moves with the parameters.
     is_knee: bool,
 }
 
 impl PowerCurve {
+    /// Checks that the curve is usable.
+    ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if it is of no use.
+    /// [`Error::InvalidArgument`] if it is not.
     #[cfg(feature = "serde")]
     fn check(&self) -> Result<(), Error> {
         match self.is_valid() {
@@ -115,18 +118,18 @@ impl PowerCurve {
         self.gamma > 0.0 && self.gamma.is_finite() && self.toe.is_finite() && self.offset() > -1.0
     }
 
-    /// The pure gamma that codes mid-grey alike: 2.2 for sRGB.
+    /// The pure gamma that gives mid-grey the same coded value: 2.2 for sRGB.
     #[must_use]
     pub fn effective_gamma(&self) -> f64 {
         MID_GREY.ln() / self.encode_with_slope(MID_GREY).0.ln()
     }
 
-    /// Whether the curve is nearer to linear light than any usual one.
+    /// Whether the curve is closer to linear light than any usual one.
     pub(crate) fn is_like_linear(&self) -> bool {
         self.effective_gamma() < LINEAR_GAMMA
     }
 
-    /// Derivatives of the effective gamma's logarithm by the parameters.
+    /// Derivatives of the effective gamma's logarithm with respect to the parameters.
     pub(crate) fn effective_gamma_sensitivity(&self) -> Sensitivity {
         let coded = self.encode_with_slope(MID_GREY).0;
         self.sensitivity(MID_GREY)
@@ -151,15 +154,15 @@ impl PowerCurve {
         self.toe * (self.gamma - 1.0)
     }
 
-    /// The light below which the curve is straight: there its tangent passes through black.
+    /// The light below which the curve is straight: its tangent at the knee passes through black.
     pub(crate) fn knee(&self) -> f64 {
         self.tangent_at(0.0).at
     }
 
     /// The tangent that passes through black.
     fn knee_tangent(&self) -> Tangent {
-        // Where `power` is the slope times the light: gamma (1 + o) power - gamma o = (1 + o)
-        // power.
+        // At the knee the value is the slope times the light: gamma (1 + o) power - gamma o = (1 +
+        // o) power.
         let power = (self.toe * self.gamma / (1.0 + self.offset())).clamp(0.0, 1.0);
         Tangent {
             at: power.powf(self.gamma),
@@ -168,8 +171,8 @@ impl PowerCurve {
         }
     }
 
-    /// The point of the power part from which a light is reached: itself, but for the straight
-    /// pieces below the knee and beyond 1.
+    /// The point of the power part whose tangent is used at a light: the light itself, except on
+    /// the straight pieces below the knee and beyond 1.
     fn tangent_at(&self, linear: f64) -> Tangent {
         self.tangent_beside(self.knee_tangent(), linear)
     }
@@ -190,8 +193,8 @@ impl PowerCurve {
         self.encode_from(self.tangent_at(linear), linear)
     }
 
-    /// Value and derivative of the curve at some lights, and the derivatives of the values by the
-    /// parameters.
+    /// Values and derivatives of the curve at some lights, and the derivatives of the values with
+    /// respect to the parameters.
     pub(crate) fn tabulated(
         &self,
         lights: impl Iterator<Item = f64>,
@@ -214,12 +217,12 @@ impl PowerCurve {
         (value, slope)
     }
 
-    /// The light of a coded value between the knee's and 1.
+    /// The light of a coded value between the knee's value and 1.
     pub(crate) fn decode_power(&self, coded: f64) -> f64 {
         ((coded + self.offset()) / (1.0 + self.offset())).powf(self.gamma)
     }
 
-    /// Derivatives of the coded value by the parameters.
+    /// Derivatives of the coded value with respect to the parameters.
     pub(crate) fn sensitivity(&self, linear: f64) -> Sensitivity {
         self.sensitivity_from(self.tangent_at(linear), linear)
     }
@@ -229,11 +232,12 @@ impl PowerCurve {
         let (gamma, scale) = (self.gamma, 1.0 + self.offset());
         let slope = scale * power / (gamma * at);
         let beyond = linear - at;
-        // Of the offset, of the power's logarithm at constant light, and of the slope's.
+        // Derivatives of the offset, and of the logarithms of the power at constant light and of
+        // the slope.
         let offset = [self.toe * gamma, gamma - 1.0];
         let log_power = [-power.ln(), 0.0];
         let log_slope = [offset[0] / scale + log_power[0] - 1.0, offset[1] / scale];
-        // A knee that moves turns its tangent.
+        // A change of the knee changes the slope of its tangent.
         let turn = slope * (1.0 / gamma - 1.0) * beyond;
         let log_knee = [
             gamma * (power.ln() + 1.0 - power),
@@ -262,7 +266,7 @@ mod tests {
         for step in 0..1000 {
             let light = f64::from(step) / 900.0;
             let srgb = SRGB.encode_with_slope(light).0;
-            // The standard rounds its knee, which moves its toe by up to 4e-5.
+            // The standard rounds its knee, which changes its toe by up to 4e-5.
             assert!((srgb - Tone::Srgb.encode(light)).abs() < 5e-5, "{light}");
             let pure = PowerCurve {
                 gamma: 1.8,
@@ -301,7 +305,7 @@ mod tests {
             },
         ];
         for curve in curves {
-            // Beside black, on the toe, on the power part, beyond white.
+            // Near black, on the toe, on the power part, and beyond white.
             for light in [-0.01, 0.0011, 0.0023, 0.01, 0.18, 0.7, 1.2] {
                 let sensitivity = curve.sensitivity(light);
                 for i in 0..TONE_PARAMETERS {

@@ -1,4 +1,4 @@
-//! Tone curves: how a camera writes light into a file.
+//! Tone curves: the mapping from light to the values of a file.
 //!
 //! All values are normalised: 0 is black and 1 is the largest value the file can hold.
 
@@ -7,7 +7,7 @@ use super::power_curve::{FLOOR_OCTAVES, GAMMA_FLOOR, PowerCurve, SRGB, Sensitivi
 /// The curve `g` from light to the value written in the picture, `coded = g(linear)`.
 ///
 /// Every curve continues along its tangent below a small floor and beyond 1, so that noise never
-/// leads out of its domain and its slope is always positive and finite.
+/// leaves its domain and its slope is always positive and finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -18,11 +18,11 @@ pub enum Tone {
     Srgb,
     /// `coded = linear^(1 / gamma)`, `gamma` positive.
     Gamma(#[cfg_attr(feature = "serde", serde(deserialize_with = "crate::stored::positive"))] f64),
-    /// An offset power curve that may not be exactly known, see [`PowerCurve`].
+    /// An offset power curve, which may be only approximately known: see [`PowerCurve`].
     Power(PowerCurve),
 }
 
-/// Below this light the sRGB curve is a straight line.
+/// Light below which the sRGB curve is a straight line.
 const SRGB_KNEE: f64 = 0.003_130_8;
 const SRGB_SLOPE: f64 = 12.92;
 const SRGB_EXPONENT: f64 = 1.0 / 2.4;
@@ -39,7 +39,7 @@ impl Tone {
         }
     }
 
-    /// The value that a picture holds for an amount of light.
+    /// The coded value for an amount of light.
     #[must_use]
     pub fn encode(&self, linear: f64) -> f64 {
         self.encode_with_slope(linear).0
@@ -68,7 +68,7 @@ impl Tone {
         }
     }
 
-    /// The light that a picture's value stands for, the inverse of [`encode`](Self::encode).
+    /// The light of a coded value, the inverse of [`encode`](Self::encode).
     #[must_use]
     pub fn decode(&self, coded: f64) -> f64 {
         let darkest = match *self {
@@ -91,7 +91,7 @@ impl Tone {
         }
     }
 
-    /// The curve of the two-parameter family that is this one; sRGB to 5e-5 of white.
+    /// The equivalent curve of the two-parameter family; for sRGB, to within 5e-5 of white.
     pub(crate) fn power(&self) -> PowerCurve {
         match *self {
             Self::Linear => PowerCurve {
@@ -104,26 +104,27 @@ impl Tone {
         }
     }
 
-    /// The curve prepared for fast evaluation, for loops over pixels.
+    /// The curve, tabulated for fast evaluation in loops over pixels.
     #[must_use]
     pub fn curve(&self) -> ToneCurve {
         ToneCurve::new(*self)
     }
 }
 
-/// A [`Tone`] tabulated for loops over pixels, some nanoseconds for value and slope.
+/// A [`Tone`] tabulated for loops over pixels: value and slope take some nanoseconds.
 ///
-/// Cubic Hermite cells, 16 to the octave, so that the error is relative: below 1e-7 of the value
-/// (an absolute 5e-6, a thousandth of an 8-bit level, at the knee of sRGB, where the slope jumps).
+/// Cubic Hermite cells, 16 per octave, so that the error is relative: below 1e-7 of the value (at
+/// the knee of sRGB, where the slope jumps, an absolute 5e-6, a thousandth of an 8-bit level).
 #[derive(Debug, Clone)]
 pub struct ToneCurve {
     tone: Tone,
     cells: Vec<Cell>,
-    /// Derivatives by the curve's own parameters at the cells' ends; of a [`PowerCurve`] only.
+    /// Derivatives with respect to the curve's parameters at the cells' ends; only for a
+    /// [`PowerCurve`].
     sensitivities: Vec<Sensitivity>,
 }
 
-/// One cubic over a cell, in the fraction of the cell, and the number of cells per unit of light.
+/// A cubic in the fraction of a cell, and the number of cells of its width per unit of light.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
     cubic: [f64; 4],
@@ -131,7 +132,7 @@ struct Cell {
 }
 
 const CELLS_PER_OCTAVE_LOG2: u32 = 4;
-/// The bits of an f64 below those that number the cell.
+/// Number of bits of an f64 below those that give the cell's index.
 const FRACTION_BITS: u32 = f64::MANTISSA_DIGITS - 1 - CELLS_PER_OCTAVE_LOG2;
 const FRACTION_MASK: u64 = (1 << FRACTION_BITS) - 1;
 const FRACTION_STEP: f64 = 1.0 / (1_u64 << FRACTION_BITS) as f64;
@@ -160,7 +161,7 @@ impl ToneCurve {
         }
     }
 
-    /// The curve that this table stands for.
+    /// The tabulated curve.
     #[must_use]
     pub fn tone(&self) -> Tone {
         self.tone
@@ -173,7 +174,8 @@ impl ToneCurve {
         if self.cells.is_empty() {
             return (linear, 1.0);
         }
-        // A negative number's bits are larger than any cell's, and so take the exact path.
+        // The bits of a negative number are larger than those of any cell, so that it takes the
+        // exact path.
         let bits = linear.to_bits();
         let index = (bits >> FRACTION_BITS).wrapping_sub(FIRST_CELL) as usize;
         match self.cells.get(index) {
@@ -182,8 +184,8 @@ impl ToneCurve {
         }
     }
 
-    /// Derivatives of the coded value by the parameters of a [`PowerCurve`], zero for other
-    /// curves; good to a thousandth, which is what a Jacobian needs.
+    /// Derivatives of the coded value with respect to the parameters of a [`PowerCurve`], zero for
+    /// other curves; accurate to a thousandth, which suffices for a Jacobian.
     #[inline]
     #[must_use]
     pub fn sensitivity(&self, linear: f64) -> Sensitivity {
@@ -203,7 +205,7 @@ impl ToneCurve {
 }
 
 impl Cell {
-    /// Of a width, with value and slope at either end.
+    /// A cell of the given width, from the value and slope at both ends.
     fn hermite(width: f64, [(value, slope), (end_value, end_slope)]: [(f64, f64); 2]) -> Self {
         let (rise, slope, end_slope) = (end_value - value, slope * width, end_slope * width);
         Self {
@@ -251,7 +253,7 @@ mod tests {
 
     #[test]
     fn srgb_has_the_standard_values() {
-        // 0.5 and 0.0031308 from the standard's own formula, worked by hand.
+        // Values of the standard's formula, computed by hand.
         assert!((Tone::Srgb.encode(0.5) - 0.735_356_983_052_449_4).abs() < 1e-12);
         assert!((Tone::Srgb.encode(0.002) - 0.025_84).abs() < 1e-12);
         assert!((Tone::Srgb.encode(1.0) - 1.0).abs() < 1e-12);
@@ -263,7 +265,7 @@ mod tests {
         for tone in TONES {
             for light in lights() {
                 let back = tone.decode(tone.encode(light));
-                // The two branches of the standard miss each other by 3e-8 at the knee.
+                // The two branches of the standard differ by 3e-8 at the knee.
                 assert!((back - light).abs() < 1e-8, "{tone:?} at {light}: {back}");
             }
         }

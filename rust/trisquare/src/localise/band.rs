@@ -8,42 +8,42 @@ use super::flip::Flip;
 use super::grid_crossings::GridCrossings;
 use crate::image::{Grey, GreyReader};
 
-/// Columns whose far pixels are averaged into one.
+/// Number of columns whose pixels far from the edge are averaged into one.
 const FAR_COLUMNS: usize = 4;
 
-/// A pixel, or the mean of several far from the edge, in the frame of a side's chord.
+/// A pixel, or the mean of several pixels far from the edge, in the frame of a side's chord.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pixel {
     pub s: f64,
     pub y: f64,
     /// `s` of the point of the curve that is nearest to the pixel.
     pub foot: f64,
-    /// Cosine of the angle between curve and chord, which turns heights into distances. Like the
-    /// foot it is good enough from the curve that the pixels were gathered along.
+    /// Cosine of the angle between curve and chord, the ratio of distances to heights. Like the
+    /// foot it is accurate enough for the curve along which the pixels were gathered.
     pub cosine: f64,
     /// Coded grey.
     pub value: f64,
-    /// How many pixels this one stands for.
+    /// Number of pixels that this one is the mean of.
     pub count: f64,
-    /// What lines that cross the side make of its step.
+    /// Change of the side's step here by the lines that cross the side, or by a far edge.
     pub flip: Flip,
-    /// Whether the value only bounds the light from below.
+    /// Whether the value is only a lower bound of the light.
     pub is_clipped: bool,
 }
 
 impl Pixel {
-    /// A step from 0 to 1 as the lines that cross it leave it.
+    /// A step from 0 to 1, as changed by the lines that cross it.
     #[inline]
     pub fn flipped(&self, step: f64) -> f64 {
         0.5 + self.flip.slope * (step - 0.5) + 0.5 * self.flip.shift
     }
 }
 
-/// A neighbouring side's curve: pixels nearer than `clearance`, or beyond it, are not used.
+/// A neighbouring side's curve: pixels nearer to it than `clearance`, or beyond it, are not used.
 #[derive(Clone, Copy)]
 pub(super) struct SearchLimit<'a> {
     pub curve: &'a ChordCurve,
-    /// +1 if this side lies where the distance from the curve is positive, else -1.
+    /// +1 if this side lies where the distance from that curve is positive, else -1.
     pub side: f64,
     pub clearance: f64,
 }
@@ -54,26 +54,26 @@ impl SearchLimit<'_> {
     }
 }
 
-/// What to gather: pixels as far as `reach` from the curve, with `x` between the two ends.
+/// The pixels to gather: those within `reach` of the curve, with `x` between the two ends.
 ///
-/// Those further than `near` hold a plateau and no edge. They are averaged, which costs nothing and
-/// mends what not knowing the plateaus takes from a side's position: from 4 pixels on either side
-/// a line is 18 % less certain than its samples say, from 8 it is 6 %.
+/// Pixels farther than `near` show a plateau and no edge. They are averaged, which costs nothing
+/// and reduces the uncertainty that unknown plateaus add to a side's position: with 4 pixels on
+/// either side a line is 18 % less certain than its samples say, with 8 it is 6 %.
 pub(super) struct Band<'a> {
     pub curve: ChordCurve,
     pub near: f64,
-    /// Pixels on the side where the distance is negative, and on the other.
+    /// Reach in pixels on the side of negative distances, and on the other.
     pub reach: [f64; 2],
     /// Range of `x` along the chord, pixels.
     pub ends: [f64; 2],
     pub limits: Vec<SearchLimit<'a>>,
-    /// Ranges of `s` where something else hides the edge.
+    /// Ranges of `s` where another object hides the edge.
     pub hidden: &'a [[f64; 2]],
-    /// Lines that cross this one and exchange light and dark.
+    /// Lines that cross this one, at each of which light and dark are exchanged.
     pub crossings: Option<&'a GridCrossings>,
-    /// Where the light changes back, of a thin bar.
+    /// The far edge, for a thin bar, where the light changes back.
     pub far_edge: Option<FarEdge<'a>>,
-    /// Take only every so many columns (or rows, of a steep side).
+    /// Use only one column in this many (or one row, for a steep side).
     pub stride: usize,
 }
 
@@ -82,7 +82,8 @@ impl Band<'_> {
     pub fn gather(&self, reader: &GreyReader<'_>, pixels: &mut Vec<Pixel>) {
         pixels.clear();
         let curve = &self.curve;
-        // "Columns" are rows where the side is steep: the axis it advances along faster.
+        // "Columns" are rows for a steep side: they are numbered along the axis on which it
+        // advances faster.
         let u = usize::from(curve.along.x.abs() < curve.along.y.abs());
         let size = [reader.picture().width(), reader.picture().height()];
         let Some((first, last)) = self.columns(u, size[u]) else {
@@ -120,8 +121,8 @@ impl Band<'_> {
         self.hidden.iter().any(|run| run[0] < s && s < run[1])
     }
 
-    /// The columns that neither the neighbours nor the ends cut: they lie between the first and the
-    /// last of these, since every limit cuts the band at one end.
+    /// The columns that neither the neighbours nor the ends cut. They are contiguous, since every
+    /// limit cuts the band at one end.
     fn clear_columns(&self, u: usize, [first, last]: [usize; 2]) -> std::ops::Range<usize> {
         let curve = &self.curve;
         let ends = self.ends.map(|x| x / curve.half_length);
@@ -159,7 +160,7 @@ impl Band<'_> {
         (first <= last).then_some((first as usize, last as usize))
     }
 
-    /// Makes the pixels of a column that do not belong to the band unreadable.
+    /// Marks the pixels of a column outside the band as unreadable.
     fn cut(&self, column: &ColumnCrossing, top: usize, greys: &mut [Grey]) {
         let ends = self.ends.map(|x| x / self.curve.half_length);
         for (row, grey) in (top..).zip(greys) {
@@ -171,8 +172,8 @@ impl Band<'_> {
         }
     }
 
-    /// What a far edge or the lines that cross make of each pixel of a column; those of markers become
-    /// unreadable.
+    /// Computes the flip of each pixel of a column by a far edge or by the lines that cross; marks
+    /// pixels near markers and tags as unreadable.
     fn flips(
         &self,
         column: &ColumnCrossing,
@@ -194,7 +195,7 @@ impl Band<'_> {
             let row = row as f64;
             (column.place(row), column.distance(row - column.centre))
         };
-        // Where nothing is felt but the line itself, no marker or tag is near.
+        // Where only the line itself has an effect, no marker or tag is near.
         if let Some(flip) = crossings.constant([top, top + greys.len() - 1].map(seen)) {
             flips.resize(greys.len(), flip);
             return;
@@ -208,7 +209,7 @@ impl Band<'_> {
         }
     }
 
-    /// Takes the readable pixels of one column, those far from the edge summed up.
+    /// Adds the readable pixels of one column; those far from the edge are summed up.
     fn sort_column(
         &self,
         column: &ColumnCrossing,
@@ -218,7 +219,7 @@ impl Band<'_> {
         pixels: &mut Vec<Pixel>,
     ) {
         let curve = &self.curve;
-        // Within a column the frame's coordinates are linear in the row.
+        // Within a column, the frame's coordinates are linear in the row.
         let (s_at_top, y_at_top) = curve.local(column.place(top as f64));
         let v = 1 - column.u;
         let (s_per_row, y_per_row) = (curve.along[v] / curve.half_length, curve.across[v]);
@@ -226,7 +227,7 @@ impl Band<'_> {
             let row = index as f64;
             (s_at_top + row * s_per_row, y_at_top + row * y_per_row)
         };
-        // The first row that is near the edge, and the first beyond.
+        // The first row near the edge, and the first one beyond.
         let near = self.near * column.per_pixel;
         let index_of = |row: f64| ((row - top as f64).max(0.0) as usize).min(greys.len());
         let start = index_of((column.centre - near).ceil());
@@ -262,30 +263,30 @@ impl Band<'_> {
     }
 }
 
-/// Where a curve crosses a column of pixels, and the directions there.
+/// The crossing of a curve and a column of pixels, and the directions there.
 struct ColumnCrossing {
     /// The axis across columns: 0 for columns of the picture, 1 for its rows.
     u: usize,
     number: usize,
-    /// Row of the crossing, and its place along the chord.
+    /// Row of the crossing, and its coordinate along the chord.
     centre: f64,
     s: f64,
-    /// Rows in a pixel of distance from the curve.
+    /// Number of rows per pixel of distance from the curve.
     per_pixel: f64,
-    /// Whether distances grow with the rows.
+    /// Whether distances increase with the row.
     downwards: bool,
-    /// Cosine of the angle between curve and chord, and what a pixel's height above the curve moves
-    /// its foot by: over a band's width neither changes.
+    /// Cosine of the angle between curve and chord, and shift of a pixel's foot per height above
+    /// the curve: both are constant over a band's width.
     cosine: f64,
     lean: f64,
 }
 
 impl ColumnCrossing {
-    /// The column's crossing, sought from a place nearby.
+    /// The crossing with a column, sought from a nearby `s`.
     fn crossing(curve: &ChordCurve, u: usize, number: usize, mut s: f64) -> Self {
         let (along, across, v) = (curve.along, curve.across, 1 - u);
         let target = number as f64 - curve.origin[u];
-        // The curve is nearly parallel to its chord, so that this contracts quickly.
+        // The curve is nearly parallel to its chord, so that this iteration converges quickly.
         let per_length = 1.0 / (along[u] * curve.half_length);
         for _ in 0..2 {
             s = (target - curve.height(s) * across[u]) * per_length;
@@ -298,7 +299,7 @@ impl ColumnCrossing {
             number,
             centre: curve.origin[v] + s * curve.half_length * along[v] + height * across[v],
             s,
-            // Clamped, lest a wild curve that runs along the column reach across the picture.
+            // Clamped, so that a wild curve along the column does not reach across the picture.
             per_pixel: 1.0 / normal_v.abs().max(0.25),
             downwards: normal_v > 0.0,
             cosine,
@@ -306,7 +307,8 @@ impl ColumnCrossing {
         }
     }
 
-    /// First row and number of rows within reach of the curve, on its negative side and the other.
+    /// First row and number of rows within reach of the curve, on its negative side and on the
+    /// other.
     fn rows(&self, reach: [f64; 2], size: usize) -> Option<(usize, usize)> {
         let [mut up, mut down] = reach.map(|reach| reach * self.per_pixel);
         if !self.downwards {
@@ -317,7 +319,7 @@ impl ColumnCrossing {
         (first <= last).then(|| (first as usize, last as usize - first as usize + 1))
     }
 
-    /// Distance from the curve of a pixel so many rows below the crossing.
+    /// Distance from the curve of a pixel this many rows below the crossing.
     fn distance(&self, rows: f64) -> f64 {
         let distance = rows / self.per_pixel;
         if self.downwards { distance } else { -distance }
@@ -354,7 +356,7 @@ impl Plateau {
         self.count += 1.0;
     }
 
-    /// The mean pixel, if there was any; the sums start again.
+    /// Returns the mean pixel, if there are any, and resets the sums.
     fn take(&mut self) -> Option<Pixel> {
         let Self {
             s,

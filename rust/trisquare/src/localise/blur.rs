@@ -2,15 +2,15 @@
 
 use crate::numeric::cdf_and_pdf;
 
-/// Beyond this square there is no lens nor pixel left.
+/// Largest square of the box's share: above it, nothing is left for the lens and the pixel.
 pub(super) const MOST: f64 = 0.97;
 
-/// A symmetric density of variance 1: a box, blurred normally.
+/// A symmetric density of variance 1: a box with normal blur.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BlurShape {
-    /// Square of the box's share in the variance.
+    /// Square of the box's share of the variance.
     pub square: f64,
-    /// Half the width of the box, and the standard deviation of the rest.
+    /// Half the width of the box, and the standard deviation of the normal part.
     half_width: f64,
     spread: f64,
 }

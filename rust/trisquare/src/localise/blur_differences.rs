@@ -1,8 +1,9 @@
-//! How much the blur differs along the sides of one picture, which all of them tell together.
+//! Estimate of how much the blur changes along the sides of a picture, from all sides together.
 //!
-//! A blur that is free to change along its side costs a third of the accuracy under a curved tone;
-//! where it does not change it should be held, and where it does, one blur must not stand for all. So
-//! its changes are normal about zero, with a variance that the picture's sides tell.
+//! A blur that is free to change along its side costs a third of the accuracy under a curved tone.
+//! Where it does not change it should be held, and where it does, one blur must not be used for all
+//! of the side. So its changes have a normal prior about zero, with a variance estimated from the
+//! picture's sides.
 
 use super::curve::COEFFICIENTS;
 use super::equations::{BLUR, Normal, Step};
@@ -11,14 +12,15 @@ use super::side::SideModel;
 use super::side_sums::LIGHT;
 use crate::numeric::variance_about_zero;
 
-/// Changes of this part of the blur, as a standard deviation, move no sample by as much as a
-/// hundredth of its noise.
+/// Smallest standard deviation of the changes, as a fraction of the blur. Changes of this size move
+/// no sample by as much as a hundredth of its noise.
 const LEAST: f64 = 1e-3;
 
-/// Moves the samples of all sides to where they are seen with changes of the blur as small as
-/// usual in the picture.
+/// Moves the samples of all sides to their positions under changes of the blur as small as usual in
+/// the picture.
 pub(super) fn settle<'a>(measured: impl Iterator<Item = &'a mut Measured>) {
-    // What curved light does to a crossed line it does to and fro, and so does a blur that changes.
+    // On a crossed line the effect of a curved tone changes sign at every crossing, and so does
+    // that of a changing blur.
     let mut sides: Vec<&mut Measured> = measured.filter(|own| !own.is_crossed).collect();
     let told = sides.iter().filter_map(|own| own.changes_of_blur());
     let told: Vec<[(f64, f64); LIGHT]> = told.collect();
@@ -33,8 +35,8 @@ pub(super) fn settle<'a>(measured: impl Iterator<Item = &'a mut Measured>) {
 }
 
 impl Measured {
-    /// The changes of the blur with the powers of `s`, in parts of the blur, and the variances of
-    /// their errors; nothing where the side leaves them open.
+    /// The coefficients of the blur's changes with the powers of `s`, as fractions of the blur, and
+    /// their error variances; `None` if the side does not determine them.
     fn changes_of_blur(&self) -> Option<[(f64, f64); LIGHT]> {
         let variances = self.normal.cholesky()?.inverse().diagonal();
         let relative = 1.0 / self.side.mean_blur();
@@ -44,7 +46,8 @@ impl Measured {
         }))
     }
 
-    /// Moves the samples as the side moves where changes of its blur have these precisions.
+    /// Moves the samples by the change of the side if the changes of its blur have these
+    /// precisions.
     fn hold_blur(&mut self, precisions: &[f64; LIGHT]) {
         let Some(step) = held(&self.side, self.normal, precisions) else {
             return;
@@ -57,8 +60,8 @@ impl Measured {
     }
 }
 
-/// The step of a fitted side's parameters that changes of its blur ask for if they are known
-/// beforehand with such precisions, in parts of the blur.
+/// The step of a fitted side's parameters for a prior with the given precisions on the changes of
+/// its blur, as fractions of the blur.
 fn held(side: &SideModel, mut normal: Normal, precisions: &[f64; LIGHT]) -> Option<Step> {
     let relative = 1.0 / side.mean_blur();
     let mut pull = Step::zeros();

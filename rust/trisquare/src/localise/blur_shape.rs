@@ -1,8 +1,8 @@
 //! The shape of a blur across an edge: normal, or wider at its shoulders.
 //!
 //! A camera that moves while the shutter is open spreads light over a box, and a lens out of focus
-//! over a disc. A tone curve turns what a normal blur misses of them, though symmetric, into a
-//! shift of the edge: at a motion of 14 pixels and sRGB, fx is off by 0.2 %.
+//! over a disc. A tone curve turns the difference from a normal blur, though symmetric, into a
+//! shift of the edge: with a motion of 14 pixels and sRGB, fx is wrong by 0.2 %.
 
 use super::band::Pixel;
 use super::blur::{BlurShape, MOST};
@@ -10,27 +10,29 @@ use super::pixel_noise::robust_cost;
 use super::side::{LAST_STEP, SideModel};
 use crate::image::ToneCurve;
 
-/// Blurs (px) that are mostly the pixel's own box and the lens, and taken as normal.
+/// Blur (px) below which it is mostly that of the pixel's own box and the lens, and taken as
+/// normal.
 const NORMAL_BLUR: f64 = 1.0;
-/// The fourth cumulant is that of a box, times the square of the box's share in the variance. These
-/// squares are tried; a disc is alike one of 0.83.
+/// Squares of the box's share of the variance that are tried. The fourth cumulant of a shape is
+/// that of a box times this square; a disc is similar to a shape with 0.83.
 const TRIED: [f64; 5] = [0.25, 0.45, 0.65, 0.8, 0.92];
-/// A shape other than normal lowers the cost by so much: four standard deviations.
+/// Minimum decrease of the cost for a shape other than normal: four standard deviations.
 const MIN_GAIN: f64 = 8.0;
-/// Squares this far on both sides are tried where all pixels tell.
+/// Difference of the squares that are tried on both sides of the current one when all pixels are
+/// used.
 const STEP: f64 = 0.08;
-/// Steps of the side's fit for each trial.
+/// Maximum number of steps of the side's fit in each trial.
 const TRIAL_STEPS: usize = 4;
 
 impl SideModel {
-    /// Gives a side, fitted with a normal blur, the shape that its pixels ask for; false if that is
-    /// the normal one.
+    /// Gives a side that was fitted with a normal blur the shape that fits its pixels best; false
+    /// if that is the normal one.
     pub fn shape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
         if self.mean_blur() < NORMAL_BLUR {
             return false;
         }
         let normal = self.tried(tone, pixels, noise, 0.0);
-        // If the nearest shape is no better, no other is.
+        // If the nearest shape is no better than the normal one, no other is.
         let nearest = self.tried(tone, pixels, noise, TRIED[0]);
         if nearest.cost > normal.cost - MIN_GAIN {
             return false;
@@ -43,7 +45,7 @@ impl SideModel {
         true
     }
 
-    /// Settles the shape of a side that is not normal by all its pixels; false if it is normal.
+    /// Refines the shape of a side that is not normal, from all its pixels; false if it is normal.
     pub fn reshape(&mut self, tone: &ToneCurve, pixels: &[Pixel], noise: f64) -> bool {
         let square = self.shape.square;
         if square == 0.0 {
@@ -77,7 +79,7 @@ impl SideModel {
         }
     }
 
-    /// The side at the lowest point of the parabola through the best trial and those beside it.
+    /// The side at the minimum of the parabola through the best trial and its two neighbours.
     fn best(
         &self,
         tone: &ToneCurve,
@@ -108,7 +110,8 @@ struct Trial {
     cost: f64,
 }
 
-/// Where the parabola through three points, the middle one the lowest, is lowest.
+/// Position of the minimum of the parabola through three points, of which the middle one is the
+/// lowest.
 fn lowest([(x0, y0), (x1, y1), (x2, y2)]: [(f64, f64); 3]) -> Option<f64> {
     let (before, after) = ((y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1));
     let curvature = (after - before) / (x2 - x0);

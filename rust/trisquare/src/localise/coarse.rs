@@ -1,4 +1,5 @@
-//! From a coarse path to a curve good to a fraction of a pixel, by the steepest rise of profiles.
+//! Refines a coarse path to a curve that is accurate to a fraction of a pixel, by the steepest
+//! rises of profiles across it.
 
 use nalgebra::Vector2;
 
@@ -6,22 +7,22 @@ use super::curve::ChordCurve;
 use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 
-/// How profiles across a path are sampled, and the edge is looked for in them.
+/// Settings for sampling profiles across a path and finding the edge in them.
 struct ProfileSettings {
     /// Distance between profiles, pixels.
     spacing: f64,
-    /// Lines of pixels along the spacing whose mean is a profile.
+    /// Number of lines of pixels within the spacing whose mean is a profile.
     lines: usize,
     /// Half the length of the step filter, samples.
     filter: i32,
-    /// Where the plateaus on both sides of the edge are read, pixels from it.
+    /// Distance from the edge at which the plateaus on both sides are read, pixels.
     plateau: i32,
-    /// How far from the path the edge may be, pixels.
+    /// Maximum distance of the edge from the path, pixels.
     reach: i32,
 }
 
-/// At first, few lines and a short filter: long enough to average noise, short enough to keep the
-/// two sides of a thin frame apart.
+/// Settings of the first attempt: few lines, and a filter long enough to average noise and short
+/// enough to keep the two sides of a thin frame apart.
 const SHARP: ProfileSettings = ProfileSettings {
     spacing: 6.0,
     lines: 1,
@@ -29,8 +30,8 @@ const SHARP: ProfileSettings = ProfileSettings {
     plateau: 3,
     reach: REACH,
 };
-/// Where that finds no edge, because it is blurred by several pixels or drowned in noise, all
-/// pixels: a blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
+/// Settings of the second attempt, for an edge that is blurred by several pixels or lost in noise:
+/// all pixels are used. A blur of 4 pixels rises 1.9 times as much over 5 pixels as over 2.
 const BLUNT: ProfileSettings = ProfileSettings {
     spacing: 12.0,
     lines: 8,
@@ -38,57 +39,63 @@ const BLUNT: ProfileSettings = ProfileSettings {
     plateau: 7,
     reach: REACH,
 };
-/// The least and largest number of profiles.
+/// Minimum and maximum number of profiles.
 const PROFILES: std::ops::RangeInclusive<usize> = 5..=100;
-/// How far from the path the edge may be, pixels: the 4 that are promised, and some slack.
+/// Maximum distance of the edge from the path, pixels: the 4 that are promised, and some slack.
 const REACH: i32 = 6;
-/// The same of an edge that was found already.
+/// Same for an edge that was found before.
 const NEAR_REACH: i32 = 2;
-/// The longest filter of all, and the samples that it asks for.
+/// Half length of the longest filter, and the number of samples that it needs.
 const LONGEST_FILTER: i32 = BLUNT.filter;
 const MAX_SAMPLES: usize = (2 * (REACH + LONGEST_FILTER) + 1) as usize;
-/// Legs of a coarse path are cut into pieces of this length, pixels.
+/// Length of the pieces into which legs of a coarse path are cut, pixels.
 const PATH_PIECE: f64 = 6.0;
-/// Profiles are kept this far from the path's ends, where corners are, or a share of its length.
+/// Distance (px) of the profiles from the path's ends, where the corners are; at most a fraction of
+/// its length.
 const END_MARGIN: f64 = 5.0;
 const END_MARGIN_SHARE: f64 = 0.15;
-/// The band around a line in which profiles support it at first, pixels: room for curvature.
+/// Half width of the band around a line in which profiles support it at first, pixels: wide enough
+/// for curvature.
 const CONSENSUS_WIDTH: f64 = 2.5;
-/// Lines through pairs of this many early and late profiles are tried.
+/// Maximum number of early profiles, and of late ones; lines through all pairs of them are tried.
 const ANCHORS: usize = 8;
-/// Shrinking robust widths, pixels, while the polynomial's degree grows to its own.
+/// Decreasing widths of the robust weights, pixels, while the polynomial's degree increases to its
+/// final value.
 const ROBUST_WIDTHS: [f64; 5] = [3.0, 2.5, 2.0, 1.5, 1.5];
-/// The same for samples, which are better than a profile's rise.
+/// Same for edge samples, which are more exact than the rise of a profile.
 const SAMPLE_WIDTHS: [f64; 7] = [3.0, 2.0, 1.2, 0.7, 0.4, 0.25, 0.25];
-/// A profile supports the edge if its rise is this near to the final curve, pixels ...
+/// Maximum distance from the final curve of a rise that supports the edge, pixels.
 const SUPPORT_WIDTH: f64 = 1.0;
-/// ... and of all profiles this share must: chance alone gives about a third.
+/// Minimum fraction of the profiles that support the edge; by chance about a third do.
 const MIN_SUPPORT: f64 = 0.6;
-/// Things beside an edge that are as light as what it bounds, or lighter, take more of it.
+/// Same where objects beside the edge are as light as the figure that it bounds, or lighter: fewer
+/// profiles support it there.
 const MIN_SUPPORT_BESIDE_OTHERS: f64 = 0.4;
 const MIN_PROFILES: usize = 3;
-/// Light beside the edge that departs from the side's median by this part of the step is another
-/// thing's: shading changes a side by less, and noise seldom twice in a row.
+/// Departure of the light beside the edge from the side's median, as a fraction of the step, above
+/// which it belongs to another object. Shading changes a side by less, and noise seldom exceeds it
+/// twice in a row.
 const MAX_DEPARTURE: f64 = 0.25;
-/// But not if the noise of the readings makes of it: so many times their median departure, three of
-/// a normal variable's standard deviations.
+/// That threshold is at least this multiple of the readings' median departure, three standard
+/// deviations of a normal variable, so that noise does not exceed it.
 const MAX_NOISE_DEPARTURE: f64 = 4.5;
-/// So many profiles in a row that show another edge, or none, lie on something that hides it ...
+/// Minimum number of consecutive profiles with another edge, or none, that show an object over the
+/// edge ...
 const MIN_HIDDEN: usize = 2;
-/// ... or, at the end of a side, so many: at an acute corner the neighbouring side comes near.
+/// ... and the same at the end of a side, as at an acute corner the neighbouring side comes near.
 const MIN_HIDDEN_AT_END: usize = 4;
 
-/// An edge known to a fraction of a pixel, and a first guess of the values beside it.
+/// An edge known to a fraction of a pixel, and initial values of the light beside it.
 pub(super) struct CoarseEdge {
     pub curve: ChordCurve,
-    /// Coded values on the side where the distance is negative, and on the other.
+    /// Coded values on the side of negative distances, and on the other.
     pub plateaus: [f64; 2],
     pub blur: f64,
-    /// Ranges of `s` where something else lies over the edge.
+    /// Ranges of `s` where another object covers the edge.
     pub hidden: Vec<[f64; 2]>,
 }
 
-/// Where an edge was seen, and how much that says.
+/// Position at which an edge was seen, and the strength of the evidence.
 #[derive(Clone, Copy)]
 struct SeenEdge {
     s: f64,
@@ -103,7 +110,8 @@ struct Rise {
     slope: f64,
 }
 
-/// The polynomial's degree: what the length of a side can tell apart, and what a lens can bend.
+/// Degree of the polynomial for a side of the given length (px): as high as the length can resolve,
+/// and as a lens can bend it.
 pub(super) fn degree_for(length: f64) -> usize {
     match length {
         _ if length < 30.0 => 1,
@@ -118,7 +126,7 @@ pub(super) fn find(reader: &GreyReader<'_>, span: &EdgeSpan) -> Result<CoarseEdg
     find_within(reader, span, REACH)
 }
 
-/// Finds the edge in a piece of a span that was found.
+/// Finds the edge in a piece of a span that was found before.
 pub(super) fn find_near(reader: &GreyReader<'_>, piece: &EdgeSpan) -> Result<CoarseEdge, NoEdge> {
     find_within(reader, piece, NEAR_REACH)
 }
@@ -138,7 +146,7 @@ pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<ChordCu
     consensus(&path, &points, &SAMPLE_WIDTHS)
 }
 
-/// Finds the edge within so many pixels of a span's path.
+/// Finds the edge within `reach` pixels of a span's path.
 fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
     match seen(reader, &path, span, &ProfileSettings { reach, ..SHARP }) {
@@ -147,7 +155,7 @@ fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<C
     }
 }
 
-/// Finds the edge near a path by profiles of given settings.
+/// Finds the edge near a path with profiles of the given settings.
 fn seen(
     reader: &GreyReader<'_>,
     path: &ChordCurve,
@@ -199,7 +207,8 @@ fn seen(
     })
 }
 
-/// Runs of stations that support no edge, each widened by the distance to the next that may.
+/// Ranges of consecutive stations without a supporting rise, each extended at both ends by the
+/// distance between stations.
 fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
     let supports = |s: &f64| supporting.iter().any(|rise| rise.point.s == *s);
     let step = (stations[stations.len() - 1] - stations[0]) / (stations.len() - 1) as f64;
@@ -223,7 +232,7 @@ fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
     runs
 }
 
-/// A smooth curve along the coarse path, which may be a polygon or a staircase of pixels.
+/// A smooth curve along the coarse path, which may be a polygon or follow pixel steps.
 fn path_curve(path: &[Vector2<f64>]) -> Option<ChordCurve> {
     let (&start, &end) = (path.first()?, path.last()?);
     let mut curve = ChordCurve::chord(start, end)?;
@@ -245,13 +254,13 @@ fn path_curve(path: &[Vector2<f64>]) -> Option<ChordCurve> {
     let degree = degree_for(curve.length())
         .min(path.len() - 1)
         .min(samples.len() - 1);
-    // Legs of no length, or all at one place, leave the chord.
+    // If the legs have no length, or are all at one point, the chord remains.
     let _ = curve.fit(samples.iter().copied(), degree);
     Some(curve)
 }
 
 impl ProfileSettings {
-    /// Grey values every pixel along the normal at `s`, or `None` where they leave the picture.
+    /// Grey values one pixel apart along the normal at `s`; `None` if they leave the picture.
     fn profile(&self, reader: &GreyReader<'_>, path: &ChordCurve, s: f64) -> Option<GreyProfile> {
         let mut values = [0.0; MAX_SAMPLES];
         for line in 0..self.lines {
@@ -271,7 +280,8 @@ impl ProfileSettings {
         self.reach + self.filter
     }
 
-    /// Where a profile rises most in the wanted direction, between samples.
+    /// The steepest rise of a profile in the direction of the polarity, interpolated between
+    /// samples.
     fn steepest(
         &self,
         values: &GreyProfile,
@@ -320,12 +330,13 @@ impl ProfileSettings {
 /// Grey values along the normal of a path.
 type GreyProfile = [f64; MAX_SAMPLES];
 
-/// Where a profile holds the value `t` pixels from the path.
+/// Index in a profile of the value `t` pixels from the path.
 fn place(t: i32) -> usize {
     (t + REACH + LONGEST_FILTER) as usize
 }
 
-/// The curve that most points agree on: a line by consensus, then a polynomial by reweighting.
+/// The curve that most points agree on: a line by consensus, then a polynomial by iterative
+/// reweighting.
 fn consensus(path: &ChordCurve, points: &[SeenEdge], widths: &[f64]) -> Option<ChordCurve> {
     let degree = degree_for(path.length()).min(points.len().checked_sub(2)?);
     let mut curve = path.clone();
@@ -351,7 +362,7 @@ fn consensus(path: &ChordCurve, points: &[SeenEdge], widths: &[f64]) -> Option<C
     Some(curve)
 }
 
-/// The line `height + slope s`, through one early and one late point, that the others support best.
+/// The line `height + slope s`, through one early and one late point, with the most support.
 fn consensus_line(points: &[SeenEdge], above: &[f64]) -> Option<(f64, f64)> {
     let third = points.len().div_ceil(3);
     let stride = third.div_ceil(ANCHORS);

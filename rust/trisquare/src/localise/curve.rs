@@ -2,8 +2,9 @@
 
 use nalgebra::{SMatrix, SVector, Vector2};
 
-/// Coefficients of the highest degree in use, 4: a line seen through a lens with two or three
-/// distortion terms departs from it by less than the samples' own noise.
+/// Number of coefficients for the highest degree in use, 4: the image of a line through a lens with
+/// two or three distortion terms departs from such a polynomial by less than the noise of the
+/// samples.
 pub(super) const COEFFICIENTS: usize = 5;
 
 /// `y(x)` in the frame of a chord: `x` along it from its middle, `y` along the normal.
@@ -13,14 +14,14 @@ pub(super) struct ChordCurve {
     pub along: Vector2<f64>,
     /// The right-hand normal on the screen, `(-along.y, along.x)`.
     pub across: Vector2<f64>,
-    /// Pixels; the polynomial's variable is `s = x / half_length`.
+    /// Half the length of the chord, pixels; the polynomial's variable is `s = x / half_length`.
     pub half_length: f64,
     pub degree: usize,
     pub coefficients: [f64; COEFFICIENTS],
 }
 
 impl ChordCurve {
-    /// The straight chord between two points, or `None` if they coincide or are not finite.
+    /// The straight chord between two points; `None` if they coincide or are not finite.
     pub fn chord(start: Vector2<f64>, end: Vector2<f64>) -> Option<Self> {
         let length = (end - start).norm();
         if !(length > 0.0 && length.is_finite()) {
@@ -57,7 +58,8 @@ impl ChordCurve {
         c0 + s * (c1 + s * (c2 + s * (c3 + s * c4)))
     }
 
-    /// The largest `|y|` between the ends, to some percent: at steps that pass over no bend.
+    /// The largest `|y|` between the ends, to within a few percent: the steps are too short to miss
+    /// a bend.
     pub fn greatest_height(&self) -> f64 {
         const STEPS: i32 = 12;
         (-STEPS..=STEPS)
@@ -73,7 +75,7 @@ impl ChordCurve {
         (self.height(s), slope / self.half_length)
     }
 
-    /// The point of the curve at `s`, moved by `offset` pixels along the curve's normal.
+    /// The point at `s`, moved by `offset` pixels along the curve's normal.
     pub fn point(&self, s: f64, offset: f64) -> Vector2<f64> {
         let (height, slope) = self.height_and_slope(s);
         let normal = self.across - slope * self.along;
@@ -83,7 +85,8 @@ impl ChordCurve {
             + normal * (offset / normal.norm())
     }
 
-    /// By what a point of the curve moves along its normal with each coefficient, and that normal.
+    /// Derivatives of the displacement of a point of the curve along its normal with respect to
+    /// each coefficient, and that normal.
     pub fn distances_at(&self, point: Vector2<f64>) -> (SVector<f64, COEFFICIENTS>, Vector2<f64>) {
         let (s, _) = self.local(point);
         let normal = self.point(s, 1.0) - self.point(s, 0.0);
@@ -93,8 +96,8 @@ impl ChordCurve {
         (powers * cosine, normal)
     }
 
-    /// Distance of a point, positive along the normal; beyond its ends the curve runs straight on,
-    /// where a polynomial would run wild.
+    /// Signed distance of a point, positive along the normal. Beyond its ends the curve is
+    /// continued straight, as the polynomial would diverge.
     pub fn signed_distance(&self, point: Vector2<f64>) -> f64 {
         let (height, slope) = self.height_above(point);
         height / (1.0 + slope * slope).sqrt()
@@ -107,7 +110,7 @@ impl ChordCurve {
         sign * height > bound * (1.0 + slope * slope).sqrt()
     }
 
-    /// How far a point lies above the curve, in its frame, and the curve's slope there.
+    /// Height of a point above the curve, in the frame of the chord, and the curve's slope there.
     #[inline]
     fn height_above(&self, point: Vector2<f64>) -> (f64, f64) {
         let offset = point - self.origin;
@@ -121,7 +124,8 @@ impl ChordCurve {
         (y - straight_on, by_s * per_length)
     }
 
-    /// Fits the polynomial of the given degree to `(s, y, weight)`; false if they do not fix it.
+    /// Fits the polynomial of the given degree to `(s, y, weight)`; false if they do not determine
+    /// it.
     pub fn fit(&mut self, samples: impl Iterator<Item = (f64, f64, f64)>, degree: usize) -> bool {
         let mut normal = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::identity();
         let mut right = SVector::<f64, COEFFICIENTS>::zeros();

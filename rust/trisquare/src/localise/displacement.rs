@@ -1,4 +1,4 @@
-//! Samples, moved to where a better tone curve sees them.
+//! Displacement of the samples by an improved tone curve, and by its uncertainty.
 
 use nalgebra::Vector2;
 
@@ -9,8 +9,8 @@ use super::tone_fit::{
 };
 use crate::image::PowerCurve;
 
-/// Moves the samples to where the estimate from all pixels sees them, and tells how far one
-/// standard deviation of it displaces them.
+/// Moves the samples to their positions under the estimate from all pixels, and computes their
+/// displacement by one standard deviation of the estimate.
 pub(super) fn corrected(
     first: PowerCurve,
     measured: Vec<Result<Measured, NoEdge>>,
@@ -23,9 +23,9 @@ pub(super) fn corrected(
         estimate,
     } = pool(first, shares, Trust::ByMisfit);
     let common = common_shift(found(), step[KURTOSIS_OF_SHARED]);
-    // The common shift has what the kurtosis does.
+    // The common shift includes the effect of the kurtosis.
     step[KURTOSIS_OF_SHARED] = 0.0;
-    // One standard deviation in each of some independent directions.
+    // Columns: one standard deviation along each of several independent directions.
     let deviations = covariance
         .cholesky()
         .map_or_else(SharedMatrix::zeros, |f| f.l());
@@ -36,7 +36,8 @@ pub(super) fn corrected(
             gram += deviation * deviation.transpose();
         }
     }
-    // All move the samples much alike: the direction that moves them most stands for all.
+    // All directions move the samples in much the same way, so that only the one with the largest
+    // effect is used.
     let direction = deviations * first_axis(gram);
     let spans = measured.into_iter();
     let displaced = spans
@@ -51,8 +52,8 @@ pub(super) fn corrected(
     (displaced, estimate)
 }
 
-/// The samples where they are, with one common distance that all edges may lie off towards the
-/// dark: of this standard deviation, px.
+/// Leaves the samples where they are, with a common displacement of all edges towards the dark of
+/// this standard deviation, px.
 pub(super) fn shifted(
     measured: Vec<Result<Measured, NoEdge>>,
     shift_std: f64,
@@ -69,16 +70,16 @@ fn first_axis(matrix: SharedMatrix) -> Shared {
     eigen.eigenvectors.column(eigen.eigenvalues.imax()).into()
 }
 
-/// How far towards the dark the kurtosis of the pixels' box and of the lens moves the edges, the tone
-/// curve held, in the mean over the sides.
+/// Mean over the sides of the displacement of their edges towards the dark by the kurtosis of the
+/// pixels' box and of the lens, with the tone curve held.
 ///
-/// The lens and the pixels' box are the same for all; what a side asks for beyond the mean is its
+/// The lens and the pixels' box are the same for all sides; a side's deviation from the mean is
 /// noise, and would be an error that all of its samples share.
 fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>, of_lens: f64) -> f64 {
     let held_curve = Shared::new(0.0, 0.0, of_lens);
     let (mut sum, mut count) = (0.0, 0.0);
     for measured in found {
-        // Where light and dark are exchanged again and again, no line moves as a whole.
+        // A line along which light and dark alternate does not move as a whole.
         if let Some(share) = measured.share.as_ref().filter(|_| !measured.is_crossed) {
             sum += share.own_step(&held_curve)[0] * measured.to_dark();
             count += 1.0;
@@ -87,16 +88,17 @@ fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>, of_lens: f64) -> 
     sum / f64::max(count, 1.0)
 }
 
-/// How a sample is displaced along the unit normal of its side.
+/// Displacement of a sample along the unit normal of its side.
 struct Drift {
     normal: Vector2<f64>,
-    /// By what the sides share.
+    /// Derivatives of the displacement with respect to the parameters that the sides share.
     by_shared: Shared,
 }
 
 impl Measured {
-    /// The normal points to the light where the contrast is positive; a tone curve, too, moves the
-    /// edges to the dark or to the light, all of them alike.
+    /// Sign of a displacement towards the dark along the normal, which points to the light where
+    /// the contrast is positive; 0 for a crossed line. A tone curve moves all edges alike, too, to
+    /// the dark or to the light.
     fn to_dark(&self) -> f64 {
         if self.is_crossed {
             0.0
@@ -105,7 +107,8 @@ impl Measured {
         }
     }
 
-    /// Of a side that does not tell the tone, only the normals.
+    /// The displacement of each sample, with zero derivatives if the side does not determine the
+    /// tone.
     fn drifts(&self) -> Vec<Drift> {
         let by_shared = self
             .share
@@ -122,8 +125,8 @@ impl Measured {
         self.edges.points.iter().map(tone_drift).collect()
     }
 
-    /// The samples, moved by a step of what the sides share and a common shift towards the dark, and how
-    /// far what is left unknown displaces each.
+    /// The samples, moved by a step of the shared parameters and by a common shift towards the
+    /// dark, with the displacement of each by what remains unknown.
     fn displaced(
         mut self,
         step: &Shared,

@@ -1,4 +1,4 @@
-//! The normal equations of a side, from what it predicts of the pixels of its band.
+//! The normal equations of a side, from its predictions for the pixels of its band.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -8,25 +8,26 @@ use super::pixel_noise::{robust_cost, robust_weight};
 use super::prediction::Prediction;
 use super::side_sums::{BIN_LENGTH, Degrees, LIGHT, SideSums};
 
-/// The first parameters of base, contrast and blur, and how many there are.
+/// Index of the first parameter of base, contrast and blur, and the number of parameters.
 pub(super) const BASE: usize = COEFFICIENTS;
 pub(super) const CONTRAST: usize = BASE + LIGHT;
 pub(super) const BLUR: usize = CONTRAST + LIGHT;
 pub(super) const PARAMETERS: usize = BLUR + LIGHT;
 
-/// Columns of a pixel's row: derivatives by height, base, contrast and blur, and the residual.
+/// Number of columns of a pixel's row: derivatives with respect to height, base, contrast and blur,
+/// and the residual.
 const COLUMNS: usize = 5;
-/// Bins of a side at least.
+/// Minimum number of bins of a side.
 const MIN_BINS: f64 = 24.0;
-/// Bins are counted from this far along, in `s`: before any pixel, even of a short extended side.
+/// Start of the first bin, in `s`: before any pixel, even of a short extended side.
 const FIRST_BIN: f64 = -4.0;
 
 /// The matrix of the normal equations of all parameters of a side.
 pub(super) type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
-/// A step of them.
+/// A step of all parameters of a side.
 pub(super) type Step = SVector<f64, PARAMETERS>;
 
-/// The normal equations of a step, and the cost where they were taken.
+/// The normal equations of a step, and the cost at the current parameters.
 pub(super) struct Equations {
     pub normal: Normal,
     right: Step,
@@ -34,8 +35,9 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// From what a side of this length, parameters of which change along it by these powers, predicts
-    /// of pixels, `noise` being the residuals' expected scale.
+    /// The equations from the predictions for pixels of a side of the given length, whose
+    /// parameters change along it with the given powers; `noise` is the expected scale of the
+    /// residuals.
     pub fn of(
         (length, degrees): (f64, Degrees),
         pixels: &[Pixel],
@@ -62,7 +64,7 @@ impl Equations {
         }
     }
 
-    /// A step, the diagonal being raised by `damping`.
+    /// The solution for a step, with the diagonal multiplied by `1 + damping`.
     pub fn step(&self, damping: f64) -> Option<Step> {
         let mut normal = self.normal;
         for parameter in 0..PARAMETERS {

@@ -1,4 +1,4 @@
-//! The far edge of a thin bar, at which the light changes again.
+//! The far edge of a thin bar, where the light changes back.
 
 use nalgebra::Vector2;
 
@@ -6,27 +6,27 @@ use super::curve::ChordCurve;
 use super::flip::{COMPLETE, Flip};
 use crate::numeric::cdf;
 
-/// Beyond so many blurs of a side its far edge need not be modelled: the side is felt within 3.5, and
-/// the other one within 4 of its own.
+/// Distance, in blurs, beyond which the far edge of a side need not be modelled: the side's pixels
+/// are within 3.5, and the other edge has an effect within 4.
 const FELT_BLURS: f64 = 3.5 + COMPLETE;
 
-/// An edge beside a side.
+/// The edge on the other side of a thin bar.
 #[derive(Clone, Copy)]
 pub(super) struct FarEdge<'a> {
     pub curve: &'a ChordCurve,
-    /// Pixels.
+    /// Standard deviation of its blur, pixels.
     pub blur: f64,
-    /// +1 if distances from the curve are positive where the side is, else -1.
+    /// +1 if distances from the curve are positive on the side's side, else -1.
     pub sign: f64,
-    /// What the light rises by beyond it, over the side's own contrast: -1 or 1 where it is again as
-    /// before the bar.
+    /// Change of the light beyond it, over the side's own contrast: -1 or 1 if the light is the
+    /// same there as before the bar.
     rise: f64,
-    /// Whether it is so near that the side is blurred by it.
+    /// Whether it is near enough to affect the side's profile.
     pub is_felt: bool,
 }
 
 impl<'a> FarEdge<'a> {
-    /// Of a curve and a contrast, beside a side with its own.
+    /// The edge with the given curve and contrast, beside a side with its own.
     pub fn beside(
         (side, contrast): (&ChordCurve, f64),
         (curve, own_contrast): (&'a ChordCurve, f64),
@@ -42,7 +42,7 @@ impl<'a> FarEdge<'a> {
         }
     }
 
-    /// What the edge makes of the side's step at a place.
+    /// The change of the side's step by this edge at a point.
     pub fn flip(&self, place: Vector2<f64>) -> Flip {
         let beyond = -self.sign * self.curve.signed_distance(place) / self.blur;
         Flip {
@@ -52,7 +52,7 @@ impl<'a> FarEdge<'a> {
     }
 }
 
-/// The least distance of a curve from another at its ends and in its middle, pixels.
+/// The smallest distance of a curve from another, at its ends and in its middle, pixels.
 pub(super) fn width(curve: &ChordCurve, other: &ChordCurve) -> f64 {
     let at = |s: f64| other.signed_distance(curve.point(s, 0.0)).abs();
     at(-1.0).min(at(0.0)).min(at(1.0))

@@ -1,4 +1,4 @@
-//! What is wrong with a picture as a whole, told by the profiles of its edges.
+//! Faults of a picture as a whole, found from the profiles of its edges.
 
 use nalgebra::Vector2;
 
@@ -10,52 +10,53 @@ use super::span::NoEdge;
 use crate::image::{GreyReader, Picture};
 use crate::numeric::median;
 
-/// Standard deviations from which a displacement is no chance.
+/// Number of standard deviations above which a displacement is significant.
 const CERTAIN: f64 = 6.0;
-/// Pixels from which a displacement matters: of odd rows, and of a colour in the picture's corners.
+/// Displacement (px) above which it matters: of odd rows, and of a colour in the picture's corners.
 const MIN_ROW_SHIFT: f64 = 0.1;
 const MIN_COLOUR_SHIFT: f64 = 0.1;
-/// Contrast in green, in parts of the greatest, below which green is not measured alone.
+/// Contrast in green, as a fraction of the largest, below which green is not measured by itself.
 const MIN_GREEN: f64 = 0.5;
 
-/// A side is clipped where this share of its light pixels is.
+/// Fraction of a side's light pixels above which it is clipped if they are.
 const CLIPPED_SHARE: f64 = 0.1;
-/// What extrapolating a clipped step leaves unknown of each side, and of all together, in blurs,
-/// for a rise that is half clipped: over rendered scenes, with and without blooming.
+/// Errors from extrapolating a clipped step, of each side and common to all, in blurs, for a rise
+/// that is half clipped: from rendered scenes, with and without blooming.
 const CLIPPED_ERROR: f64 = 0.04;
 const CLIPPED_COMMON_ERROR: f64 = 0.1;
-/// The same of a staircase of two levels, px: what is left of half a pixel over a side's steps.
+/// Error of each side in a picture of two levels, px: half a pixel, averaged over the steps of its
+/// staircase.
 const TWO_LEVEL_ERROR: f64 = 0.03;
-/// Light, of white, below which a level tells nothing of how much falls there.
+/// Light, as a fraction of white, below which a level does not show how much light falls there.
 const DARKEST: f64 = 1e-3;
-/// What the shape of a motion's blur leaves unknown of a side, in parts of its length.
+/// Error of a side from the unknown shape of the motion blur, as a fraction of the motion's length.
 const MOTION_ERROR: f64 = 0.001;
 
-/// What the edges' profiles tell of faults of a picture.
+/// Faults of a picture, as found from the profiles of its edges.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PictureFaults {
-    /// The share of the sides whose light is clipped.
+    /// Fraction of the sides whose light is clipped.
     pub clipped: f64,
     /// Whether all pixels are black or white.
     pub has_two_levels: bool,
-    /// The odd rows against the even ones.
+    /// Displacement of the odd rows against the even ones.
     pub rows: Option<PartDisplacement>,
-    /// The colours of a picture that has them.
+    /// Displacements of the colours, for a picture in colour.
     pub colours: Option<ColourDisplacements>,
     /// The camera's motion while the shutter was open.
     pub motion: Option<MotionBlur>,
-    /// The middle one of the sides' blurs, one standard deviation, px.
+    /// Median of the sides' blurs, one standard deviation, px.
     pub blur: f64,
-    /// The amplitude of a fine pattern over the picture, as a part of the sides' contrast.
+    /// Amplitude of a fine pattern over the picture, as a fraction of the sides' contrast.
     pub pattern: Option<f64>,
-    /// How much the light on the sides differs (standard deviation), as a part of its mean.
+    /// Standard deviation of the light over the sides, as a fraction of its mean.
     pub light_spread: f64,
-    /// One standard deviation of what they leave unknown of each side's place, px.
+    /// Standard deviation of each side's position due to these faults, px.
     pub side_error: f64,
-    /// The same of a board's lines, along which light and dark alternate: no tone curve shifts them.
+    /// Same for a board's lines, along which light and dark alternate: no tone curve shifts them.
     pub line_error: f64,
-    /// The same of all sides together, towards the dark.
+    /// Standard deviation of the error common to all sides, towards the dark, px.
     pub common_error: f64,
 }
 
@@ -88,17 +89,17 @@ impl PictureFaults {
         }
     }
 
-    /// How far odd rows are displaced against the even ones, pixels, where that matters.
+    /// Displacement of the odd rows against the even ones, pixels, if it matters.
     #[must_use]
     pub fn row_shift(&self) -> Option<Vector2<f64>> {
-        // Staircases may differ from row to row.
+        // In a picture of two levels the staircases may differ from row to row.
         let rows = self.rows.filter(|_| !self.has_two_levels)?;
         let matters = rows.shift_deviations > CERTAIN && rows.shift.norm() > MIN_ROW_SHIFT;
         matters.then_some(rows.shift)
     }
 
-    /// How far blue and red are displaced outward in the corners of the picture that was measured,
-    /// pixels, where that matters.
+    /// Outward displacement of blue and of red in the corners of the measured picture, pixels, if
+    /// it matters.
     #[must_use]
     pub fn colour_shift(&self, picture: &Picture) -> Option<[f64; 2]> {
         let colours = self.colours?;
@@ -111,9 +112,9 @@ impl PictureFaults {
         (parts.iter().any(is_certain) && matters).then_some(shift)
     }
 
-    /// What is to be measured in place of the picture: its even rows where odd ones are displaced,
-    /// green light where the lens magnifies the colours differently, unless the targets hardly show
-    /// in it. `None` if the picture itself is to be measured, as it has been.
+    /// The picture to measure instead of this one: its even rows if the odd ones are displaced, its
+    /// green light if the lens magnifies the colours differently, unless the targets hardly show in
+    /// green. `None` if this picture itself is to be measured, as it has been.
     #[must_use]
     pub fn mended(&self, picture: &Picture) -> Option<Picture> {
         let green = match self.is_of_green(picture) {
@@ -126,7 +127,7 @@ impl PictureFaults {
         }
     }
 
-    /// Whether [`mended`](Self::mended) is of green light.
+    /// Whether [`mended`](Self::mended) returns green light.
     #[must_use]
     pub fn is_of_green(&self, picture: &Picture) -> bool {
         let shows = self
@@ -147,7 +148,7 @@ fn is_clipped(preview: &Preview) -> bool {
     clipped > CLIPPED_SHARE * light
 }
 
-/// The blur of a side times the part of its rise that is clipped over the part that is not.
+/// The blur of a side times the ratio of the clipped part of its rise to the rest.
 fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
     let side = &preview.side;
     let [before, after] = side.plateaus();
@@ -159,9 +160,9 @@ fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
     }
 }
 
-/// How much the light on the sides differs, as a part of it. Figures and grounds may be of any
-/// darkness, but light changes both alike: on each side it is no more than the lesser of what both
-/// show, and nothing where one is lighter than most and the other is darker.
+/// Standard deviation of the light over the sides, as a fraction of it. Figures and grounds may be
+/// of any darkness, but light changes both alike: a side's difference is the smaller of the two,
+/// and zero if one is lighter than the median and the other darker.
 fn light_spread(plateaus: impl Iterator<Item = [f64; 2]>) -> f64 {
     let levels = plateaus.map(|[before, after]| {
         [before.min(after), before.max(after)].map(|level| level.max(DARKEST).ln())
@@ -234,7 +235,7 @@ mod tests {
         let under = |part| [dark, light].map(|level| level * halved(part));
         let expected = 0.5 * 2.0_f64.ln();
         assert!((light_spread((0..8).map(under)) - expected).abs() < 1e-12);
-        // A grey square on a grey ground, and a white one on grey.
+        // A grey square on a grey ground, and a white one on a grey ground.
         let others = [[0.3, 0.5], [0.3, 0.85]];
         let sides = (0..8).map(|_| [dark, light]).chain(others);
         let spread = light_spread(sides);

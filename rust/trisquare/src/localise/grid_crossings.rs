@@ -1,12 +1,13 @@
-//! Where other lines cross a grid line: from crossing to crossing light and dark change sides.
+//! The crossings of a grid line with other lines: at each of them light and dark change sides.
 //!
-//! The light about a crossing of two blurred edges, `d` and `e` blurs away, is the mean of the two
-//! shades and, times half their contrast, the expectation of `sign(d + x) sign(e + y)` with `x` and
-//! `y` normal and correlated by the cosine `rho` of the angle between the edges' normals:
-//! `(2 Phi(d) - 1) (2 Phi(e) - 1)` and, where they are not at right angles, an integral over the
-//! correlation (Drezner & Wesolowsky, J. Statist. Comput. Simul. 35 (1990) 101-107). Its derivative
-//! by `d` is `2 phi(d) (2 Phi((e - rho d) / sqrt(1 - rho^2)) - 1)`. A pixel is told that slope and
-//! what is left of the value, so that lines are measured right up to their crossings.
+//! The light near a crossing of two blurred edges, at distances of `d` and `e` blurs, is the mean
+//! of the two shades plus half their contrast times the expectation of `sign(d + x) sign(e + y)`,
+//! with `x` and `y` normal and correlated by the cosine `rho` of the angle between the edges'
+//! normals. That is `(2 Phi(d) - 1) (2 Phi(e) - 1)` and, where they are not at right angles, an
+//! integral over the correlation (Drezner & Wesolowsky, J. Statist. Comput. Simul. 35 (1990)
+//! 101-107). Its derivative with respect to `d` is
+//! `2 phi(d) (2 Phi((e - rho d) / sqrt(1 - rho^2)) - 1)`. A pixel's flip consists of that slope and
+//! the remainder of the value, so that lines can be measured right up to their crossings.
 
 use std::f64::consts::FRAC_2_PI;
 
@@ -19,26 +20,26 @@ use super::span::EdgeSpan;
 use super::tag_cells::TagCells;
 use crate::numeric::cdf_and_pdf;
 
-/// From so many blurs on a line's change of sides is complete to rounding.
+/// Distance, in blurs, beyond which a line's change of sides is complete to rounding.
 const ENTIRE: f64 = 7.0;
-/// A marker's border may be a twentieth of a pixel beside its modelled place: from so many blurs
-/// before it that does not matter ...
+/// Pixels nearer to a marker than this many blurs are not used, since its border may be a twentieth
+/// of a pixel from its modelled place ...
 const CLEAR_OF_MARKER: f64 = 3.0;
-/// ... but where that would leave less than this of the light cell, it has to be borne.
+/// ... but pixels within this many blurs of the line are used all the same.
 const MIN_REACH: f64 = 2.0;
-/// Steps towards the crossing of two curves; each squares the error of what was a pixel or two.
+/// Number of steps to the crossing of two curves; each squares the error, at first a pixel or two.
 const STEPS: usize = 3;
-/// The largest correlation reckoned with: lines at less than 18 degrees to each other.
+/// Largest correlation in use: that of lines at 18 degrees to each other.
 const MAX_CORRELATION: f64 = 0.95;
 /// Gauss-Legendre nodes and weights on -1 to 1 for the integral over the correlation: three are
-/// exact to 6e-7 up to `FEW_SUFFICE` ...
+/// exact to 6e-7 up to a correlation of `FEW_SUFFICE` ...
 const FEW: [(f64, f64); 3] = [
     (-0.774_596_669_241_483, 0.555_555_555_555_556),
     (0.0, 0.888_888_888_888_889),
     (0.774_596_669_241_483, 0.555_555_555_555_556),
 ];
 const FEW_SUFFICE: f64 = 0.5;
-/// ... and five to 6e-7 at a correlation of 0.8.
+/// ... and five are exact to 6e-7 at a correlation of 0.8.
 const NODES: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189),
     (-0.538_469_310_105_683, 0.478_628_670_499_366),
@@ -47,50 +48,51 @@ const NODES: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189),
 ];
 
-/// The crossings of one line in their order along it.
+/// The crossings of a line, in their order along it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct GridCrossings {
     places: Vec<Crossing>,
-    /// The tag beside the stretch after each.
+    /// The tag beside the stretch after each crossing.
     tags: Vec<Option<TagCells>>,
     /// +1 if the line's step rises, -1 if it falls.
     polarity: f64,
 }
 
-/// A crossing: the line that crosses, taken to be straight as far as the band reaches.
+/// A crossing; the line that crosses is taken to be straight as far as the band reaches.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     s: f64,
     point: Vector2<f64>,
-    /// The crossing line's unit normal, the way this line runs.
+    /// The crossing line's unit normal, in the direction in which this line runs.
     forward: Vector2<f64>,
     inverse_blur: f64,
-    /// How far its edges lie from it toward the light, blurs.
+    /// Displacement of the crossing line's edges from it towards the light, blurs.
     spread: f64,
     angle: Angle,
-    /// Sign of the contrast after it, that after the first being 1.
+    /// Sign of the contrast after the crossing, relative to that after the first.
     sign: f64,
-    /// The next grid lines that run beside this one, on its negative side and on the other.
+    /// The nearest grid lines beside this one, on its negative side and on the other.
     beside: [Beside; 2],
-    /// The marker in the light cell after it.
+    /// The marker in the light cell after the crossing.
     marker: Option<Marker>,
 }
 
-/// A dark square within a light cell, white being left all round it.
+/// A dark square within a light cell, surrounded by white.
 ///
-/// Its border's step is modelled, as far as it blurs into the white: `Phi` of the distances from
-/// the three sides that are near. It is as dark as the dark cells, being printed in the same ink.
+/// The step at its border is modelled as far as it blurs into the white: by `Phi` of the distances
+/// from the three near sides. The marker is as dark as the dark cells, as it is printed in the same
+/// ink.
 #[derive(Debug, Clone, Copy)]
 struct Marker {
-    /// Sign of the distances from the line where the cell lies.
+    /// Sign of the distances from the line on the cell's side.
     side: f64,
-    /// Distance (px) from the line to the marker, and from the lines that bound the cell.
+    /// Distance (px) of the marker from the line, and from the lines that bound the cell.
     depth: f64,
     margin: f64,
 }
 
 impl GridCrossings {
-    /// As the coarse paths have them.
+    /// The crossings of the coarse paths.
     pub fn coarse(spans: &[EdgeSpan], index: usize, curve: &ChordCurve, shape: EdgeShape) -> Self {
         let span = &spans[index];
         let places = span.path.iter().zip(&span.crossings).enumerate();
@@ -114,9 +116,9 @@ impl GridCrossings {
         }
     }
 
-    /// Where the curves that were fitted to both lines meet.
+    /// The crossings of the fitted curves of both lines.
     ///
-    /// `found` gives the curve and the shape of a span, if it was found.
+    /// `found` returns the curve and the shape of a span, if it was found.
     pub fn fitted<'a>(
         spans: &[EdgeSpan],
         index: usize,
@@ -135,12 +137,12 @@ impl GridCrossings {
         }
     }
 
-    /// Where they are, in order.
+    /// The points of the crossings, in order.
     pub fn points(&self) -> impl Iterator<Item = Vector2<f64>> {
         self.places.iter().map(|place| place.point)
     }
 
-    /// The crossings that a column of pixels lies between, by the place where it meets the line.
+    /// The crossings before and after a column of pixels, given by its crossing with the line.
     pub fn about(&self, s: f64) -> Between<'_> {
         let next = self.places.partition_point(|place| place.s < s);
         let sign = match next {
@@ -176,16 +178,16 @@ pub(super) struct Between<'a> {
 }
 
 impl Between<'_> {
-    /// For a pixel at a distance from the line.
+    /// The flip of a pixel at a distance from the line.
     pub fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
         let before = self.before.map_or(Flip::NONE, |c| c.flip(point, distance));
         let after = self
             .after
             .map_or(Flip::NONE, |c| c.flip(point, distance).opposite());
-        // Between the two, the product of their signs is their sum less 1.
+        // Between the two, the product of their signs is their sum minus 1.
         Flip {
             slope: self.sign * (before.slope + after.slope - 1.0),
-            // Twice, since a step from -1 to 1 is meant.
+            // Doubled, as the step is from -1 to 1.
             shift: self.sign * (before.shift + after.shift)
                 + self.changed_back(point, distance)
                 + 2.0
@@ -194,18 +196,18 @@ impl Between<'_> {
         }
     }
 
-    /// What the spread of the lines that cross takes of the light, over the contrast: to first order
-    /// in it that is the same on both sides of this line, and at any angle.
+    /// Reduction of the light by the spread of the lines that cross, over the contrast: to first
+    /// order in the spread it is the same on both sides of this line, and at any angle.
     fn spread(&self, point: Vector2<f64>) -> f64 {
         let crossings = self.before.into_iter().chain(self.after);
-        // Most lines have none.
+        // Most lines have no spread.
         let spread = crossings.filter(|crossing| crossing.spread != 0.0);
         spread
             .map(|crossing| crossing.spread * cdf_and_pdf(crossing.blurs(point)).1)
             .sum()
     }
 
-    /// What the lines beside this one change of a step from -1 to 1.
+    /// Change of the step from -1 to 1 by the lines beside this one.
     fn changed_back(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let inverse_blur = self.inverse_blur();
         let change = |side: usize, sign: f64| {
@@ -218,7 +220,7 @@ impl Between<'_> {
             let before = self.before.map_or(1.0, |c| step(c.skewed(point, distance)));
             let after = self.after.map_or(1.0, |c| -step(c.skewed(point, distance)));
             let slope = self.sign * (before + after - 1.0);
-            // Beyond the outline only what was dark changes.
+            // Beyond the outline only the dark cells change.
             let share = match beside.is_outline {
                 true => 0.5 * (slope - sign * self.polarity),
                 false => slope,
@@ -234,7 +236,7 @@ impl Between<'_> {
             .map_or(0.0, |crossing| crossing.inverse_blur)
     }
 
-    /// What a tag's cells add to the dark, over the contrast.
+    /// Light that a tag's cells add to the dark, over the contrast.
     fn lit(&self, point: Vector2<f64>) -> f64 {
         let inverse_blur = self.inverse_blur();
         let tag = self.tag.filter(|tag| !tag.is_far(point, inverse_blur));
@@ -247,7 +249,7 @@ impl Between<'_> {
             .is_some_and(|tag| tag.is_near(point, self.inverse_blur()))
     }
 
-    /// Whether a pixel so far from the line is too near to a marker.
+    /// Whether a pixel at this distance from the line is too near to a marker.
     pub fn is_near_marker(&self, distance: f64) -> bool {
         let (Some(marker), Some(before)) = (self.marker, self.before) else {
             return false;
@@ -257,7 +259,7 @@ impl Between<'_> {
         marker.side * distance * before.inverse_blur > reach
     }
 
-    /// What a marker takes of the light, over the contrast.
+    /// Light that a marker removes, over the contrast.
     fn darkened(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after)
         else {
@@ -274,7 +276,7 @@ impl Between<'_> {
         within.iter().map(|blurs| cdf_and_pdf(*blurs).0).product()
     }
 
-    /// That of two pixels and all between them, if it is the same.
+    /// The flip of two pixels and all between them, if it is the same for all.
     pub fn constant(&self, ends: [(Vector2<f64>, f64); 2]) -> Option<Flip> {
         let is_far = |crossing: &Crossing, side: f64| {
             ends.iter().all(|(point, distance)| {
@@ -319,7 +321,7 @@ impl Crossing {
         }
     }
 
-    /// The same line where its own curve meets this one's.
+    /// The same crossing, moved to where the fitted curves meet.
     fn moved_to(&self, curve: &ChordCurve, other: &ChordCurve, shape: EdgeShape) -> Self {
         let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
@@ -352,13 +354,14 @@ impl Crossing {
         self.forward.dot(&(point - self.point)) * self.inverse_blur
     }
 
-    /// Blurs from it to the edge that lies so far from the point and runs as its line does.
+    /// `(e - rho d) / sqrt(1 - rho^2)` for an edge parallel to this line at a distance from the
+    /// point: the distance in blurs, along that edge, from the crossing line to the point's foot.
     fn skewed(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let Angle { rho, sine, .. } = self.angle;
         (self.blurs(point) - rho * (distance * self.inverse_blur)) / sine
     }
 
-    /// From that of -1 before the crossing to that of 1 after it.
+    /// The flip, from a slope of -1 before the crossing to 1 after it.
     fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
         let (own, other) = (distance * self.inverse_blur, self.blurs(point));
         let skewed = self.skewed(point, distance);
@@ -384,12 +387,13 @@ impl Crossing {
 /// The angle between two crossing lines.
 #[derive(Debug, Clone, Copy)]
 struct Angle {
-    /// Its cosine: the correlation of the distances from the two lines under isotropic blur.
+    /// Cosine of the angle between the normals: the correlation of the distances from the two lines
+    /// under isotropic blur.
     rho: f64,
     sine: f64,
-    /// The correlation at each node, `1 / (1 - its square)`, and the node's weight.
+    /// For each node the correlation, `1 / (1 - correlation^2)`, and the node's weight.
     nodes: [[f64; 3]; NODES.len()],
-    /// How many nodes there are.
+    /// Number of nodes in use.
     used: usize,
 }
 
@@ -419,7 +423,7 @@ impl Angle {
         }
     }
 
-    /// What the correlation adds to the product of the two steps.
+    /// Increase of the expectation over the product of the two steps by the correlation.
     fn excess(&self, own: f64, other: f64) -> f64 {
         let (squares, product) = (0.5 * (own * own + other * other), own * other);
         let nodes = self.nodes[..self.used].iter();
@@ -435,7 +439,7 @@ fn step(blurs: f64) -> f64 {
 }
 
 impl EdgeSpan {
-    /// Sign of the contrast after a crossing of the given number, that after the first being 1.
+    /// Sign of the contrast after a crossing of the given number, relative to that after the first.
     pub(super) fn sign(&self, number: usize) -> f64 {
         let first = self.crossings.first().map_or(0, |first| first.1);
         if number.abs_diff(first).is_multiple_of(2) {
@@ -445,7 +449,7 @@ impl EdgeSpan {
         }
     }
 
-    /// Ranges of `s` between neighbours in the list of crossings that are none on the board.
+    /// Ranges of `s` between crossings that are neighbours in the list but not on the board.
     pub(super) fn gaps(&self, curve: &ChordCurve) -> Vec<[f64; 2]> {
         let pairs = self.crossings.windows(2).zip(self.path.windows(2));
         let gaps = pairs.filter(|(numbers, _)| numbers[1].1.abs_diff(numbers[0].1) > 1);
@@ -476,9 +480,9 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
             .filter_map(|end| distances(spans, index, end, side * along).first().copied());
         depths.reduce(|one, other| 0.5 * (one + other))
     });
-    // A cell at the board's rim is about as deep as the one across the line.
+    // A cell at the board's rim is about as deep as its neighbour across the line.
     let (own, across) = (own.or(across)?, across.or(own)?);
-    // The perspective of lines that are equally far apart.
+    // The change of scale by perspective, for lines at equal distances.
     let narrowing = (across - own) / (across + own);
     Some(Marker {
         side,
@@ -493,7 +497,7 @@ fn tag_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<TagCells
     let cells = span.tags.get(number).filter(|cells| !cells.is_empty())?;
     let near = [*span.path.get(number)?, *span.path.get(number + 1)?];
     let along = (near[1] - near[0]).try_normalize(f64::MIN_POSITIVE)?;
-    // The dark side.
+    // The side of the dark cell.
     let side = -span.polarity.signum() * span.sign(span.crossings.get(number)?.1);
     let opposite = |end| following(spans, index, end, side * along)?.first().copied();
     let far = [opposite(number)?, opposite(number + 1)?];

@@ -1,4 +1,4 @@
-//! A first guess of a grid line, from its crossings.
+//! An initial estimate of a grid line, from its crossings.
 
 use nalgebra::Vector2;
 
@@ -9,30 +9,30 @@ use super::span::{EdgeSpan, NoEdge};
 use crate::image::GreyReader;
 use crate::numeric::pdf;
 
-/// Where, between two crossings, a line is looked at.
+/// Positions between two crossings at which a line is sampled, as fractions of the distance.
 const STATIONS: [f64; 3] = [0.35, 0.5, 0.65];
-/// Its shades are read so far from it, as a part of the distance to the next line, and at most so
-/// many pixels: clear of the blur, and short of a marker within the cell; where it is known how
-/// much white there is round that, half way to it.
+/// Distance from the line at which its shades are read, as a fraction of the distance to the next
+/// line, and its maximum in pixels: clear of the blur, and short of a marker within the cell. If
+/// the width of the white around markers is known, shades are read at most half way to the marker.
 const SHADE_SHARE: f64 = 0.4;
 const SHADE_REACH: f64 = 3.0;
-/// Its steepest rise is looked for so far from the path, in steps of half a pixel.
+/// Distance from the path within which the steepest rise is sought, in half pixels.
 const RISE_STEPS: i32 = 4;
-/// Of the stretches between crossings this share must have light where it should be.
+/// Minimum fraction of the stretches between crossings with the light on the expected side.
 const MIN_SUPPORT: f64 = 0.6;
-/// Contrast of a stretch over the median below which something else lies there.
+/// Contrast of a stretch, over the median, below which another object covers it.
 const MIN_CONTRAST: f64 = 0.3;
 
-/// What is seen between two crossings.
+/// Measurements between two crossings.
 struct Stretch {
     ends: [f64; 2],
-    /// Shades on the negative side and on the other, were the polarity that after the first
-    /// crossing.
+    /// Shades on the negative side and on the other, exchanged if the polarity differs from that
+    /// after the first crossing.
     shades: [f64; 2],
     slope: f64,
 }
 
-/// Finds a grid line by the points where others cross it.
+/// Finds a grid line from the points where others cross it.
 pub(super) fn find(
     reader: &GreyReader<'_>,
     spans: &[EdgeSpan],
@@ -87,7 +87,7 @@ pub(super) fn find(
     })
 }
 
-/// A smooth curve through a line's crossings, each off by a pixel or so.
+/// A smooth curve through a line's crossings, each of which has an error of a pixel or so.
 fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
     let (&start, &end) = (span.path.first()?, span.path.last()?);
     if span.crossings.len() != span.path.len() || span.path.len() < 2 {
@@ -100,7 +100,8 @@ fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
         return None;
     }
     let degree = degree_for(curve.length());
-    // Two more crossings than needed: a pixel's error of each is not to be followed.
+    // The degree is at most half the number of crossings, so that the curve does not follow the
+    // error of each.
     let seen = degree.min((places.len() - 1).div_ceil(2));
     if !curve.fit(places.iter().map(|(s, y)| (*s, *y, 1.0)), seen) {
         return None;
@@ -109,8 +110,8 @@ fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
     Some(curve)
 }
 
-/// The median shades on both sides between two crossings, and the steepest slope; `None` outside
-/// the picture.
+/// The median shades on both sides between two crossings, and the median steepest slope; `None`
+/// outside the picture.
 fn look(
     reader: &GreyReader<'_>,
     curve: &ChordCurve,
@@ -146,7 +147,7 @@ fn look(
 
 impl EdgeSpan {
     /// The shades after a crossing of the given number, exchanged if the polarity is the opposite
-    /// one there.
+    /// there.
     fn unflipped(&self, number: usize, [before, after]: [f64; 2]) -> [f64; 2] {
         if self.sign(number) > 0.0 {
             [before, after]

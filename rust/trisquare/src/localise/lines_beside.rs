@@ -1,15 +1,15 @@
-//! The grid lines that run beside one, as the lines that cross both have them.
+//! The grid lines beside a grid line, from the lines that cross both.
 
 use nalgebra::Vector2;
 
 use super::span::EdgeSpan;
 
-/// A line where the light changes back.
+/// A line beside a grid line, at which the light changes back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beside {
-    /// Pixels.
+    /// Distance from the grid line, pixels.
     pub distance: f64,
-    /// Whether it is the grid's outline: beyond it all is light.
+    /// Whether it is the grid's outline, beyond which all is light.
     pub is_outline: bool,
 }
 
@@ -19,12 +19,12 @@ impl Beside {
         is_outline: true,
     };
 
-    /// At a place along the line, from those at the crossings before and after it.
+    /// The line beside at a place along the line, from those at the crossings before and after it.
     pub fn between(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
         let (Some((start, one)), Some((end, other))) = (before, after) else {
             return before.or(after).map_or(Self::NONE, |(_, one)| one);
         };
-        // Where one crossing shows no such line, the other tells.
+        // If only one crossing has a line there and not just the outline, that line is used.
         match (one.is_outline, other.is_outline) {
             (true, false) => other,
             (false, true) => one,
@@ -39,10 +39,10 @@ impl Beside {
     }
 }
 
-/// The next line at a crossing of a line, on the right of the given direction.
+/// The next line on the right of the given direction, at a crossing of a line.
 ///
-/// Beyond the last line the grid goes on to its outline: as far as between the two lines of which
-/// the nearer is next to this one, but for the perspective.
+/// Beyond its last line the grid extends to its outline. Except for perspective, the distance to it
+/// is the one between the next two lines inwards.
 pub(super) fn next_line(
     spans: &[EdgeSpan],
     index: usize,
@@ -67,7 +67,7 @@ pub(super) fn next_line(
     }
 }
 
-/// Distances from a line to the next three, at most, on the right of the given direction.
+/// Distances from a line to the next lines on the right of the given direction, at most three.
 pub(super) fn distances(
     spans: &[EdgeSpan],
     index: usize,
@@ -80,8 +80,8 @@ pub(super) fn distances(
     points.iter().map(distance).collect()
 }
 
-/// The next three crossings, at most, of the line that crosses another, on the right of the given
-/// direction, as far as none is missing.
+/// The next crossings, at most three, along the line that crosses another, on the right of the
+/// given direction; they end at the first missing one.
 pub(super) fn following(
     spans: &[EdgeSpan],
     index: usize,
@@ -109,8 +109,8 @@ pub(super) fn following(
         .find(|run| run.first().is_some_and(is_right))
 }
 
-/// Least distance to the lines beside a line, the grid's outline included, as the lines that cross
-/// both have it, pixels; infinite if there is none.
+/// Smallest distance from a line to the lines beside it, including the grid's outline, measured
+/// along the lines that cross both, pixels; infinite if there is none.
 pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> f64 {
     let numbers = 0..spans[index].crossings.len();
     numbers
@@ -119,7 +119,7 @@ pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> 
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Where, in the list of a line's crossings, another one crosses it.
+/// Index in the list of a line's crossings of the one with another line.
 pub(super) fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
     let crossings = &spans.get(line)?.crossings;
     crossings.iter().position(|c| c.0 == Some(other))

@@ -1,5 +1,5 @@
-//! Measures the edges of spans: roughly on some of their pixels at first, then on all, once those
-//! that a span meets are known.
+//! Measurement of the edges of spans: first roughly on some of their pixels, then on all, once the
+//! curves that a span meets are known.
 
 use crate::image::{GreyReader, Picture, Tone};
 
@@ -22,35 +22,36 @@ use super::surroundings::{
 use super::tone_fit::{self, ToneShare};
 use super::{blur_differences, patches, plateaus, thinning};
 
-/// An edge with a smaller margin, in blurs, is not measured: at twice that distance the next thing
-/// takes or adds 2 % of what the edge rises by where it is steepest.
+/// Smallest margin, in blurs, of an edge that is measured: the next edge, at twice that distance,
+/// changes the steepest rise of this one by 2 %.
 const MIN_MARGIN_BLURS: f64 = 1.5;
-/// The first fit is made twice: roughly, on the pixels that the coarse edge points to, until a step
-/// is below this many pixels; then on those that the result points to.
+/// Step (px) below which the first of two preview fits ends. It uses the pixels near the coarse
+/// edge, the second fit those near its result.
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
-/// Rounds of a crossed line's spread, and of all else with it.
+/// Maximum number of rounds of fitting a crossed line's spread, and everything else with it.
 const SPREAD_ROUNDS: usize = 3;
 const FINAL_STEPS: usize = 6;
-/// Rounds in which the two edges of a thin bar settle, each as the other was last seen.
+/// Number of rounds for the two edges of a thin bar, each of which is fitted with the last result
+/// for the other.
 const BAR_ROUNDS: usize = 4;
-/// Contrast over noise below which a step of this length, pixels, or less cannot be told from
-/// texture. It is the whole side that shows a step: a longer one may have less, by the root of its
-/// length.
+/// Contrast over noise below which a step of `EVIDENT_LENGTH` pixels or less cannot be told from
+/// texture. All of a side shows its step: for a longer side the threshold decreases with the square
+/// root of its length.
 const MIN_CONTRAST: f64 = 4.0;
 const EVIDENT_LENGTH: f64 = 50.0;
-/// Pixels that a fit needs, three for each of its parameters.
+/// Minimum number of pixels for a fit, three for each of its parameters.
 const MIN_PIXELS: usize = 30;
-/// Fewer samples do not make a line.
+/// Minimum number of samples of a line.
 const MIN_SAMPLES: usize = 2;
 
-/// What all spans share: the picture's reader, and buffers.
+/// The picture's reader and the buffers, which all spans share.
 pub(super) struct Localiser<'a> {
     reader: GreyReader<'a>,
     tone: Tone,
-    /// The kurtosis of the lens's blur, over 24, where the sides are asked for the tone curve.
+    /// Kurtosis of the lens's blur, over 24, if the sides are used to estimate the tone curve.
     lens_kurtosis: Option<f64>,
-    /// No noise is taken to be below this.
+    /// Lower bound of the noise.
     noise_floor: f64,
     pixels: Vec<Pixel>,
     /// The pixels of a preview's wider band.
@@ -73,7 +74,8 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    /// The same, but its sides are asked for the tone curve, the lens's blur having this kurtosis.
+    /// The same localiser, with its sides used to estimate the tone curve, for this kurtosis of the
+    /// lens's blur.
     pub fn telling_tone(self, lens_kurtosis: f64) -> Self {
         Self {
             lens_kurtosis: Some(lens_kurtosis),
@@ -102,8 +104,8 @@ impl<'a> Localiser<'a> {
         previews
     }
 
-    /// Fits a span's edge to some of its pixels, away from its ends, with the far edge of a thin bar
-    /// where it is known best.
+    /// Fits a span's edge to some of its pixels, away from its ends. The far edge of a thin bar is
+    /// taken from `known`, if it is there.
     fn preview<'b>(
         &mut self,
         sought: &'b Sought<'_>,
@@ -143,13 +145,14 @@ impl<'a> Localiser<'a> {
         self.settle_spread(&mut side, noise);
         side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
         let mut noise = self.noise_about(&side);
-        // A crossed line's changes of sides assume a normal blur; and what a wrong shape shifts,
-        // it shifts to and fro from cell to cell.
+        // The flips of a crossed line assume a normal blur, and the shift by a wrong shape
+        // alternates in sign from cell to cell.
         if !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise) {
             side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
             noise = self.noise_about(&side);
         }
-        // What lies beside the edge is no noise: the patches, which have their own light, tell.
+        // Other objects beside the edge are not noise. Such a side is judged once its patches,
+        // which have their own light, are measured.
         if !span.is_beside_others {
             self.judge(&side, span.polarity, noise)?;
         }
@@ -168,7 +171,7 @@ impl<'a> Localiser<'a> {
         })
     }
 
-    /// Measures all spans, whose curves are known.
+    /// Measures all spans, given their previews.
     pub fn measure_all(
         &mut self,
         spans: &[EdgeSpan],
@@ -182,7 +185,7 @@ impl<'a> Localiser<'a> {
         measured
     }
 
-    /// Measures a span once its own curve and those it meets are known.
+    /// Measures a span, given its own curve and those that it meets.
     fn measure(
         &mut self,
         spans: &[EdgeSpan],
@@ -258,7 +261,7 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    /// Collects a band's pixels, if there are enough.
+    /// Collects a band's pixels; an error if there are too few.
     fn gather(&mut self, band: &Band<'_>) -> Result<(), NoEdge> {
         band.gather(&self.reader, &mut self.pixels);
         if self.pixels.len() < MIN_PIXELS {
@@ -267,7 +270,7 @@ impl<'a> Localiser<'a> {
         Ok(())
     }
 
-    /// Collects the pixels of a preview about a side.
+    /// Collects the pixels of a preview around a side.
     fn gather_around(
         &mut self,
         around: &PreviewBand<'_>,
@@ -279,7 +282,7 @@ impl<'a> Localiser<'a> {
         self.gather(&around.band(side, near, reach, crossings.as_ref()))
     }
 
-    /// The pixels of the wider band within reach of a side, and what was predicted of them.
+    /// The pixels of the wider band within reach of a side, and their predictions.
     fn wide_within(&self, side: &SideModel, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
         let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
         pixels.reserve_exact(self.wide.len());
@@ -298,13 +301,14 @@ impl<'a> Localiser<'a> {
         side.predict_all(self.reader.curve(), &self.pixels, &mut self.predictions);
     }
 
-    /// Fits a side, whose predictions there are, to these; afterwards there may be none.
+    /// Fits a side, given its predictions; afterwards the predictions may be empty.
     fn fit(&mut self, side: &mut SideModel, noise: f64, steps: (usize, f64)) -> Normal {
         let tone = self.reader.curve();
         side.fit(tone, &self.pixels, &mut self.predictions, noise, steps)
     }
 
-    /// Fits the spread of a crossed line that was fitted, and all else with it, if there is one.
+    /// Fits the spread of a fitted crossed line, and everything else with it; does nothing for
+    /// other sides.
     fn settle_spread(&mut self, side: &mut SideModel, noise: f64) {
         let Some(before) = side.spread else {
             return;
@@ -326,12 +330,12 @@ impl<'a> Localiser<'a> {
         }
     }
 
-    /// The noise that the last predictions show.
+    /// The noise in the residuals of the last predictions.
     fn noise_about(&mut self, side: &SideModel) -> f64 {
         side.edge_noise(&self.predictions, self.noise_floor, &mut self.residuals)
     }
 
-    /// Whether a fitted side is a step of the expected polarity, above the noise.
+    /// Checks that a fitted side is a step of the expected polarity, above the noise.
     fn judge(&self, side: &SideModel, polarity: f64, noise: f64) -> Result<(), NoEdge> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let contrast = polarity.signum() * (after - before);

@@ -1,11 +1,12 @@
 //! Sub-pixel samples of edges, from the raw pixels around coarse outlines.
 //!
 //! Every side is modelled as a blurred step seen through the camera's tone curve,
-//! `v = g(b + A Phi(d / w))`: `d` is the signed distance to the side's curve, `w` the blur with the
-//! pixel's own box, `Phi` the normal distribution function, `b`, `A` and `w` quadratic along the side.
-//! With these fitted to all pixels of a band, the side is cut into patches a few pixels long, and
-//! each patch gives one offset by Gauss-Newton on its own pixels. Patches share no pixels, so their
-//! errors are independent, and each has a known standard deviation, `sigma_I / sqrt(sum J^2)`.
+//! `v = g(b + A Phi(d / w))`: `d` is the signed distance to the side's curve, `w` the blur
+//! including the pixel's own box, `Phi` the normal distribution function; `b`, `A` and `w` are
+//! quadratic along the side. After these are fitted to all pixels of a band, the side is divided
+//! into patches a few pixels long, and each patch gives one offset by Gauss-Newton on its own
+//! pixels. Patches share no pixels, so that their errors are independent, and each has a known
+//! standard deviation, `sigma_I / sqrt(sum J^2)`.
 
 mod band;
 mod blur;
@@ -54,18 +55,20 @@ pub use span::{EdgeSpan, NoEdge, SpanEdges};
 pub(crate) use tone_fit::MAX_MISFIT;
 pub use tone_fit::ToneEstimate;
 
-/// How far all edges of a picture in two levels may lie off (px, standard deviation): a threshold
-/// halfway between dark and light as they are coded moves an edge by half of its blur.
+/// Standard deviation (px) of the common displacement of all edges in a picture of two levels: a
+/// threshold halfway between dark and light as they are coded moves an edge by half of its blur.
 const TWO_LEVEL_SHIFT_STD: f64 = 0.3;
 
-/// The samples of all spans, what their profiles tell of the tone curve, and of the picture's faults.
+/// The samples of all spans, the estimate of the tone curve from their profiles, and the picture's
+/// faults.
 pub type Localised = (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate, PictureFaults);
 
 /// Measures the edges along coarsely known spans.
 ///
-/// Gives, for every span in order, its samples or why there are none; and what their profiles tell
-/// of the tone curve, which may contradict the stated one. A span needs about 12 pixels of length;
-/// it may leave the picture, where it just has no samples.
+/// Returns the samples of every span, in order, or the reason why there are none; the estimate of
+/// the tone curve from their profiles, which may contradict `tone`; and the picture's faults. A
+/// span should be at least about 12 pixels long. It may leave the picture, and has no samples
+/// outside.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -107,36 +110,37 @@ pub fn localise(picture: &Picture, spans: &[EdgeSpan], tone: Tone) -> Localised 
     (sought.joined(edges), estimate, faults)
 }
 
-/// Profiles that fit no curve are taken for those of linear light if their estimate has its gamma
-/// and a misfit below this. With more misfit the estimate tells nothing: squares drawn as sRGB into
-/// photographs, beside things with other profiles, had gammas of 0.7 to 1.2 and misfits from 0.0034
-/// on; linear pictures through JPEG had misfits of 0.0015 to 0.0022.
+/// Misfit below which profiles that fit no curve are taken for those of linear light, if the
+/// estimate has its gamma. With a larger misfit the estimate is meaningless: squares drawn as sRGB
+/// into photographs, beside objects with other profiles, had gammas of 0.7 to 1.2 and misfits of at
+/// least 0.0034; linear pictures through JPEG had misfits of 0.0015 to 0.0022.
 const LINEAR_MISFIT: f64 = 2.5e-3;
 
-/// Of a wider blur (px) the misfit is larger, whatever the curve, and the two are told by gamma
-/// alone: over 5 rendered scenes each, blurred by 3 to 6.5 px, it was 1.9 to 2.1 of sRGB and 0.98 to
-/// 1.02 where the blur came after the coding; among other things 1.1 to 2.0 and 0.7 to 1.0.
+/// Blur (px) above which the misfit is large for any curve, and only gamma distinguishes linear
+/// light from other curves: over 5 rendered scenes each, blurred by 3 to 6.5 px, it was 1.9 to 2.1
+/// for sRGB and 0.98 to 1.02 if the blur came after the coding; beside other objects 1.1 to 2.0 and
+/// 0.7 to 1.0.
 const WIDE_BLUR: f64 = 2.5;
-/// Where it is not sure which of the two it is, edges may lie off by the shift between them, half a
-/// blur; in blurs, as a standard deviation.
+/// Standard deviation, in blurs, of the common displacement of all edges if it is uncertain whether
+/// the light is linear or coded by a usual curve: the shift between the two is half a blur.
 const UNSURE_SHIFT: f64 = 0.25;
 
-/// Where no curve fits, edges are shifted by their light: where that differs from side to side by a
-/// part, so do the shifts, by so many times that part of the common one. Squares under light that
-/// falls by 30 % over the picture, coded by four curves of phones, had `cx` and `cy` off by 3 to 6 of
-/// the standard deviations without this, by 0.3 to 1.1 with it.
+/// Ratio of the relative differences in the edges' shifts to those in their light, from side to
+/// side, where no curve fits and edges are shifted by their light. Squares under light that
+/// decreases by 30 % over the picture, coded by four curves of phones, had errors in `cx` and `cy`
+/// of 3 to 6 standard deviations without this, and of 0.3 to 1.1 with it.
 const SHIFT_PER_LIGHT: f64 = 5.0;
 
-/// Measures the edges along coarsely known spans of a picture whose tone curve is not known.
+/// Measures the edges along coarsely known spans of a picture whose tone curve is unknown.
 ///
 /// The curve is estimated from the asymmetry of the edges' profiles, at first from some of the
-/// pixels; the samples measured with that are moved to where the estimate from all pixels sees
-/// them, which one linear step reaches.
+/// pixels. The samples measured with that curve are moved, by one linear step, to their positions
+/// under the estimate from all pixels.
 ///
-/// Where the profiles fit no curve (JPEG, sharpening, clipped white) they tell none: the picture is
-/// taken as sRGB, as most are, or as linear light where the profiles come near to that, and one
-/// common shift of its edges is left open. Over 20 rendered scenes each, error over standard
-/// deviation was then 0.9 to 1.4, 1.1 to 2.2 about the misled estimate.
+/// If the profiles fit no curve (JPEG, sharpening, clipped white), they do not determine it: the
+/// picture is taken as sRGB, as most are, or as linear light if the profiles are close to that, and
+/// one common shift of its edges remains unknown. Over 20 rendered scenes each, error over standard
+/// deviation was then 0.9 to 1.4, against 1.1 to 2.2 with the wrong estimate.
 #[must_use]
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let (edges, estimate, mut faults) = with_best_curve(picture, spans);
@@ -165,12 +169,13 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
             (edges, estimate) if estimate.shift_std.is_none() => {
                 return (sought.joined(edges), estimate, faults);
             }
-            // All pixels show a misfit that some did not.
+            // All pixels show a misfit that a subset of them did not.
             (_, estimate) => first = with_common_error(estimate),
         }
     }
     if faults.blur > WIDE_BLUR && !picture.has_two_levels() {
-        // A usual curve is too far from the profiles of linear light for one fit to tell the two.
+        // From a usual curve a single fit does not reach linear light, so a second fit starts
+        // there.
         previews = Localiser::new(picture, Tone::Linear).previews(&mut sought);
         let mut rival = tone_fit::estimate_tone(Tone::Linear.power(), &mut previews);
         if rival.shift_std.is_none() {
@@ -210,8 +215,8 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     (sought.joined(edges), estimate, faults)
 }
 
-/// Measures all spans by an estimated curve, moves the samples to where the estimate from all pixels
-/// sees them, and gives that.
+/// Measures all spans with an estimated curve, and moves the samples to their positions under the
+/// estimate from all pixels, which it returns, too.
 fn with_curve(
     picture: &Picture,
     sought: &Sought<'_>,
@@ -222,7 +227,7 @@ fn with_curve(
         Localiser::new(picture, Tone::Power(first.curve)).telling_tone(first.kurtosis);
     let measured = localiser.measure_all(&sought.spans, previews);
     let (edges, mut estimate) = displacement::corrected(first.curve, measured);
-    // A misfit that some pixels do not show is chance, or a single side's.
+    // A misfit that a subset of the pixels does not show is chance, or that of a single side.
     estimate.misfit_shift = estimate.misfit_shift.min(first.misfit_shift);
     (edges, estimate)
 }

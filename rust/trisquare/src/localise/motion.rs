@@ -1,32 +1,32 @@
-//! A camera's motion while the shutter was open, told by edges that are blurred unlike in unlike
-//! directions.
+//! Motion of the camera while the shutter was open, from edges whose blur depends on their
+//! direction.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::preview::Preview;
 
-/// Sides that tell it, at least.
+/// Minimum number of sides to determine it.
 const MIN_SIDES: u32 = 8;
-/// From so many standard deviations, and from this length (px), it is no chance.
+/// Number of standard deviations, and length (px), above which it is significant.
 const CERTAIN: f64 = 6.0;
 const MIN_LENGTH: f64 = 1.5;
-/// The variance of a box of length 1.
+/// Variance of a box of length 1.
 const BOX_VARIANCE: f64 = 1.0 / 12.0;
 
-/// A straight, even motion.
+/// A straight motion at constant speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct MotionBlur {
-    /// Pixels.
+    /// Length in pixels.
     pub length: f64,
-    /// Degrees from the x axis towards the y axis (down), 0 to 180.
+    /// Direction in degrees from the x axis towards the y axis (down), 0 to 180.
     pub direction: f64,
 }
 
-/// The motion that the sides' blurs show; `None` if they are alike in all directions.
+/// The motion that the sides' blurs show; `None` if the blur is the same in all directions.
 ///
-/// A side of normal `n` has the squared blur `n^T M n`; the eigenvalues of `M` differ by a twelfth
-/// of the motion's squared length.
+/// A side with the normal `n` has the squared blur `n^T M n`; the eigenvalues of `M` differ by a
+/// twelfth of the motion's squared length.
 pub(super) fn blur<'a>(previews: impl Iterator<Item = &'a Preview>) -> Option<MotionBlur> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     let (mut squares, mut count) = (0.0, 0_u32);
@@ -47,7 +47,7 @@ pub(super) fn blur<'a>(previews: impl Iterator<Item = &'a Preview>) -> Option<Mo
     let factor = normal.cholesky()?;
     let solution = factor.solve(&right);
     let variance = (squares - solution.dot(&right)).max(0.0) / f64::from(count - 3);
-    // Half the difference of the eigenvalues, as a vector at twice the angle.
+    // Half the difference of the eigenvalues, as a vector at twice the angle of the motion.
     let half = Vector2::new(solution[1], solution[2]);
     let own = factor.inverse().fixed_view::<2, 2>(1, 1).into_owned();
     let deviations = (half.dot(&own.cholesky()?.solve(&half)) / variance).sqrt();
@@ -65,7 +65,7 @@ mod tests {
     use super::super::side::SideModel;
     use super::*;
 
-    /// Twelve sides all round, with the blur of a motion and a small error of its own each.
+    /// Twelve sides in all directions, each with the blur of a motion and a small error of its own.
     fn previews(motion: MotionBlur) -> Vec<Preview> {
         let direction = motion.direction.to_radians();
         let sides = (0..12).map(|index| {

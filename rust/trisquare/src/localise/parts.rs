@@ -1,5 +1,5 @@
-//! Whether a part of a picture's pixels sees the edges elsewhere than another: the odd rows of an
-//! interlaced picture, or the colours of a lens with lateral chromatic aberration.
+//! Displacement of the edges between two parts of a picture's pixels: the odd rows of an interlaced
+//! picture, or the colours of a lens with lateral chromatic aberration.
 
 use nalgebra::{SMatrix, SVector, Vector2};
 
@@ -9,32 +9,33 @@ use super::preview::Preview;
 use super::side::SideModel;
 use crate::image::GreyReader;
 
-/// A side's pixels tell base (constant and linear along the side), contrast and offset.
+/// Number of parameters from a side's pixels: base (constant and linear along the side), contrast
+/// and offset.
 const TERMS: usize = 4;
 const CONTRAST: usize = 2;
 const OFFSET: usize = 3;
-/// All sides together tell a shift in x and y, a magnification about the picture's middle, and
-/// what the coding shifts towards the dark.
+/// Number of parameters from all sides: a shift in x and y, a magnification about the picture's
+/// middle, and a shift towards the dark by the coding.
 const DISPLACEMENTS: usize = 4;
 const MAGNIFICATION: usize = 2;
-/// Sides that tell these, at least.
+/// Minimum number of sides to determine these.
 const MIN_SIDES: usize = 6;
 
-/// How one part of the pixels is displaced against another.
+/// Displacement of one part of the pixels against another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct PartDisplacement {
-    /// Pixels, in x and y.
+    /// Shift in x and y, pixels.
     pub shift: Vector2<f64>,
-    /// The shift in standard deviations.
+    /// The shift, in standard deviations.
     pub shift_deviations: f64,
-    /// By what the part is larger, about the middle of the picture.
+    /// Relative enlargement of the part about the middle of the picture.
     pub magnification: f64,
-    /// One standard deviation of that.
+    /// Standard deviation of the magnification.
     pub magnification_std: f64,
 }
 
-/// One side's pixels of one part, as sums for what each tells of the step's parameters.
+/// Sums of the normal equations over one side's pixels of one part.
 #[derive(Clone, Copy, Default)]
 struct PartSums {
     normal: SMatrix<f64, TERMS, TERMS>,
@@ -66,7 +67,7 @@ impl PartSums {
         Some(Offset { value, variance })
     }
 
-    /// The parameters, and the variance of the last, the offset.
+    /// The parameters, and the variance of the last one, the offset.
     fn solve(&self) -> Option<(SVector<f64, TERMS>, f64)> {
         let factor = self.normal.cholesky()?;
         let solution = factor.solve(&self.right);
@@ -79,32 +80,32 @@ impl PartSums {
     }
 }
 
-/// Where one part of the pixels sees an edge: along its normal, px, with the variance.
+/// Position of an edge along its normal as one part of the pixels shows it, px, and its variance.
 #[derive(Clone, Copy)]
 struct Offset {
     value: f64,
     variance: f64,
 }
 
-/// How a side looks to two parts of its pixels.
+/// Comparison of a side in two parts of its pixels.
 struct Seen {
     normal: Vector2<f64>,
-    /// From the picture's middle.
+    /// Position relative to the picture's middle.
     place: Vector2<f64>,
-    /// The second part's offset along the normal less the first's, px, and its variance.
+    /// Offset along the normal of the second part relative to the first, px, and its variance.
     offset: f64,
     variance: f64,
     to_dark: f64,
 }
 
-/// Of a picture that was enlarged, or compressed hard, the odd columns are displaced as well, by this
-/// part of what the rows are or more; interlacing displaces rows alone.
+/// Displacement of the odd columns, as a fraction of that of the odd rows, above which the cause is
+/// not interlacing, which displaces only rows, but enlargement or strong compression.
 const ALIKE: f64 = 0.5;
-/// Standard deviations from which columns are displaced.
+/// Number of standard deviations above which the columns are displaced.
 const DISPLACED: f64 = 3.0;
 
-/// The odd rows against the even ones; `None` if too few sides tell it, or where the odd columns
-/// are displaced as well.
+/// Displacement of the odd rows against the even ones; `None` if there are too few sides, or if the
+/// odd columns are displaced as well.
 pub(super) fn rows<'a>(
     reader: &GreyReader<'_>,
     previews: impl Iterator<Item = &'a Preview>,
@@ -128,11 +129,11 @@ pub(super) fn rows<'a>(
     (!columns.is_some_and(are_displaced)).then_some(rows)
 }
 
-/// The pixels of even and of odd rows, each of even and of odd columns.
+/// Sums over the pixels of even and of odd rows, each for even and for odd columns.
 fn by_parity(preview: &Preview) -> [[PartSums; 2]; 2] {
     let mut parts = [[PartSums::default(); 2]; 2];
     for (pixel, p) in single_pixels(preview) {
-        // What is left of the side's own model, to first order.
+        // The remaining errors of the side's model, to first order.
         let terms = [p.by_base, p.by_base * pixel.s, p.by_contrast, p.by_offset];
         let [x, y] = pixel_place(&preview.side, pixel);
         parts[y % 2][x % 2].add(&SVector::from(terms), p.residual);
@@ -140,8 +141,8 @@ fn by_parity(preview: &Preview) -> [[PartSums; 2]; 2] {
     parts
 }
 
-/// Blue and red against green, and the contrast in green in parts of the greatest; `None` for grey,
-/// or if too few sides tell it.
+/// Displacements of blue and of red against green, and the contrast in green as a fraction of the
+/// largest; `None` for a grey picture, or if there are too few sides.
 pub(super) fn colours<'a>(
     reader: &GreyReader<'_>,
     previews: impl Iterator<Item = &'a Preview>,
@@ -156,7 +157,7 @@ pub(super) fn colours<'a>(
         let mut parts = [(); 3].map(|()| PartSums::default());
         for (pixel, p) in single_pixels(preview) {
             let [x, y] = pixel_place(side, pixel);
-            // The colours' light has a base and a contrast each.
+            // Each colour's light has its own base and contrast.
             let (step, by_offset) = side.step_in(pixel, p);
             let terms = SVector::from([1.0, pixel.s, step, by_offset]);
             for (part, light) in parts.iter_mut().zip(reader.lights(x, y)) {
@@ -187,19 +188,19 @@ pub(super) fn colours<'a>(
     })
 }
 
-/// How blue and red are displaced against green.
+/// Displacements of blue and of red against green.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ColourDisplacements {
-    /// Blue less green.
+    /// Displacement of blue relative to green.
     pub blue: PartDisplacement,
-    /// Red less green.
+    /// Displacement of red relative to green.
     pub red: PartDisplacement,
-    /// The edges' contrast in green, in parts of that in the colour where it is greatest.
+    /// Contrast of the edges in green, as a fraction of that in the colour where it is largest.
     pub green_contrast: f64,
 }
 
-/// The single pixels of a preview that are not clipped.
+/// The pixels of a preview that are neither averages nor clipped.
 fn single_pixels(preview: &Preview) -> impl Iterator<Item = (&Pixel, &Prediction)> {
     let pixels = preview.pixels.iter().zip(&preview.predictions);
     pixels.filter(|(pixel, _)| pixel.count == 1.0 && !pixel.is_clipped)
@@ -234,7 +235,7 @@ impl Seen {
     }
 }
 
-/// The displacement that explains the offsets of all sides best.
+/// The displacement that fits the offsets of all sides best.
 fn displacement(sides: impl Iterator<Item = Seen>) -> Option<PartDisplacement> {
     let mut normal = SMatrix::<f64, DISPLACEMENTS, DISPLACEMENTS>::zeros();
     let mut right = SVector::<f64, DISPLACEMENTS>::zeros();

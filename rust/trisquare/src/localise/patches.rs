@@ -1,4 +1,4 @@
-//! Independent samples of a fitted side: one offset for each short patch of its pixels.
+//! Independent samples of a fitted side: one offset per short patch of its pixels.
 
 use std::f64::consts::PI;
 
@@ -11,42 +11,45 @@ use super::prediction::Prediction;
 use super::side::SideModel;
 use crate::image::ToneCurve;
 
-/// Length of a patch along the curve, pixels: longer ones would smooth what a lens does to a
-/// line, shorter ones hold too few pixels to be judged.
+/// Length of a patch along the curve, pixels: longer ones would smooth the distortion of a line,
+/// shorter ones have too few pixels to be judged.
 const PATCH_LENGTH: f64 = 4.0;
-/// Where blur and noise would leave a patch's offset less certain than this, pixels, it is longer:
-/// beyond some blurs the step is no longer linear in its offset, and the most that one may be would
-/// cut real ones off.
+/// Standard deviation of a patch's offset, pixels, above which blur and noise require longer
+/// patches: beyond some blurs the step is no longer linear in the offset, and the maximum offset
+/// would reject real ones.
 const MAX_STD: f64 = 0.35;
-/// But a side keeps this many patches, if they are not shorter for it.
+/// Minimum number of patches that a side keeps when they are made longer.
 const MIN_PATCHES: f64 = 8.0;
-/// A patch needs this share of the median patch's information ...
+/// Minimum information of a patch, as a fraction of the median patch's ...
 const MIN_INFORMATION: f64 = 0.25;
-/// ... and an offset this near to the side's curve, pixels.
+/// ... and maximum offset from the side's curve, pixels.
 const MAX_OFFSET: f64 = 1.5;
-/// A patch's mean square residual, in variances, may exceed 1 by so many of its own deviations.
+/// Maximum excess over 1 of a patch's mean square residual in variances, in standard deviations of
+/// it.
 const MAX_CHI_DEVIATIONS: f64 = 6.0;
-/// A single outlier counts at most this many variances, so that it costs weight, not the patch.
+/// Maximum contribution of a single outlier, in variances, so that it reduces the weight of a patch
+/// but does not reject it.
 const CHI_CAP: f64 = 16.0;
-/// Parameters of a patch with its own light that the pixels at the edge carry: its offset, and about
-/// half of base and contrast.
+/// Number of parameters of a patch with its own light that the pixels at the edge determine: its
+/// offset, and about half of base and contrast.
 const PARAMETERS_IN_LIGHT: f64 = 2.0;
-/// Noise, coded, beside which no residual is an outlier.
+/// Noise, coded, for which no residual is an outlier.
 const NO_OUTLIERS: f64 = 1e6;
-/// A patch that moved further than this, pixels, is measured again from where it went; of a shorter
-/// step, Gauss-Newton leaves a cubically small rest, a fiftieth of the best samples' noise.
+/// Step (px) above which a patch is measured again from its new offset; after a shorter step
+/// Gauss-Newton leaves a cubically small error, a fiftieth of the best samples' noise.
 const LAST_STEP: f64 = 0.05;
 
-/// The sums of one patch, and its offset along the curve's normal so far.
+/// The sums of one patch, and the current offset along the curve's normal.
 #[derive(Debug, Clone, Copy, Default)]
 struct Patch {
     offset: f64,
-    /// What the last pass added to it, `None` before there was one.
+    /// Last change of the offset; `None` before the first pass.
     step: Option<f64>,
     /// Weighted squares of the modelled value's derivative with respect to the offset.
     information: f64,
     right: f64,
-    /// `information` times the foot's place along the chord, and times the sign of the contrast.
+    /// `information` times the foot's coordinate along the chord, and times the sign of the
+    /// contrast.
     moment: f64,
     sign: f64,
     light: PatchLight,
@@ -55,7 +58,7 @@ struct Patch {
     edge_pixels: f64,
 }
 
-/// How base and contrast of a patch differ from its side's, and the sums that tell it.
+/// Differences of a patch's base and contrast from its side's, and the sums to determine them.
 #[derive(Debug, Clone, Copy, Default)]
 struct PatchLight {
     shift: Vector2<f64>,
@@ -63,15 +66,15 @@ struct PatchLight {
     right: Vector2<f64>,
     /// Products with the derivative with respect to the offset.
     cross: Vector2<f64>,
-    /// How the best shift changes with the offset.
+    /// Derivative of the best shift with respect to the offset.
     per_offset: Vector2<f64>,
 }
 
-/// Measures a side's samples, and the standard deviation of the residuals about it, given its
-/// expected scale; it is not below `floor`.
+/// Measures a side's samples, and the standard deviation of the residuals about it (at least
+/// `floor`), given its expected value.
 ///
-/// With `own_light`, every patch has a base and a contrast of its own: where other things lie beside
-/// the edge, the side's would move its samples.
+/// With `own_light`, every patch has its own base and contrast: where there are other objects
+/// beside the edge, those of the side would displace its samples.
 pub(super) fn measure(
     side: &SideModel,
     tone: &ToneCurve,
@@ -89,7 +92,8 @@ pub(super) fn measure(
     residuals.clear();
     if own_light {
         patches.have_own_light = true;
-        // Far from the side's light no pixel is an outlier yet.
+        // The patch's light is still that of the side, so that no pixel can be taken for an
+        // outlier.
         patches.update(pixels, of_side, NO_OUTLIERS, |_| {});
         patches
             .patches
@@ -113,7 +117,7 @@ pub(super) struct Samples {
     pub std: Vec<f64>,
 }
 
-/// The patches of a side: equal stretches of the range that its pixels' feet cover.
+/// The patches of a side: equal parts of the range that its pixels' feet cover.
 struct Patches {
     patches: Vec<Patch>,
     first: f64,
@@ -140,9 +144,10 @@ impl Patches {
         }
     }
 
-    /// One Gauss-Newton step of every unsettled patch's offset; tells the residuals at the edge.
+    /// Makes one Gauss-Newton step of the offset of every unsettled patch, and passes the residuals
+    /// at the edge to `tell`.
     ///
-    /// `prediction` gives that of a pixel, by its index, in its patch.
+    /// `prediction` returns the prediction for a pixel, given its index and its patch.
     fn update(
         &mut self,
         pixels: &[Pixel],
@@ -195,7 +200,7 @@ impl Patches {
         }
     }
 
-    /// The patches that can be trusted, as points of the picture.
+    /// The reliable patches, as points of the picture.
     fn samples(&self, side: &SideModel, noise: f64) -> Samples {
         let mut information: Vec<f64> =
             self.patches.iter().map(|patch| patch.information).collect();
@@ -220,7 +225,7 @@ impl Patches {
 /// Length of the patches of a side that is `length` pixels long.
 fn patch_length(side: &SideModel, tone: &ToneCurve, noise: f64, length: f64) -> f64 {
     let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
-    // What a pixel of length knows of a Gaussian-blurred step's offset.
+    // Variance of the offset of a Gaussian-blurred step from one pixel of length.
     let variance = (noise / (after - before)).powi(2) * 2.0 * PI.sqrt() * side.mean_blur();
     let longest = (length / MIN_PATCHES).max(PATCH_LENGTH);
     (variance / (MAX_STD * MAX_STD)).clamp(PATCH_LENGTH, longest)
@@ -231,7 +236,7 @@ impl Patch {
         self.step.is_none_or(|step| step.abs() > LAST_STEP)
     }
 
-    /// Takes the step that the sums ask for; it lowers the squares by as much as the model says.
+    /// Makes the step given by the sums; it reduces the squares by as much as the model predicts.
     fn advance(&mut self, has_own_light: bool) {
         if has_own_light {
             self.eliminate_light();
@@ -246,8 +251,8 @@ impl Patch {
         self.step = Some(step);
     }
 
-    /// Takes the step of the light for an offset that stays, and leaves in the sums what they know
-    /// of the offset while the light is free.
+    /// Makes the step of the light at a constant offset, and reduces the sums to the information on
+    /// the offset with the light free.
     fn eliminate_light(&mut self) {
         let light = &mut self.light;
         let Some(factor) = light.information.cholesky() else {

@@ -1,5 +1,5 @@
-//! A fine pattern over the picture (moire, a screen's grid, a print's raster), told by waves of the
-//! light beside the edges.
+//! A fine pattern over the picture (moire, a screen's grid, a print's raster), found as waves of
+//! the light beside the edges.
 
 use std::f64::consts::TAU;
 
@@ -8,30 +8,33 @@ use nalgebra::Complex;
 use super::preview::Preview;
 use crate::image::GreyReader;
 
-/// On so many of the sides...
+/// Minimum fraction of the sides on which ...
 const MIN_SIDES: f64 = 0.5;
-/// ... one wave has to explain so much of the variance that the light beside them shows.
+/// ... one wave explains this fraction of the variance of the light beside them.
 const MIN_PART: f64 = 0.5;
-/// It has so many periods along a side at least: light that changes slowly is shading or a shadow,
-/// and what runs along a side is its own blur.
+/// Minimum number of periods along a side: light that changes slowly is shading or a shadow, and a
+/// pattern along a side is its own blur.
 const MIN_PERIODS: f64 = 3.0;
-/// Light that varies less than by this part of a side's contrast (rms) hardly moves it.
+/// Variation of the light (rms), as a fraction of a side's contrast, below which it hardly
+/// displaces the side.
 const MIN_VARIATION: f64 = 0.02;
-/// Pixels within so many blurs of an edge show more of the edge than of the light beside it.
+/// Distance from an edge, in blurs, within which pixels show more of the edge than of the light
+/// beside it.
 const EDGE_BLURS: f64 = 2.0;
-/// Sides with fewer columns of pixels tell nothing.
+/// Minimum number of columns of pixels of a side that is used.
 const MIN_COLUMNS: usize = 12;
-/// Frequencies that are tried for each that the pixels tell apart.
+/// Number of frequencies tried per frequency that the pixels can resolve.
 const OVERSAMPLING: f64 = 2.0;
 
 /// Residuals of the pixels in one column, or row, across a side.
 struct ResidualColumn {
     number: i64,
-    /// Place along the chord's normal, and residual.
+    /// Coordinate along the chord's normal, and residual.
     pixels: Vec<(f64, f64)>,
 }
 
-/// The amplitude of the waves that most sides show, as a part of their contrast; `None` without.
+/// Median amplitude, as a fraction of the contrast, of the waves on the sides; `None` if too few
+/// sides show one.
 pub(super) fn pattern<'a>(
     reader: &GreyReader<'_>,
     previews: impl Iterator<Item = &'a Preview>,
@@ -50,7 +53,7 @@ pub(super) fn pattern<'a>(
     Some(*waves.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The amplitude, over the contrast, of the wave that explains what the light beside a side shows.
+/// Amplitude, over the contrast, of the wave that explains the light beside a side.
 fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     let mut columns = columns(preview);
     let count: f64 = columns
@@ -58,7 +61,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
         .map(|column| column.pixels.len() as f64)
         .sum();
     let values = columns.iter().flat_map(|column| &column.pixels);
-    // Light that is all off by the same looks like a wave where every other cell of a board shows it.
+    // A constant error of the light looks like a wave if it shows in every other cell of a board.
     let mean = values.map(|(_, value)| value).sum::<f64>() / count;
     for (_, value) in columns.iter_mut().flat_map(|column| &mut column.pixels) {
         *value -= mean;
@@ -69,7 +72,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     if columns.len() < MIN_COLUMNS || is_even {
         return None;
     }
-    // Of a real wave the half plane of frequencies tells all.
+    // For real values, half of the plane of frequencies suffices.
     let across = preview.side.curve.across;
     let spread = |low: f64, high: f64| (high - low).max(1.0);
     let (low, high) = values().fold((f64::MAX, f64::MIN), |(low, high), (y, _)| {
@@ -94,7 +97,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     (part > MIN_PART).then(|| 2.0 * strongest / (count * contrast))
 }
 
-/// A wave at one place, for frequencies of equal steps.
+/// A wave at one place, for frequencies at equal steps.
 #[derive(Clone, Copy)]
 struct Wave {
     now: Complex<f64>,
@@ -102,7 +105,7 @@ struct Wave {
 }
 
 impl Wave {
-    /// That turns so much from one frequency to the next.
+    /// A wave whose phase increases by `turns` from each frequency to the next.
     fn new(turns: f64) -> Self {
         Self {
             now: Complex::new(1.0, 0.0),
@@ -110,7 +113,7 @@ impl Wave {
         }
     }
 
-    /// The wave at this frequency; then comes the next one.
+    /// Returns the wave at the current frequency, and advances to the next one.
     fn next(&mut self) -> Complex<f64> {
         let now = self.now;
         self.now *= self.turn;
@@ -118,9 +121,9 @@ impl Wave {
     }
 }
 
-/// Waves along a side, of the frequencies that its columns tell.
+/// Waves along a side, for the frequencies that its columns resolve.
 struct Along {
-    /// At each column, from the slowest one on.
+    /// For each column, the wave of the lowest frequency.
     slowest: Vec<Wave>,
     frequencies: usize,
 }
@@ -131,7 +134,8 @@ impl Along {
         let spacings = columns
             .windows(2)
             .map(|pair| pair[1].number - pair[0].number);
-        // Only every so many columns were read: frequencies that many cycles apart look alike.
+        // If only one column in several was read, frequencies that differ by a multiple of the
+        // sampling rate are the same.
         let spacing = spacings.min().unwrap_or(1).max(1) as f64;
         let last = columns[columns.len() - 1].number;
         let periods = (last - first) as f64 / spacing + 1.0;
@@ -150,7 +154,8 @@ impl Along {
         }
     }
 
-    /// The largest of the sums over the columns, of what is at each of them.
+    /// The largest absolute value, over the frequencies, of the sums over the columns of their
+    /// terms times the wave.
     fn strongest(&self, columns: impl Iterator<Item = Complex<f64>>) -> f64 {
         let mut terms = self.slowest.clone();
         terms
@@ -168,7 +173,7 @@ impl Along {
     }
 }
 
-/// The light pixels beside a side, column by column.
+/// The light pixels beside a side, by column.
 fn columns(preview: &Preview) -> Vec<ResidualColumn> {
     let side = &preview.side;
     let curve = &side.curve;

@@ -1,15 +1,15 @@
-//! Residuals' scale and weights, safe from outliers.
+//! Robust scale and weights of residuals.
 
-/// Residuals up to this many standard deviations count in full, larger ones less and less. Clean
-/// data lose 0.3 % to it.
+/// Number of standard deviations up to which residuals have full weight; for larger ones it
+/// decreases. For clean data the loss is 0.3 %.
 const ROBUST_LIMIT: f64 = 3.0;
 const ROBUST_SQUARE: f64 = ROBUST_LIMIT * ROBUST_LIMIT;
 /// Median of the absolute value of a standard normal variable.
 const NORMAL_MEDIAN: f64 = 0.674_489_750_196_082;
-/// Beyond three deviations lie 0.27 % of normal residuals; without them the rms is smaller.
+/// Rms of normal residuals, in standard deviations, without the 0.27 % beyond three of them.
 const TRUNCATED_RMS: f64 = 0.986_6;
 
-/// Weight of a residual whose square, in variances, is given: the derivative of the robust cost.
+/// Weight of a residual with this square, in variances: the derivative of the robust cost.
 #[inline]
 pub(super) fn robust_weight(square: f64) -> f64 {
     if square <= ROBUST_SQUARE {
@@ -19,7 +19,7 @@ pub(super) fn robust_weight(square: f64) -> f64 {
     }
 }
 
-/// The robust cost of such a residual.
+/// Robust cost of a residual with this square, in variances.
 #[inline]
 pub(super) fn robust_cost(square: f64) -> f64 {
     if square <= ROBUST_SQUARE {
@@ -29,8 +29,8 @@ pub(super) fn robust_cost(square: f64) -> f64 {
     }
 }
 
-/// The standard deviation that the residuals (reordered, their signs dropped) show, not below
-/// `floor`; a fit of so many `parameters` made them smaller.
+/// Standard deviation of residuals, at least `floor`, corrected for a fit with `parameters`
+/// parameters. Reorders the residuals and drops their signs.
 pub(super) fn scale(residuals: &mut [f64], parameters: f64, floor: f64) -> f64 {
     if residuals.is_empty() {
         return floor;

@@ -1,11 +1,11 @@
-//! Where the plateaus beside an edge stop being plateaus.
+//! Extent of the plateaus beside an edge.
 
 use super::prediction::Prediction;
 use super::side::SideModel;
 
-/// A ring of pixels departs from its plateau if its mean does by so many of its deviations ...
+/// Number of standard deviations of a ring's mean above which it departs from its plateau ...
 const RING_DEVIATIONS: f64 = 3.5;
-/// ... and what disturbs it began this many blurs before it could be seen.
+/// ... and distance, in blurs, by which the disturbance begins before it is visible.
 const GUARD_BLURS: f64 = 1.5;
 
 /// Sum and number of the residuals of pixels at one distance from the edge.
@@ -21,11 +21,12 @@ impl Ring {
     }
 }
 
-/// How far, from `near` to at most `far` pixels, the pixels on either side follow the model.
+/// Distance, from `near` to at most `far` pixels, up to which the pixels on either side follow the
+/// model.
 ///
 /// A thin frame's other edge, a paper's rim or uneven light show in the mean of a ring, one pixel
-/// wide along the whole side, long before they show in a pixel: without this the other edge of a
-/// frame 8 pixels thick moved a side by 0.015 pixels.
+/// wide along the whole side, at smaller distances than in single pixels. Without this check the
+/// other edge of a frame 8 pixels thick moved a side by 0.015 pixels.
 pub(super) fn reach(
     side: &SideModel,
     predictions: &[Prediction],
@@ -34,7 +35,7 @@ pub(super) fn reach(
     far: [f64; 2],
 ) -> [f64; 2] {
     let mut rings = far.map(|far| vec![Ring::default(); (far - near).ceil().max(0.0) as usize]);
-    // Cut off, so that a speck does not pass for a disturbance of the whole ring.
+    // Clamped, so that a speck does not look like a disturbance of the whole ring.
     let limit = RING_DEVIATIONS * noise;
     for prediction in predictions {
         let distance = prediction.blurs * side.mean_blur();

@@ -1,4 +1,4 @@
-//! What the first fit finds of a side.
+//! The result of the first fit of a side.
 
 use super::band::Pixel;
 use super::curve::ChordCurve;
@@ -12,13 +12,13 @@ use super::thinning::some_of;
 pub(super) struct Preview {
     pub side: SideModel,
     pub noise: f64,
-    /// How far the plateaus on either side are clean, pixels.
+    /// Distance up to which the plateau on either side is undisturbed, pixels.
     pub reach: [f64; 2],
-    /// Ranges along the side where something else lies over it.
+    /// Ranges along the side where another object covers it.
     pub hidden: Vec<[f64; 2]>,
-    /// The pixels within reach, which tell the tone curve and the picture's faults.
+    /// The pixels within reach, for estimating the tone curve and the picture's faults.
     pub pixels: Vec<Pixel>,
-    /// What the side as it was found predicts of them.
+    /// The side's predictions for them.
     pub predictions: Vec<Prediction>,
 }
 
@@ -32,7 +32,7 @@ pub(super) fn found(
 }
 
 impl Preview {
-    /// Leaves one in so many pixels.
+    /// Keeps one in `stride` pixels.
     pub fn thin(&mut self, stride: usize) {
         if stride > 1 {
             self.pixels = some_of(self.pixels.iter().copied(), stride).collect();

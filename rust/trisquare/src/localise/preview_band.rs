@@ -1,4 +1,4 @@
-//! Where a preview of a span looks for its edge, before its neighbours are known.
+//! The band in which a preview of a span seeks its edge, before its neighbours are known.
 
 use super::band::Band;
 use super::coarse::CoarseEdge;
@@ -12,25 +12,25 @@ use super::span::{EdgeSpan, NoEdge};
 use super::surroundings::{inner_end, limit_at};
 use crate::image::Tone;
 
-/// A preview, which only finds curve and blur, uses about this many columns of pixels, one in
-/// an odd number: of a steep side they are rows, even and odd ones.
+/// Approximate number of columns of pixels in a preview, which only finds curve and blur. The
+/// stride is odd, so that for a steep side both even and odd rows are used.
 const PREVIEW_COLUMNS: f64 = 50.0;
 
-/// What all bands of one span's preview share.
+/// Data that all bands of one span's preview share.
 pub(super) struct PreviewBand<'a> {
     spans: &'a [EdgeSpan],
     index: usize,
     hidden: &'a [[f64; 2]],
     /// The curve and the contrast of the far edge of a thin bar.
     beside: Option<(&'a ChordCurve, f64)>,
-    /// Along the chord, pixels from its middle.
+    /// End of the band along the chord, pixels from its middle.
     end: f64,
     stride: usize,
 }
 
 impl<'a> PreviewBand<'a> {
-    /// About the first guess of a side. The far edge of a thin bar is taken from where it is known best:
-    /// from the previews, if there are any.
+    /// The band around the first guess of a side. The far edge of a thin bar is taken from the
+    /// previews, if there are any, and else from the coarse edges.
     pub fn about(
         side: &SideModel,
         sought: &'a Sought<'_>,
@@ -66,21 +66,21 @@ impl<'a> PreviewBand<'a> {
         })
     }
 
-    /// The far edge of a thin bar, beside the side as it is known so far.
+    /// The far edge of a thin bar, for the current estimate of the side.
     pub fn far_edge(&self, side: &SideModel) -> Option<FarEdge<'a>> {
         let own = (&side.curve, side.contrast[0]);
         let beside = self.beside?;
         Some(FarEdge::beside(own, beside, side.mean_blur()))
     }
 
-    /// The lines that cross the side as it is known so far.
+    /// The lines that cross the side, for its current estimate.
     pub fn crossings(&self, side: &SideModel) -> Option<GridCrossings> {
         let is_crossed = !self.spans[self.index].crossings.is_empty();
         is_crossed
             .then(|| GridCrossings::coarse(self.spans, self.index, &side.curve, side.edge_shape()))
     }
 
-    /// The band about the side as it is known so far.
+    /// The band around the current estimate of the side.
     pub fn band<'b>(
         &'b self,
         side: &SideModel,

@@ -1,11 +1,11 @@
-//! The mean profile of edges, and how far it is from the model.
+//! The mean profile of edges, and its difference from the model.
 
-/// Half the width of a profile, and of its bins, in blurs.
+/// Half the width of a profile, and the width of its bins, in blurs.
 const PROFILE_REACH: f64 = 3.5;
 const PROFILE_BIN: f64 = 0.5;
 const PROFILE_BINS: usize = 14;
 
-/// A misfit counts from so many standard deviations of what noise makes of one.
+/// Number of standard deviations of the misfit by noise above which a misfit counts.
 const MISFIT_DEVIATIONS: f64 = 2.0;
 
 /// The residuals about a side, by distance from the edge.
@@ -22,7 +22,7 @@ struct ProfileBin {
 }
 
 impl ResidualProfile {
-    /// Adds a pixel so many blurs from its edge, on the light side if positive.
+    /// Adds a pixel at a distance in blurs from its edge, positive on the light side.
     pub fn add(&mut self, place: f64, residual: f64) {
         let position = (place + PROFILE_REACH) * (1.0 / PROFILE_BIN);
         if let Some(bin) = self
@@ -52,7 +52,7 @@ impl ResidualProfile {
         }
     }
 
-    /// Root mean square of the bins' means, less what noise may make of them.
+    /// Root mean square of the bins' means, minus what noise may contribute.
     pub fn misfit(&self) -> f64 {
         let (mut total, mut noise, mut bins) = (0.0, 0.0, 0.0);
         for bin in self.bins.iter().filter(|bin| bin.count > 1.0) {
@@ -61,7 +61,7 @@ impl ResidualProfile {
             noise += (bin.squares / bin.count - mean * mean) / bin.count;
             bins += 1.0;
         }
-        // The sum of so many squares of noise, and some deviations of it.
+        // The expected sum of squares from noise, plus some standard deviations of it.
         let by_chance = noise * (1.0 + MISFIT_DEVIATIONS * (2.0_f64 / bins).sqrt());
         if total > by_chance {
             ((total - by_chance) / bins).sqrt()

@@ -1,5 +1,5 @@
-//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. Where a blur
-//! is not normal, another distribution of variance 1 stands for `Phi`.
+//! The model of one side, `v = g(b + A Phi(d / w))`, fitted to the pixels of its band. For a blur
+//! that is not normal, `Phi` is replaced by another distribution of variance 1.
 
 use super::band::Pixel;
 use super::blur::BlurShape;
@@ -12,59 +12,62 @@ use super::prediction::Prediction;
 use super::side_sums::{Degrees, LIGHT};
 use crate::image::ToneCurve;
 
-/// Bounds of the blur, pixels: a pixel's own box alone is 0.29, and beyond the upper one there is
+/// Bounds of the blur, pixels: a pixel's own box alone has 0.29, and above the upper bound there is
 /// no edge to speak of.
 pub(super) const BLUR_RANGE: [f64; 2] = [0.3, 10.0];
-/// Spread (px) that hardly widens a line's blur, and may be its noise: of AprilGrids that have none,
-/// the errors of fx were a quarter larger with the lines' own.
+/// Spread (px) below which it hardly widens a line's blur, and may be noise: for AprilGrids without
+/// any spread, the errors of fx were a quarter larger with an estimated spread for each line.
 const MIN_SPREAD: f64 = 0.1;
-/// A step below this many pixels ends the iteration: the next would be quadratically smaller, below
-/// a tenth of the best samples' noise, and the patches correct what it leaves.
+/// Length of a step (px) that ends the iteration: the next one would be quadratically smaller,
+/// below a tenth of the best samples' noise, and the patches correct the remainder.
 pub(super) const LAST_STEP: f64 = 0.02;
-/// Predictions follow a step below this many pixels linearly: what that leaves is below 1e-4 of the
-/// contrast.
+/// Length of a step (px) below which predictions are updated linearly: the error is below 1e-4 of
+/// the contrast.
 const LAST_FOLLOWED_STEP: f64 = 5e-3;
-/// Steps are cut to these: pixels of position, and factor of the blur.
+/// Limits of a step: pixels of position, and factor of the blur.
 const MAX_SHIFT: f64 = 1.5;
 const MAX_BLUR_RATIO: f64 = 1.6;
 const FIRST_DAMPING: f64 = 1e-6;
 const DAMPING_RATIO: f64 = 30.0;
-/// Pixels that are predicted together.
+/// Number of pixels that are predicted together.
 const BLOCK: usize = 16;
 
-/// One side: where it runs, and what a pixel near it holds.
+/// One side: its curve, and a model of the pixels near it.
 #[derive(Debug, Clone)]
 pub(super) struct SideModel {
     pub curve: ChordCurve,
-    /// Light where the distance is negative, by the powers of `s`: lenses darken their pictures'
-    /// corners (25 % of the light there moved fx by 0.1 % while this was linear).
+    /// Light where the distance is negative, as coefficients of the powers of `s`: lenses darken
+    /// the corners of their pictures (25 % of the light there changed fx by 0.1 % when this was
+    /// linear).
     pub base: [f64; LIGHT],
-    /// What the light rises by across the edge, likewise.
+    /// Rise of the light across the edge, likewise.
     pub contrast: [f64; LIGHT],
-    /// Standard deviation of the blur with the pixel's own box, pixels, likewise: a lens blurs its
-    /// picture's corners more, and a bent side turns in the direction of a motion. Where one blur of
-    /// .6 to .85 px stood for a side's, a curved tone moved fx by four standard deviations.
+    /// Standard deviation of the blur with the pixel's own box, pixels, likewise: a lens blurs the
+    /// corners of its picture more, and the angle between a bent side and a motion changes along
+    /// the side. With one blur of .6 to .85 px per side, a curved tone changed fx by four standard
+    /// deviations.
     pub blur: [f64; LIGHT],
-    /// The power of `s` up to which the blur changes.
+    /// Degree in `s` of the blur.
     pub blur_degree: usize,
     /// The blur's shape.
     pub shape: BlurShape,
-    /// How far the edges of a line that others cross lie from the curve toward their light, pixels:
-    /// where ink has spread, or the cells of a board do not touch. `None` without crossings, where the
-    /// curve itself is there.
+    /// Displacement of the edges of a crossed line from the curve towards their light, pixels:
+    /// where ink has spread, or the cells of a board do not touch. `None` without crossings, where
+    /// the curve itself includes it.
     pub spread: Option<f64>,
-    /// Whether the far edge of a thin bar is modelled beside it: what that leaves is no tone curve's.
+    /// Whether the far edge of a thin bar is modelled beside it; the asymmetry of its profile is
+    /// then not that of a tone curve.
     pub feels_far_edge: bool,
 }
 
-/// Where a pixel lies in the blur of its edge.
+/// Position of a pixel in the blur of its edge.
 #[derive(Clone, Copy, Default)]
 struct Place {
     blurs: f64,
     inverse_blur: f64,
 }
 
-/// The light that falls on a pixel, and its derivatives.
+/// The light on a pixel, and its derivatives.
 #[derive(Clone, Copy, Default)]
 struct Light {
     value: f64,
@@ -72,7 +75,7 @@ struct Light {
     by_blurs: f64,
 }
 
-/// A prediction, from its stages: `value` is coded, with the gain of the tone curve.
+/// A prediction, from its stages; the coded `value` comes with the gain of the tone curve.
 #[inline(always)]
 fn predicted(pixel: &Pixel, place: Place, light: Light, (value, gain): (f64, f64)) -> Prediction {
     let residual = pixel.value - value;
@@ -103,7 +106,7 @@ pub(super) fn polynomial(coefficients: &[f64; LIGHT], s: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
-/// Where values along a side tell a polynomial: at both ends and in the middle.
+/// Places along a side at which values determine a polynomial: both ends and the middle.
 pub(super) const PLACES: [f64; LIGHT] = [-1.0, 0.0, 1.0];
 
 /// The polynomial through values at the [`PLACES`].
@@ -129,7 +132,7 @@ impl SideModel {
         (pixel.y - self.curve.height(pixel.s)) * pixel.cosine
     }
 
-    /// The edge across it, for the lines that it crosses.
+    /// The shape of the edge's profile, for the lines that it crosses.
     pub fn edge_shape(&self) -> EdgeShape {
         EdgeShape {
             blur: self.mean_blur(),
@@ -137,19 +140,20 @@ impl SideModel {
         }
     }
 
-    /// 1 where a [`Flip`](super::flip::Flip) of this slope leaves the light along the normal, else -1.
+    /// 1 if the light is on the side to which the normal points, with a [`Flip`](super::flip::Flip)
+    /// of this slope, else -1.
     #[inline]
     fn towards_light(&self, slope: f64) -> f64 {
         (self.contrast[0] * slope).signum()
     }
 
-    /// How far along its normal the edge lies from the curve where a flip has this slope.
+    /// Displacement of the edge from the curve along its normal, with a flip of this slope.
     #[inline]
     pub fn spread_at(&self, slope: f64) -> f64 {
         self.spread.unwrap_or(0.0) * self.towards_light(slope)
     }
 
-    /// A prediction's derivative by the spread, but for what crossings make of it.
+    /// Derivative of a prediction with respect to the spread, without the effect of crossings.
     #[inline]
     pub fn by_spread(&self, pixel: &Pixel, prediction: &Prediction) -> f64 {
         match self.spread {
@@ -158,8 +162,8 @@ impl SideModel {
         }
     }
 
-    /// The part of the step that a pixel sees, and its derivative with respect to an offset of the
-    /// edge along its normal, as they went into a prediction that is not silent.
+    /// The fraction of the step at a pixel, and its derivative with respect to an offset of the
+    /// edge along its normal, recovered from a prediction that is not silent.
     pub fn step_in(&self, pixel: &Pixel, prediction: &Prediction) -> (f64, f64) {
         let contrast = polynomial(&self.contrast, pixel.s);
         let by_light = prediction.by_base;
@@ -169,8 +173,8 @@ impl SideModel {
         )
     }
 
-    /// Predicts one pixel, the curve being moved by `offset` along its normal, where base and contrast
-    /// are larger than the side's by so much.
+    /// Predicts one pixel, with the curve moved by `offset` along its normal, and with `base` and
+    /// `contrast` added to those of the side.
     pub fn predict(
         &self,
         tone: &ToneCurve,
@@ -186,7 +190,8 @@ impl SideModel {
 
     /// Predicts all pixels.
     ///
-    /// Each stage is done for a few of them, since one waits for the stage before.
+    /// Each stage is computed for a block of pixels at a time, since it has to wait for the stage
+    /// before.
     pub fn predict_all(
         &self,
         tone: &ToneCurve,
@@ -240,8 +245,8 @@ impl SideModel {
     ) -> Light {
         let step = pixel.flipped(step);
         let contrast = polynomial(&self.contrast, pixel.s) + contrast;
-        // To first order a spread takes as much light near a crossing as elsewhere: the step has the
-        // part that is left of its slope.
+        // To first order the spread removes as much light near a crossing as elsewhere. The
+        // displaced step includes the part proportional to its slope; this is the rest.
         let spread = self.spread.unwrap_or(0.0) / self.blur[0] * (1.0 - pixel.flip.slope.abs());
         let taken = contrast.abs() * spread * density;
         Light {
@@ -251,12 +256,13 @@ impl SideModel {
         }
     }
 
-    /// Damped Gauss-Newton on all parameters, `noise` being the residuals' expected scale.
+    /// Fits all parameters by damped Gauss-Newton; `noise` is the expected scale of the residuals.
     ///
-    /// It ends with a step shorter than `settled` pixels, or after so many; the side is left at the
-    /// lowest cost seen, except that a last step too small to matter is taken unseen. `predictions`
-    /// are the side's of the pixels, before and after; where the last step was too long to follow,
-    /// there are none afterwards. Returns the matrix of the last normal equations.
+    /// The iteration ends with a step shorter than `settled` pixels, or after `max_steps`. The side
+    /// is left at the lowest cost found, except that a last step too small to matter is made
+    /// without evaluating its cost. `predictions` are the side's predictions for the pixels, before
+    /// and after; they are empty afterwards if the last step was too long for a linear update.
+    /// Returns the matrix of the last normal equations.
     pub fn fit(
         &mut self,
         tone: &ToneCurve,
@@ -300,8 +306,8 @@ impl SideModel {
         best.normal
     }
 
-    /// One Gauss-Newton step of the spread, all else held: it goes to and fro from cell to cell, and
-    /// nothing else does. Returns how far it went, pixels.
+    /// Makes one Gauss-Newton step of the spread with all else held: only the spread's effect
+    /// alternates from cell to cell. Returns the length of the step, pixels.
     pub fn fit_spread(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> f64 {
         let inverse_variance = 1.0 / (noise * noise);
         let (mut square, mut product) = (0.0, 0.0);
@@ -320,12 +326,12 @@ impl SideModel {
         step.abs()
     }
 
-    /// The spread of a crossed line, if it hardly widens the line's blur.
+    /// The spread of a crossed line, if it is so small that it hardly widens the line's blur.
     pub fn small_spread(&self) -> Option<f64> {
         self.spread.filter(|spread| spread.abs() < MIN_SPREAD)
     }
 
-    /// Makes the predictions of a side very near to this one its own, linearly.
+    /// Changes the predictions of a side very near to this one into those of this one, linearly.
     fn adopt(&self, near: &Self, pixels: &[Pixel], predictions: &mut [Prediction]) {
         let mut moved = self.curve.clone();
         for (own, old) in moved.coefficients.iter_mut().zip(near.curve.coefficients) {
@@ -342,7 +348,8 @@ impl SideModel {
         }
     }
 
-    /// Takes a step, cut to what is plausible; returns how far the edge or its blur moved, pixels.
+    /// Makes a step, limited to what is plausible; returns the largest change of the edge's
+    /// position or of its blur, pixels.
     pub(super) fn advance(&mut self, step: &Step) -> f64 {
         let mut moved = self.curve.clone();
         moved.coefficients = std::array::from_fn(|k| step[k]);
@@ -367,7 +374,7 @@ impl SideModel {
         by_blur.fold(scale * shift, f64::max)
     }
 
-    /// The scale of the residuals at the edge, not below `floor`.
+    /// Robust standard deviation of the residuals at the edge, at least `floor`.
     pub fn edge_noise(
         &self,
         predictions: &[Prediction],
@@ -380,15 +387,16 @@ impl SideModel {
         pixel_noise::scale(residuals, self.edge_parameters(), floor)
     }
 
-    /// How many parameters the pixels at the edge carry: the curve's, the blur's, and about half of
-    /// those of base and contrast.
+    /// Number of parameters that the pixels at the edge determine: those of the curve and of the
+    /// blur, and about half of those of base and contrast.
     pub fn edge_parameters(&self) -> f64 {
         let Degrees { curve, light, blur } = self.degrees();
         (curve + light + blur) as f64 + 3.0
     }
 
-    /// The powers of `s` up to which its parameters change. What curved light or another blur does to a
-    /// crossed line, it does to and fro from cell to cell, as a wrong tone curve does: they look alike.
+    /// The degrees in `s` of the parameters. On a crossed line the effect of curved light or of a
+    /// changing blur alternates from cell to cell, as that of a wrong tone curve does, so that they
+    /// cannot be distinguished.
     pub fn degrees(&self) -> Degrees {
         Degrees {
             curve: self.curve.degree,
@@ -454,7 +462,7 @@ mod tests {
         side.fit(&tone, &pixels, &mut predictions, 1e-3, (40, 1e-6));
         assert!((side.curve.coefficients[0] - 0.3).abs() < 1e-4);
         assert!((side.contrast[0] - 1.4).abs() < 1e-3);
-        // Of a pixel far on the light side nothing more is told.
+        // A pixel far on the light side has no further information.
         let last = pixels.last().unwrap();
         let p = side.predict(&tone, last, 0.0, [0.0; 2]);
         assert!(p.is_silent && p.residual == 0.0 && p.by_offset == 0.0 && p.by_base == 0.0);

@@ -5,13 +5,13 @@ use nalgebra::{SMatrix, SVector};
 use super::curve::COEFFICIENTS;
 use crate::numeric::add_rank_one;
 
-/// Powers of `s` by which light and blur along a side change.
+/// Number of coefficients of light and blur along a side, in powers of `s`.
 pub(super) const LIGHT: usize = 3;
 /// Length of a bin along a side, pixels.
 pub(super) const BIN_LENGTH: f64 = 8.0;
 const POWERS: usize = 2 * COEFFICIENTS - 1;
 
-/// The powers of `s` up to which parameters of a side change along it.
+/// The degrees in `s` of a side's parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Degrees {
     pub curve: usize,
@@ -19,8 +19,7 @@ pub(super) struct Degrees {
     pub blur: usize,
 }
 
-/// Degree in `s` of what multiplies a basic derivative: by height, base, contrast, blur, and any
-/// other.
+/// Degree in `s` of the factors of a basic derivative: height, base, contrast, blur, and any other.
 const fn degree(column: usize) -> usize {
     match column {
         0 => COEFFICIENTS - 1,
@@ -29,13 +28,13 @@ const fn degree(column: usize) -> usize {
     }
 }
 
-/// Sums of the products of `N` columns: the basic derivatives by height, base, contrast, blur and
-/// whatever else, and last the residual.
+/// Sums of the products of `N` columns: the basic derivatives with respect to height, base,
+/// contrast, blur and any others, and last the residual.
 ///
 /// Every parameter's derivative is a basic one times a power of `s`, which hardly varies within a
-/// bin: the sums of the bins' products with the powers hold each different entry once.
+/// bin. The sums of the bins' products times the powers contain each distinct entry once.
 pub(super) struct SideSums<const N: usize> {
-    /// The lower triangle, by the powers of `s`.
+    /// The lower triangle, for each power of `s`.
     products: [[[f64; POWERS]; N]; N],
 }
 
@@ -59,8 +58,8 @@ impl<const N: usize> Bin<N> {
 }
 
 impl<const N: usize> SideSums<N> {
-    /// Of pixels, each with its `s`, a weight and its row, in bins that are numbered from `first`,
-    /// which is before any pixel.
+    /// The sums over pixels, each with its `s`, a weight and its row, in bins that are numbered
+    /// from `first`, which is before any pixel.
     #[inline(always)]
     pub fn of(
         pixels: impl Iterator<Item = (f64, f64, [f64; N])>,
@@ -70,7 +69,7 @@ impl<const N: usize> SideSums<N> {
         let mut sums = Self {
             products: [[[0.0; POWERS]; N]; N],
         };
-        // Pixels come nearly in order along the side, so that one open bin is enough.
+        // Pixels are nearly in order along the side, so that one open bin suffices.
         let mut open = Bin::empty(i32::MIN);
         for (s, weight, row) in pixels {
             let number = (s * bins_per_s - first) as i32;
@@ -107,7 +106,7 @@ impl<const N: usize> SideSums<N> {
     }
 
     /// The sums of products of all parameters' derivatives, in their order, and of each with the
-    /// residual; the coefficients beyond their degrees have none, but one of themselves.
+    /// residual. Coefficients beyond their degrees have rows and columns of the identity.
     pub fn assembled<const M: usize>(
         &self,
         degrees: Degrees,
@@ -178,7 +177,7 @@ mod tests {
             light: LIGHT - 1,
             blur: LIGHT - 1,
         });
-        // To what a bin's length leaves.
+        // Up to the error from the length of a bin.
         assert!((found - normal).abs().max() < 1e-3 * normal.abs().max());
         assert!((found_right - right).abs().max() < 1e-3 * right.abs().max());
     }

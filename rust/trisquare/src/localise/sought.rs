@@ -1,4 +1,5 @@
-//! What is measured in a picture: spans that are coarsely found, those beside other things in pieces.
+//! The spans to measure in a picture, coarsely found; those beside other objects are divided into
+//! pieces.
 
 use nalgebra::Vector2;
 
@@ -13,27 +14,28 @@ use crate::image::GreyReader;
 
 /// Length of a piece, pixels.
 ///
-/// The light beside other things changes along a side. Where one line of light stands for the whole
-/// of it, the blur takes up what that misses, and a blur that is too wide moves the edges of a coded
+/// The light beside other objects changes along a side. If it is modelled as linear along all of
+/// the side, the blur absorbs the difference, and too wide a blur displaces the edges of a coded
 /// picture: along one side by 0.17 to -0.2 pixels.
 const PIECE_LENGTH: f64 = 60.0;
-/// A piece runs this far into its neighbours, since the first and last pixels are not used.
+/// Distance by which a piece extends into its neighbours, pixels, since the first and last pixels
+/// are not used.
 const OVERLAP: f64 = 6.0;
-/// Samples of other edges, which a piece may meet, are off the curve that most of them agree on by
-/// more than so many of their standard deviations.
+/// Distance from the curve on which most samples agree, in a sample's standard deviations, above
+/// which it is on another edge that its piece met.
 const MAX_DEVIATIONS: f64 = 5.0;
-/// Of the samples of a span this share must agree.
+/// Minimum fraction of a span's samples that agree.
 const MIN_SHARE: f64 = 0.4;
-/// Crossings of grid lines that are off by less, pixels, hardly move the lines.
+/// Displacement of the crossings of grid lines, pixels, below which it hardly moves the lines.
 const SETTLED: f64 = 0.1;
-/// Points that stand for the path of a piece.
+/// Number of points of a piece's path.
 const PATH_POINTS: usize = 5;
 
-/// The pieces to measure, and what is coarsely known of each.
+/// The pieces to measure, with the coarse edge of each.
 pub(super) struct Sought<'a> {
     pub spans: Vec<EdgeSpan>,
     pub coarse: Vec<Result<CoarseEdge, NoEdge>>,
-    /// The spans that were asked for, and the number of pieces of each.
+    /// The requested spans, and the number of pieces of each.
     asked: &'a [EdgeSpan],
     counts: Vec<usize>,
 }
@@ -70,8 +72,8 @@ impl<'a> Sought<'a> {
         sought
     }
 
-    /// Moves the crossings of grid lines to where the lines that were fitted meet; returns the lines
-    /// whose crossings were so far off that they have to be fitted again.
+    /// Moves the crossings of grid lines to where the fitted lines meet; returns the lines whose
+    /// crossings moved so far that they have to be fitted again.
     pub fn settle_crossings(
         &mut self,
         reader: &GreyReader<'_>,
@@ -104,7 +106,7 @@ impl<'a> Sought<'a> {
         far_off
     }
 
-    /// Lets the spans name the pieces that they meet, instead of the spans that were asked for.
+    /// Replaces the spans' indices of requested spans by those of the pieces.
     fn renumber(&mut self) {
         let mut end = 0;
         let ends: Vec<usize> = self
@@ -127,7 +129,7 @@ impl<'a> Sought<'a> {
         }
     }
 
-    /// Puts the samples of the pieces together.
+    /// Joins the samples of the pieces into those of the requested spans.
     pub fn joined(
         &self,
         edges: impl IntoIterator<Item = Result<SpanEdges, NoEdge>>,
@@ -143,7 +145,7 @@ impl<'a> Sought<'a> {
     }
 }
 
-/// The pieces of a span whose curve is known; none if it is too short for two.
+/// The pieces of a span whose curve is known; empty if it is too short for two.
 fn pieces(span: &EdgeSpan, curve: &ChordCurve) -> Vec<EdgeSpan> {
     let count = (curve.length() / PIECE_LENGTH).round() as usize;
     if count < 2 {
@@ -170,8 +172,8 @@ fn pieces(span: &EdgeSpan, curve: &ChordCurve) -> Vec<EdgeSpan> {
     (0..count).map(piece).collect()
 }
 
-/// One span's samples from those of its pieces, in order, without those on other edges that the
-/// pieces met.
+/// The samples of a span from those of its pieces, in order, without samples on other edges that
+/// the pieces met.
 fn join(
     span: &EdgeSpan,
     pieces: impl Iterator<Item = Result<SpanEdges, NoEdge>>,
@@ -211,7 +213,7 @@ fn join(
     Ok(whole)
 }
 
-/// Keeps the chosen ones of samples; there may be none.
+/// Keeps the chosen samples of a list, which may be empty.
 fn keep<T>(samples: &mut Vec<T>, chosen: &[bool]) {
     let mut chosen = chosen.iter();
     samples.retain(|_| chosen.next() == Some(&true));

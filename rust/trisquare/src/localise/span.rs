@@ -1,46 +1,47 @@
-//! What is measured, and what comes of it.
+//! The edges to measure, and the results.
 
 use nalgebra::Vector2;
 
 /// A stretch of edge between two crossings, coarsely known.
 #[derive(Debug, Clone)]
 pub struct EdgeSpan {
-    /// A polyline along the edge, pixels, of at least two points: the edge runs within about 4
-    /// pixels of it, and may end a few pixels sooner or later.
+    /// A polyline along the edge, pixels, of at least two points: the edge is within about 4 pixels
+    /// of it, and may end a few pixels sooner or later.
     pub path: Vec<Vector2<f64>>,
     /// +1 if the picture gets lighter towards the right-hand normal `(-e.y, e.x)` of the path's
-    /// direction `e`, which points inside where the path runs clockwise on the screen; else -1.
+    /// direction `e` (the normal points inside if the path runs clockwise on the screen); else -1.
     pub polarity: f64,
     /// The spans, as indices into the same slice, that this one meets at its start and its end;
     /// samples keep clear of their blur.
     pub bounds: [Option<usize>; 2],
-    /// A grid line of a chessboard has its crossings here, one for each point of its path and in
-    /// that order: the span that crosses it, if that is one of the slice, and the crossing's number
-    /// among all that there are on the board, seen or not. At each the polarity changes; that given
-    /// is the one after the first. Between two whose numbers are no neighbours nothing is measured.
+    /// The crossings of a grid line of a chessboard, one for each point of its path, in its order:
+    /// the span that crosses it, if it is in the slice, and the crossing's number among all those
+    /// on the board, seen or not. The polarity changes at each crossing; the given one is that
+    /// after the first. Nothing is measured between two crossings whose numbers are not
+    /// consecutive.
     pub crossings: Vec<(Option<usize>, usize)>,
-    /// Where the light cell beside the stretch after each crossing carries a marker: how far from
-    /// the cell's edges its dark border begins, over the cell's side; 0 where there is none. Empty
-    /// if there are none at all.
+    /// For the light cell beside the stretch after each crossing, the distance of its marker's dark
+    /// border from the cell's edges, over the cell's side; 0 if it has no marker. Empty if there
+    /// are no markers at all.
     pub rims: Vec<f64>,
-    /// Where the dark cell beside the stretch after each crossing is a tag: which of the cells within
-    /// its border are light, in rows from the stretch on; empty where it is none, or not known. Empty
-    /// if there are none at all.
+    /// For the dark cell beside the stretch after each crossing, if it is a tag, whether the cells
+    /// within its border are light, in rows starting at the stretch; empty if it is not a tag, or
+    /// not known. Empty if there are no tags at all.
     pub tags: Vec<Vec<Vec<bool>>>,
     /// Width of the tags' border over their side.
     pub tag_border: f64,
-    /// How far from the path, pixels, the picture is the edge's own, on the negative side and on
-    /// the other: beyond it something else begins. Infinite where nothing is known of it.
+    /// Distance from the path, pixels, at which another object begins, on the negative side and on
+    /// the other. Infinite if unknown.
     pub margin: [f64; 2],
-    /// Whether other things lie beside the edge, so that the light there changes along it.
+    /// Whether other objects are beside the edge, so that the light there changes along it.
     pub is_beside_others: bool,
-    /// The far edge of the thin bar that this is an edge of: the span, as an index into the same
-    /// slice, at which the light changes again.
+    /// For an edge of a thin bar, the bar's other edge, at which the light changes back: the span
+    /// as an index into the same slice.
     pub far_edge: Option<usize>,
 }
 
 impl EdgeSpan {
-    /// An edge that meets no other, and of whose surroundings nothing is known.
+    /// An edge that meets no other and has unknown surroundings.
     #[must_use]
     pub fn new(path: Vec<Vector2<f64>>, polarity: f64) -> Self {
         Self {
@@ -57,7 +58,8 @@ impl EdgeSpan {
         }
     }
 
-    /// What of it no picture could make right; `count` spans are given together.
+    /// The reason why the span is invalid for any picture, if it is; `count` is the number of spans
+    /// given together.
     pub(super) fn fault(&self, count: usize) -> Option<&'static str> {
         let crossings = self.crossings.iter().filter_map(|crossing| crossing.0);
         let beside = self.bounds.into_iter().flatten().chain(self.far_edge);
@@ -78,7 +80,7 @@ impl EdgeSpan {
     }
 }
 
-/// The samples of one span, and what was found about the picture along it.
+/// The samples of one span, and measurements of the picture along it.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct SpanEdges {
@@ -86,41 +88,41 @@ pub struct SpanEdges {
     pub points: Vec<Vector2<f64>>,
     /// Standard deviation of each point along the edge's normal, pixels.
     pub std: Vec<f64>,
-    /// Standard deviation `w` of the blur, the pixel's own box included, pixels.
+    /// Standard deviation `w` of the blur, including the pixel's own box, pixels.
     pub blur: f64,
-    /// Coded grey beside the middle of the span, on its dark side, 1 being the largest value.
+    /// Coded grey beside the middle of the span, on its dark side; 1 is the largest value.
     pub dark: f64,
     /// The same on its light side.
     pub light: f64,
-    /// Standard deviation of the pixels about the model where the edge is, coded.
+    /// Standard deviation of the pixels' residuals at the edge, coded.
     pub noise: f64,
-    /// How far one standard deviation of the picture's tone curve displaces each point, all points
-    /// of the picture together; empty if the curve is known.
+    /// Displacement of each point by one standard deviation of the picture's tone curve, which
+    /// moves all points of the picture together; empty if the curve is known.
     pub tone_drift: Vec<Vector2<f64>>,
 }
 
-/// Why a span gave no samples.
+/// Reason why a span has no samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoEdge {
-    /// An argument that no picture could make right: the span's, or the tone curve.
+    /// An argument is invalid for any picture: the span, or the tone curve.
     #[error("an argument is invalid: {0}")]
     InvalidArgument(&'static str),
-    /// Fewer than two points, or points that coincide or are not finite.
+    /// The path has fewer than two points, or its points coincide or are not finite.
     #[error("its outline is no line to follow")]
     NoPath,
     /// Too little of the path has its surroundings inside the picture.
     #[error("it lies outside the picture")]
     OutsidePicture,
-    /// No smooth curve of the expected polarity near the path.
+    /// There is no smooth curve of the expected polarity near the path.
     #[error("no smooth edge runs along its outline, dark on the side where it should be")]
     Inconsistent,
-    /// Something else is so near that its blur would be taken for this edge's.
+    /// Another object is so near that its blur would be taken for this edge's.
     #[error(
         "something else is too close to it, such as the other edge of a line thinner than 5 blurs or 4 pixels"
     )]
     Cramped,
-    /// There is something, but its contrast is lost in the noise, or it is not a step.
+    /// There is an edge, but its contrast is lost in the noise, or it is not a step.
     #[error("its edge is too faint, too blurred or too short to be measured")]
     Unmeasurable,
 }

@@ -1,4 +1,4 @@
-//! How far to all sides the pixels about an edge are its own.
+//! Extent of the surroundings of an edge that belong to it.
 
 use super::band::{Band, SearchLimit};
 use super::far_edge::{FarEdge, width};
@@ -10,41 +10,44 @@ use super::side::SideModel;
 use super::span::{EdgeSpan, NoEdge};
 use crate::numeric::median;
 
-/// How far from the curve pixels hold an edge: so many blurs, and at least so many pixels.
+/// Distance from the curve within which pixels show the edge: in blurs, and its minimum in pixels.
 const NEAR_BLURS: f64 = 3.5;
 const MIN_NEAR: f64 = 3.0;
-/// How far the plateaus beside it are read, at most: so many times further, but only a share of the
+/// Maximum distance of the plateaus, as a multiple of that one; but at most a fraction of the
 /// length, because small targets stand close together.
 pub(super) const FAR_RATIO: f64 = 2.5;
 const FAR_SHARE: f64 = 0.25;
-/// Of the distance between neighbouring grid lines a line has this much to either side.
+/// Fraction of the distance between neighbouring grid lines that belongs to a line on either side.
 const SPACING_SHARE: f64 = 0.5;
-/// Before the neighbours are known, pixels this near to the path's ends are left out, in pixels or
-/// as a share of the length, whichever is less.
+/// Distance from the path's ends within which pixels are not used before the neighbours are known:
+/// in pixels or as a fraction of the length, whichever is less.
 const END_MARGIN: f64 = 6.0;
 const END_MARGIN_SHARE: f64 = 0.2;
-/// Once they are known, the band runs this far beyond the path's ends, to meet them.
+/// Distance by which the band extends beyond the path's ends, to meet the neighbours, once they are
+/// known, pixels.
 const EXTENSION: f64 = 6.0;
-/// Distance from a neighbour's curve, in its blurs, from which pixels are used. Measured on the
-/// corner of a square: the last patch is then off by 0.05 of its standard deviation at a noise of
-/// 2 in 255; at 2 blurs it is 0.2, and at 3 the side loses half a blur more at each end.
+/// Distance from a neighbour's curve, in its blurs, beyond which pixels are used. Measured at the
+/// corner of a square: the last patch then has an error of 0.05 of its standard deviation at a
+/// noise of 2 in 255; with 2 blurs it is 0.2, and with 3 the side loses half a blur more at each
+/// end.
 const BOUND_CLEARANCE: f64 = 2.5;
 
-/// Bars narrower than so many blurs are not measured: of one of 3.8 an edge was 0.05 pixels off; those of
-/// one of 2.5 were seen 0.4 blurs too far apart, with less blur and contrast than they have.
+/// Width of a bar, in blurs, below which it is not measured: an edge of one of 3.8 was displaced by
+/// 0.05 pixels; those of one of 2.5 were found 0.4 blurs too far apart, with too little blur and
+/// contrast.
 const MIN_WIDTH_BLURS: f64 = 4.5;
 
-/// How far from a side's curve its edge is felt, pixels.
+/// Distance from a side's curve within which pixels show its edge, pixels.
 pub(super) fn near(side: &SideModel) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
 }
 
-/// The same, no farther than the wider margin.
+/// Same, limited to the wider margin.
 pub(super) fn near_within(side: &SideModel, margin: [f64; 2]) -> f64 {
     near(side).min(margin[0].max(margin[1]))
 }
 
-/// How far to either side of an edge its surroundings are its own, pixels.
+/// Distance to either side of an edge within which its surroundings belong to it, pixels.
 pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &SideModel) -> [f64; 2] {
     let span = &spans[index];
     if span.crossings.is_empty() {
@@ -55,8 +58,8 @@ pub(super) fn margin(spans: &[EdgeSpan], index: usize, side: &SideModel) -> [f64
         .map(|margin| margin.min(SPACING_SHARE * spacing))
 }
 
-/// The same for plateaus, where nothing crosses the edge and its length has to tell what is not
-/// known.
+/// Limit of the plateaus by the side's length, pixels, as its surroundings may be unknown; infinite
+/// for a crossed line.
 pub(super) fn far_margin(side: &SideModel, is_crossed: bool) -> f64 {
     match is_crossed {
         true => f64::INFINITY,
@@ -64,12 +67,12 @@ pub(super) fn far_margin(side: &SideModel, is_crossed: bool) -> f64 {
     }
 }
 
-/// The end, along the chord, of what surely is edge while the corners are not known.
+/// End, along the chord, of the part that certainly is edge while the corners are unknown.
 pub(super) fn inner_end(side: &SideModel) -> f64 {
     side.curve.half_length - END_MARGIN.min(END_MARGIN_SHARE * side.curve.length())
 }
 
-/// All pixels of a span that was found, once those that it meets are known.
+/// The band of all pixels of a span that was found, once the spans that it meets are known.
 pub(super) fn whole_band<'a>(
     spans: &[EdgeSpan],
     index: usize,
@@ -107,7 +110,8 @@ pub(super) fn whole_band<'a>(
     })
 }
 
-/// How far along its chord a span's pixels are used, and the neighbours they keep clear of.
+/// The range along its chord in which a span's pixels are used, and the neighbours from which they
+/// keep clear.
 fn limits<'a>(
     span: &EdgeSpan,
     side: &SideModel,
@@ -121,7 +125,7 @@ fn limits<'a>(
             let curve = &neighbour.side.curve;
             let distance = curve.signed_distance(middle);
             let clearance = BOUND_CLEARANCE * neighbour.side.mean_blur();
-            // A neighbour that runs along this span, or is it, bounds nothing.
+            // A neighbour that runs along this span, or is the span itself, is no bound.
             if distance.abs() > clearance {
                 let side_of_curve = distance.signum();
                 *end = (side.curve.half_length + EXTENSION).copysign(*end);
@@ -136,7 +140,8 @@ fn limits<'a>(
     (ends, limits)
 }
 
-/// Beyond the far edge of a thin bar nothing is used, nor what it blurs where it is not modelled.
+/// The limit at the far edge of a thin bar: pixels beyond it are not used, nor those that it blurs
+/// if it is not modelled.
 pub(super) fn limit_at<'a>(far_edge: &FarEdge<'a>) -> SearchLimit<'a> {
     SearchLimit {
         curve: far_edge.curve,
@@ -148,7 +153,7 @@ pub(super) fn limit_at<'a>(far_edge: &FarEdge<'a>) -> SearchLimit<'a> {
     }
 }
 
-/// Refuses the edges of bars that are too thin for the blur that the picture's edges have.
+/// Rejects the edges of bars that are too thin for the median blur of the picture's edges.
 pub(super) fn refuse_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Preview, NoEdge>]) {
     if spans.iter().all(|span| span.far_edge.is_none()) {
         return;

@@ -5,28 +5,30 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::flip::COMPLETE;
 use crate::numeric::cdf_and_pdf;
 
-/// Pixels nearer to a light cell, in blurs, would need to know its place too well.
+/// Distance from a light cell, in blurs, below which pixels are not used: they would require its
+/// position too exactly.
 const CLEARANCE: f64 = 1.0;
 
-/// A tag as seen from one of its sides.
+/// A tag, relative to one of its sides.
 #[derive(Debug, Clone)]
 pub(super) struct TagCells {
-    /// From the picture to the part of the side, and to the depth beyond it over that of the tag.
+    /// Map from the picture to the position along the side, and to the depth beyond it, as
+    /// fractions of the tag's.
     to_square: Matrix3<f64>,
-    /// Pixels along the side, and from it to the opposite one.
+    /// Length of the side, and distance from it to the opposite one, pixels.
     size: [f64; 2],
-    /// The side's unit normal, into the tag.
+    /// The side's unit normal, pointing into the tag.
     inwards: Vector2<f64>,
     /// Width of the dark border over the tag's side.
     border: f64,
-    /// Whether the cells within are light, in rows from the side on.
+    /// Whether each cell within the border is light, in rows from the side on.
     cells: Vec<Vec<bool>>,
 }
 
 impl TagCells {
-    /// Of the tag between the ends of its side and, in the same order, of the opposite one.
+    /// The tag between the ends of its side and, in the same order, of the opposite one.
     ///
-    /// `None` if no homography takes a square to them.
+    /// `None` if no homography maps a square to them.
     pub fn new(
         near: [Vector2<f64>; 2],
         far: [Vector2<f64>; 2],
@@ -47,18 +49,18 @@ impl TagCells {
         })
     }
 
-    /// The place of a point, in parts of the side and of the depth.
+    /// Position of a point, as fractions of the side and of the depth.
     fn place(&self, point: Vector2<f64>) -> [f64; 2] {
         let place = self.to_square * Vector3::new(point.x, point.y, 1.0);
         [place.x / place.z, place.y / place.z]
     }
 
-    /// Blurs from a point to the first row of cells; positive before it.
+    /// Distance in blurs from a point to the first row of cells; positive before it.
     fn clearance(&self, point: Vector2<f64>, inverse_blur: f64) -> f64 {
         (self.border - self.place(point)[1]) * self.size[1] * inverse_blur
     }
 
-    /// Whether no cell is felt at a point.
+    /// Whether the cells have no effect at a point.
     pub fn is_far(&self, point: Vector2<f64>, inverse_blur: f64) -> bool {
         self.clearance(point, inverse_blur) > COMPLETE
     }
@@ -68,10 +70,10 @@ impl TagCells {
         self.clearance(point, inverse_blur) < CLEARANCE
     }
 
-    /// How much of the light at a point comes from the cells.
+    /// Blurred coverage of a point by light cells: 1 inside a large light area, 0 far from any.
     pub fn light(&self, point: Vector2<f64>, inverse_blur: f64) -> f64 {
         let depth = self.place(point)[1];
-        // What blur brings from the cells comes from straight across.
+        // Light that is blurred from the cells to here comes from straight across.
         let to_cells = (self.border - depth).max(0.0) * self.size[1];
         let along = self.place(point + self.inwards * to_cells)[0];
         let count = self.cells.len();
@@ -97,8 +99,8 @@ impl TagCells {
     }
 }
 
-/// The homography that takes the unit square's corners to those of a quadrilateral
-/// (P. Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section 2.2.3).
+/// The homography that maps the unit square's corners to those of a quadrilateral (P. Heckbert,
+/// Fundamentals of Texture Mapping and Image Warping, 1989, section 2.2.3).
 fn square_to_picture(near: [Vector2<f64>; 2], far: [Vector2<f64>; 2]) -> Matrix3<f64> {
     let [start, end] = near;
     let (right, left) = (end - far[1], far[0] - far[1]);

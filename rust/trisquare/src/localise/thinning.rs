@@ -1,10 +1,10 @@
-//! Some of many pixels, which stand for all.
+//! A representative subset of many pixels.
 
-/// Multiples of it fill the range from 0 to 1 evenly, without a period.
+/// Its multiples modulo 1 fill the range from 0 to 1 evenly, without a period.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_895;
 
-/// One in `stride` of a side's pixels, whatever the number of pixels in a column of its band: every
-/// so many, in order, might all lie on one side of the edge.
+/// One in `stride` of a side's pixels, for any number of pixels per column of its band; a regular
+/// subset might lie on one side of the edge only.
 pub(super) fn some_of<T>(
     pixels: impl Iterator<Item = T>,
     stride: usize,

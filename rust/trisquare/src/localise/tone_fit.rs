@@ -1,9 +1,9 @@
-//! What the profiles of a picture's edges tell of its tone curve.
+//! Estimate of a picture's tone curve from the profiles of its edges.
 //!
-//! A blurred step in light is symmetric about its edge; what asymmetry the coded step has is the
-//! tone curve's. Every side has its own curve, base, contrast and blur, which are eliminated; the
-//! information that all sides have left on what they share, the tone curve's parameters and the
-//! kurtosis of the lens's blur, adds up.
+//! A blurred step in light is symmetric about its edge; any asymmetry of the coded step is due to
+//! the tone curve. Every side has its own curve, base, contrast and blur, which are eliminated. The
+//! remaining information of all sides on their shared parameters, those of the tone curve and the
+//! kurtosis of the lens's blur, is summed.
 
 use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector};
 
@@ -23,115 +23,123 @@ use crate::image::{
 };
 use crate::numeric::median;
 
-/// A side whose dark or light comes this near to the file's limits, in deviations of its noise and
-/// at least in values, is clipped there: its profile's asymmetry is not the tone curve's.
+/// Distance of a side's dark or light from the file's limits below which the side is clipped there,
+/// in standard deviations of its noise, and at least as a value: the asymmetry of a clipped profile
+/// is not that of the tone curve.
 const CLIPPED_DEVIATIONS: f64 = 2.5;
 const CLIPPED_VALUE: f64 = 1.5 / 255.0;
 
-/// Rounds of the first fit, and the step, in deviations of the estimate, that is the last.
+/// Maximum number of rounds of the first fit, and the step, in standard deviations of the estimate,
+/// that ends it.
 const MAX_ROUNDS: usize = 10;
 const LAST_STEP: f64 = 0.3;
-/// A round's step of the logarithm of gamma is cut to this.
+/// Maximum step of the logarithm of gamma per round.
 const MAX_STEP: f64 = 0.4;
 
-/// A side's own parameters, and its spread, which looks like a tone curve's shift.
+/// Number of a side's own parameters, including its spread, which has the effect of a shift by a
+/// tone curve.
 const OWN: usize = PARAMETERS + 1;
 const SPREAD: usize = PARAMETERS;
-/// Any spread is as likely; where there is none, this keeps the equations regular.
+/// Standard deviation (px) of a wide prior on the spread, which keeps the equations regular for a
+/// side without any.
 const SPREAD_STD: f64 = 1.0;
-/// What the sides of a picture share: the tone curve's parameters, and what the lens adds to the
-/// kurtosis of the pixel's box.
+/// Number of parameters that the sides of a picture share: those of the tone curve, and the
+/// kurtosis that the lens adds to that of the pixel's box.
 ///
 /// A pixel's box, a lens out of focus and sharpening all make a blur that is not quite normal, but
-/// symmetric. Where the tone is curved a symmetric misfit looks like another curve: without the
-/// box's kurtosis (at a blur of half a pixel) gamma is off by 0.2, and by as much without that of a
+/// symmetric. For a curved tone a symmetric misfit looks like another curve: without the box's
+/// kurtosis (at a blur of half a pixel) gamma is wrong by 0.2, and by as much without that of a
 /// lens that spreads light over a disc of 0.8 pixels.
 const SHARED: usize = TONE_PARAMETERS + 1;
-/// The kurtosis among what is shared; among the parameters of a fit to the pixels it is [`crate::image::KURTOSIS`].
+/// Index of the kurtosis among the shared parameters; among the parameters of a fit to the pixels
+/// it is [`crate::image::KURTOSIS`].
 pub(super) const KURTOSIS_OF_SHARED: usize = TONE_PARAMETERS;
-/// Values of what is shared, or a step of them: of the kurtosis, whose effect is linear, the value.
+/// Values of the shared parameters, or a step of them; of the kurtosis, whose effect is linear,
+/// always the value.
 pub(super) type Shared = SVector<f64, SHARED>;
 pub(super) type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
-/// All parameters.
+/// Total number of parameters.
 const TOTAL: usize = OWN + SHARED;
 
-/// A mean profile that departs by this part of the contrast leaves the tone curve half the
-/// information that its noise alone would: with more, it is JPEG or sharpening that is measured.
-/// Squares in photographs passed through JPEG 85 had misfits of 0.004 and errors of gamma ten times
-/// what their noise explains.
+/// Misfit of the mean profile, as a fraction of the contrast, at which the information on the tone
+/// curve is halved: with a larger misfit, JPEG or sharpening is measured instead. Squares in
+/// photographs passed through JPEG 85 had misfits of 0.004 and errors of gamma ten times as large
+/// as their noise explains.
 const TRUSTED_MISFIT: f64 = 5e-4;
-/// From here on the profiles are taken to be those of no tone curve at all.
+/// Misfit above which the profiles are taken to fit no tone curve at all.
 pub(crate) const MAX_MISFIT: f64 = 1.5e-3;
-/// The shift, in blurs, that a misfit may hide. A shift of one blur changes the profile by 0.2 in
-/// root mean square over its bins; what is left after a fit is a third of what there was, and less
-/// where the fitted curve is believed: with that, k1 of rendered pictures after JPEG 88 to 95 was
-/// off by 1.5 to 2.5 standard deviations for shifts of 0 and 15, by 0.9 to 1.2 for this one.
+/// Shift, in blurs per unit of misfit, that a misfit may hide where no curve fits, and where the
+/// fitted curve is used. A shift of one blur changes the profile by 0.2 in root mean square over
+/// its bins; a third of that remains after a fit, and less where the fitted curve is used. For a
+/// fitted curve, k1 of rendered pictures after JPEG 88 to 95 was wrong by 1.5 to 2.5 standard
+/// deviations with factors of 0 and 15, and by 0.9 to 1.2 with this one.
 const SHIFT_PER_MISFIT: f64 = 15.0;
 const SHIFT_PER_FITTED_MISFIT: f64 = 40.0;
-/// It is no more than this: whatever the profiles are, the edges are seen within their blur.
+/// Upper limit of that shift, in blurs: for any profiles, the edges are located within their blur.
 const MAX_SHIFT: f64 = 1.0;
-/// The shift (px) that must be reckoned with where no side tells anything: that of taking sRGB for
-/// linear light or the reverse.
+/// Standard deviation of the shift (px) if no side can be used: that of taking sRGB for linear
+/// light or the reverse.
 const BLIND_SHIFT_STD: f64 = 0.1;
 
-/// What usual curves have above the gamma of linear light, and how far they move an edge between
-/// levels 40 and 215 to the dark, in blurs.
+/// Excess of the gamma of usual curves over that of linear light, and their shift of an edge
+/// between levels 40 and 215 towards the dark, in blurs.
 const USUAL_EXCESS: f64 = 1.2;
 const USUAL_SHIFT: f64 = 0.5;
-/// Profiles of no curve leave at least this shift open, in blurs: frames under S-shaped curves, which
-/// tell it to hundredths of that, were shifted by 0.1 to 0.3 where their misfit allowed for 0.03.
+/// Smallest shift, in blurs, that profiles of no curve leave undetermined: frames under S-shaped
+/// curves, which determine it to hundredths of that, were shifted by 0.1 to 0.3 where their misfit
+/// allowed for 0.03.
 const MIN_UNREAD_SHIFT: f64 = 0.1;
-/// A gamma counts as smaller than the usual one by what exceeds so many of its deviations.
+/// Number of standard deviations of a gamma by which its difference from the usual one is reduced.
 const GAMMA_DEVIATIONS: f64 = 1.0;
-/// No photograph was coded sharper than with this blur (px): the pixel's box and some of a lens.
+/// Smallest blur (px) with which a photograph is coded: that of the pixel's box and some of a lens.
 const MIN_BLUR: f64 = 0.4;
-/// But of one that was made smaller since, the box is smaller as well.
+/// Same for a photograph that was made smaller afterwards, which makes the box smaller, too.
 const MIN_BLUR_OF_SMALLER: f64 = 0.3;
 
-/// Pixels that are asked, of a picture and of each of its sides at most. The camera loses nothing:
-/// its own geometry tells most of what a tone curve does to it, and the fit to the pixels asks them
-/// all.
+/// Maximum number of pixels that are used, per picture and per side. The camera does not lose
+/// accuracy: its own geometry determines most of the effect of a tone curve on it, and the fit to
+/// the pixels uses them all.
 const PIXELS: usize = 20_000;
 const MAX_PIXELS: usize = 1500;
 
-/// But of each side so many at least: they tell its own parameters as well.
+/// Minimum number of pixels per side, which determine the side's own parameters as well.
 const MIN_PIXELS: usize = 300;
 
-/// One in how many of a side's pixels is asked, where the picture has so many sides: wherever along
-/// the side it is, the tone is the same.
+/// One in this many of a side's pixels is used, in a picture with the given number of sides: the
+/// tone is the same everywhere along the side.
 pub(super) fn stride(pixels: usize, sides: usize) -> usize {
     let most = (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS);
     pixels.div_ceil(most).max(1)
 }
 
-/// Bins are counted from this one, before any pixel; the side's middle parts two.
+/// Number of the first bin, before any pixel; the side's middle is a boundary of bins.
 const FIRST_BIN: f64 = -1e6;
 
-/// Columns of a pixel's row: derivatives by height, base, contrast, blur and spread, by what is
-/// shared, and the residual.
+/// Number of columns of a pixel's row: derivatives with respect to height, base, contrast, blur,
+/// spread and the shared parameters, and the residual.
 const COLUMNS: usize = 5 + SHARED + 1;
 
-/// What is known of the tone curve of a picture.
+/// Estimate of the tone curve of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ToneEstimate {
     /// The curve.
     pub curve: PowerCurve,
-    /// Covariance of the logarithm of its gamma, and its toe.
+    /// Covariance of the logarithm of its gamma and of its toe.
     pub covariance: Matrix2<f64>,
-    /// Number of sides that told it; without any it is what is usual.
+    /// Number of sides used; without any, the curve is the usual one.
     pub sides: usize,
-    /// How far, in root mean square over the profile and parts of the contrast, the mean profile of
-    /// these sides is from the model.
+    /// Root mean square difference of the mean profile of these sides from the model, as a fraction
+    /// of the contrast.
     pub misfit: f64,
-    /// How far a blur after the coding may hide that all edges were shifted towards the dark, as a
-    /// standard deviation in pixels.
+    /// Standard deviation, in pixels, of a shift of all edges towards the dark that a blur after
+    /// the coding may hide.
     pub hidden_shift: f64,
-    /// How far that and the misfit together may shift them.
+    /// Standard deviation, in pixels, of the shift by that and the misfit together.
     pub misfit_shift: f64,
-    /// The same where the profiles are those of no curve.
+    /// That standard deviation if the profiles fit no curve; `None` if they fit one.
     pub shift_std: Option<f64>,
-    /// What the lens adds to the kurtosis of the pixel's box, over 24.
+    /// Kurtosis that the lens adds to that of the pixel's box, over 24.
     pub(super) kurtosis: f64,
 }
 
@@ -142,8 +150,8 @@ impl ToneEstimate {
         self.curve.effective_gamma_std(&self.covariance)
     }
 
-    /// How far a stated curve is from this one, in standard deviations of the effective gamma; zero
-    /// where the profiles are those of no curve, and contradict none.
+    /// Difference of a stated curve from this one, in standard deviations of the effective gamma;
+    /// zero if the profiles fit no curve, as they contradict none.
     #[must_use]
     pub fn deviations_from(&self, stated: Tone) -> f64 {
         let stated = stated.power().effective_gamma();
@@ -155,12 +163,12 @@ impl ToneEstimate {
         }
     }
 
-    /// Whether the sides tell a curve that is nearer to linear light than any usual one.
+    /// Whether the estimated curve is closer to linear light than any usual one.
     pub(super) fn is_like_linear(&self) -> bool {
         self.sides > 0 && self.curve.is_like_linear()
     }
 
-    /// What is to be assumed of the picture from here on.
+    /// What later stages assume about the picture's coding.
     #[must_use]
     pub fn picture_tone(&self) -> PictureTone {
         match self.shift_std {
@@ -173,7 +181,8 @@ impl ToneEstimate {
     }
 }
 
-/// One side's normal equations with what all sides share, the side's own parameters eliminated.
+/// One side's normal equations for the shared parameters, with the side's own parameters
+/// eliminated.
 pub(super) struct ToneShare {
     factor: Cholesky<f64, Const<OWN>>,
     cross: SMatrix<f64, OWN, SHARED>,
@@ -182,13 +191,14 @@ pub(super) struct ToneShare {
     gradient: Shared,
     profile: ResidualProfile,
     blur: f64,
-    /// Whether the profile's asymmetry is the tone curve's alone.
+    /// Whether the profile's asymmetry is due to the tone curve only.
     pub is_sound: bool,
 }
 
 impl ToneShare {
-    /// From pixels and what the side predicts of them by a tone curve, with the kurtosis of the lens's
-    /// blur that is known so far; `None` if they leave one of the side's parameters open.
+    /// The share of a side, from pixels and the side's predictions for them with a tone curve,
+    /// given the current kurtosis of the lens's blur; `None` if they leave one of the side's
+    /// parameters undetermined.
     pub fn of<'a>(
         side: &SideModel,
         (tone, of_lens): (&ToneCurve, f64),
@@ -253,12 +263,13 @@ impl ToneShare {
         })
     }
 
-    /// The step of the side's own parameters that goes with one of what is shared.
+    /// The step of the side's own parameters for a step of the shared ones.
     pub fn own_step(&self, step: &Shared) -> SVector<f64, OWN> {
         self.factor.solve(&(self.right - self.cross * step))
     }
 
-    /// By what the side's height above its chord changes with what is shared, by the powers of `s`.
+    /// Derivatives of the side's height above its chord, as coefficients of the powers of `s`, with
+    /// respect to the shared parameters.
     pub fn drift(&self) -> SMatrix<f64, COEFFICIENTS, SHARED> {
         let all = -self.factor.solve(&self.cross);
         all.fixed_rows::<COEFFICIENTS>(0).into_owned()
@@ -271,21 +282,22 @@ fn is_sound(side: &SideModel, tone: &ToneCurve, noise: f64) -> bool {
     !side.feels_far_edge && side.plateaus().into_iter().all(is_whole)
 }
 
-/// Whether a misfit of the profiles is held against them: not before the curve is the best one.
+/// Whether a misfit of the profiles reduces their weight: only once the curve is the best one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Trust {
     Full,
     ByMisfit,
 }
 
-/// What all sides tell together: a step of what they share, its covariance, and the estimate there.
+/// Result from all sides: a step of the shared parameters, its covariance, and the estimate after
+/// it.
 pub(super) struct Pooled {
     pub step: Shared,
     pub covariance: SharedMatrix,
     pub estimate: ToneEstimate,
 }
 
-/// Pools what the sides tell, with what is usual, from `curve` on.
+/// Combines the shares of the sides with the prior, starting from `curve`.
 pub(super) fn pool<'a>(
     curve: PowerCurve,
     shares: impl Iterator<Item = &'a ToneShare>,
@@ -316,7 +328,7 @@ pub(super) fn pool<'a>(
     gradient += told.1 * trust;
     let fits = sides > 0 && misfit < MAX_MISFIT;
     let mean_blur = blurs / f64::from(sides);
-    // The prior alone makes it positive definite, but for overflow.
+    // The prior makes it positive definite, unless it overflows.
     let covariance = information
         .try_inverse()
         .unwrap_or_else(SharedMatrix::zeros);
@@ -353,12 +365,12 @@ pub(super) fn pool<'a>(
     }
 }
 
-/// How much farther towards the dark, in blurs, all edges may lie than this curve says, where no curve
-/// fits their profiles. A usual one may have coded them all the same: a shoulder, or wings of the blur,
-/// hide its asymmetry.
+/// Additional shift of all edges towards the dark, in blurs, that this curve may lack if no curve
+/// fits their profiles. A usual curve may have coded them all the same: a shoulder, or wings of the
+/// blur, can hide its asymmetry.
 fn unread_shift(curve: &PowerCurve) -> f64 {
     let excess = curve.effective_gamma() - 1.0;
-    // A fit that ran away has no effective gamma, and tells nothing.
+    // A fit that diverged has no effective gamma, and gives no information.
     let told = if excess.is_nan() {
         0.0
     } else {
@@ -367,19 +379,20 @@ fn unread_shift(curve: &PowerCurve) -> f64 {
     (USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))).max(MIN_UNREAD_SHIFT)
 }
 
-/// By how much more all edges may lie towards the dark than a curve below the usual ones tells,
-/// because the picture was blurred or made smaller after it was coded.
+/// Additional shift of all edges towards the dark, compared with a curve below the usual ones, if
+/// the picture was blurred or made smaller after it was coded.
 ///
-/// A usual curve moves an edge of blur `b0` by `c b0` and makes it asymmetric by its third moment,
-/// which goes with `b0^3`. A later blur leaves both, but fitted at the whole blur `b` the moment is
-/// that of a part `(b0 / b)^3` of the usual excess of gamma, which at `b` moves the edge by
-/// `c b (b0 / b)^3` only. A picture's gamma alone does not tell whether its curve is another or was
+/// A usual curve moves an edge of blur `b0` by `c b0` and gives it a third moment, proportional to
+/// `b0^3`. A later blur changes neither. Fitted at the whole blur `b`, however, the moment is that
+/// of a fraction `(b0 / b)^3` of the usual excess of gamma, which at `b` moves the edge by only
+/// `c b (b0 / b)^3`. A picture's gamma alone does not show whether its curve is another one or was
 /// blurred.
 fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
-    // No more than the estimate leaves open is held for a later blur.
+    // A deficit within the uncertainty of the estimate is not attributed to a later blur.
     let excess = curve.effective_gamma() - 1.0 + GAMMA_DEVIATIONS * gamma_std;
     let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
-    // A fit that ran away has no effective gamma: its misfit tells how far edges may lie off.
+    // A fit that diverged has no effective gamma; its misfit gives the possible displacement of the
+    // edges.
     let least = match curve.is_like_linear() {
         true => MIN_BLUR,
         false => MIN_BLUR_OF_SMALLER,
@@ -390,8 +403,8 @@ fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
     USUAL_SHIFT * blur * (coded_blur - coded_blur.powi(3))
 }
 
-/// Estimates the tone curve from the previews of all spans, whose predictions are by the curve to
-/// start from, and fits their sides to it; of their pixels those are left that were asked.
+/// Estimates the tone curve from the previews of all spans, whose predictions use the curve to
+/// start from, and fits their sides to it. The previews keep only the pixels that are used.
 pub(super) fn estimate_tone(
     start: PowerCurve,
     previews: &mut [Result<Preview, NoEdge>],
@@ -449,8 +462,8 @@ pub(super) fn estimate_tone(
     }
 }
 
-/// Gives all crossed lines whose spread is small the same: a tone curve that is a little off spreads
-/// all of them alike, and what a line's own differs by is its noise.
+/// Gives all crossed lines with a small spread their median spread: a slightly wrong tone curve
+/// spreads all of them alike, and the differences between lines are noise.
 fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
     let small = previews
         .iter()
@@ -465,10 +478,10 @@ fn share_spread(previews: &mut [Result<Preview, NoEdge>]) {
 }
 
 impl SideModel {
-    /// The side's own step, given the tone curve's.
+    /// Makes the side's own step for a step of the shared parameters.
     ///
-    /// What the curve's change does to base and contrast is far from linear where there is little
-    /// light, but their coded values hardly change: these are kept instead.
+    /// The effect of the curve's change on base and contrast is far from linear where there is
+    /// little light, but their coded values hardly change: these are kept instead.
     fn follow(&mut self, share: &ToneShare, step: &Shared, [old, new]: [Tone; 2]) {
         let at_old = share.factor.solve(&share.right);
         let mut own = share.own_step(step);
@@ -477,7 +490,7 @@ impl SideModel {
         self.advance(&own.fixed_rows::<PARAMETERS>(0).into_owned());
         self.spread = self.spread.map(|spread| spread + own[SPREAD]);
         let translated = |light: f64| new.decode(old.encode(light));
-        // At both ends of the side and in its middle, on both of its sides.
+        // At both ends of the side and in its middle, for both plateaus.
         let base = PLACES.map(|s| polynomial(&self.base, s));
         let lit =
             PLACES.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));

@@ -1,31 +1,32 @@
-//! Chains of edge points cut where they stop being arcs of a circle.
+//! Division of chains of edge points into arcs of circles.
 //!
 //! The image of a straight line under the division model is such an arc (A. Fitzgibbon,
 //! "Simultaneous linear estimation of multiple view geometry and lens distortion", CVPR 2001).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// Points on both sides of a corner from which the two directions are taken.
+/// Number of points on either side of a corner from which the two directions are computed.
 const CORNER_REACH: usize = 7;
-/// Turn between them at a corner, radians: an arc of the picture's size turns less than a tenth.
+/// Minimum turn between them at a corner, radians: an arc as long as the picture turns by less than
+/// a tenth of a radian.
 const CORNER_TURN: f64 = 0.25;
-/// Points about a corner, and at a chain's ends, whose place the other edge has moved.
+/// Number of points next to a corner, and at a chain's ends, that the other edge has displaced.
 const CORNER_ROOM: usize = 3;
 
-/// Points whose mean deviation is judged: single ones scatter.
+/// Number of points whose mean deviation is compared with the tolerance, as single points scatter.
 const MEAN_OF: usize = 5;
 
-/// Chord of an arc over its length at least.
+/// Minimum ratio of the chord of an arc to its length.
 const MIN_CHORD: f64 = 0.5;
 
-/// What counts as an arc; lengths in pixels.
+/// Requirements on an arc; lengths in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArcLimits {
-    /// Deviation from the circle at most, of the mean of a few points.
+    /// Maximum deviation from the circle, as the mean of a few points.
     pub tolerance: f64,
-    /// Points at least.
+    /// Minimum number of points.
     pub shortest: usize,
-    /// Radius at least.
+    /// Minimum radius.
     pub smallest_radius: f64,
 }
 
@@ -46,7 +47,7 @@ pub fn circular_arcs<'a>(chain: &'a [Vector2<f64>], limits: &ArcLimits) -> Vec<&
                     append(&mut parts, (start, end), chain, limits);
                     continue;
                 }
-                // Near an end, a cut would leave nothing of the shorter part.
+                // A cut near an end would leave too short a part.
                 Some((_, place)) if (shortest..=end - start - shortest).contains(&place) => place,
                 _ => (end - start) / 2,
             };
@@ -63,7 +64,7 @@ pub fn circular_arcs<'a>(chain: &'a [Vector2<f64>], limits: &ArcLimits) -> Vec<&
     arcs
 }
 
-/// Adds a part, as the end of the last one where both are of one arc.
+/// Adds a part, joined to the last one if both are on one arc.
 fn append(
     parts: &mut Vec<(usize, usize)>,
     part: (usize, usize),
@@ -80,7 +81,7 @@ fn append(
     parts.push(part);
 }
 
-/// The stretches between the corners of a chain, without the points next to them.
+/// The stretches of a chain between its corners, without the points next to them.
 fn between_corners(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
     let mut turns = vec![0.0; chain.len()];
     for i in CORNER_REACH..chain.len().saturating_sub(CORNER_REACH) {
@@ -105,7 +106,7 @@ fn between_corners(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
     stretches
 }
 
-/// The circle `v = a + b u + c (u^2 + v^2)` of points, `u` along their chord.
+/// A circle `v = a + b u + c (u^2 + v^2)` fitted to points, with `u` along their chord.
 struct Circle {
     middle: Vector2<f64>,
     along: Vector2<f64>,
@@ -114,7 +115,7 @@ struct Circle {
 }
 
 impl Circle {
-    /// By linear least squares; `None` for points that turn too far to be an arc.
+    /// The circle by linear least squares; `None` for points that turn too far to be an arc.
     fn through(points: &[Vector2<f64>]) -> Option<Self> {
         let (first, last) = (points.first()?, points.last()?);
         let half_chord = 0.5 * (last - first).norm();
@@ -138,7 +139,7 @@ impl Circle {
         Some(circle)
     }
 
-    /// `(1, u, u^2 + v^2)` and `v` of a point, in half chords.
+    /// `(1, u, u^2 + v^2)` and `v` of a point, in units of half the chord.
     fn row(&self, point: &Vector2<f64>) -> (Vector3<f64>, f64) {
         let off = (point - self.middle) / self.half_chord;
         let (u, v) = (off.dot(&self.along), self.along.perp(&off));
@@ -159,7 +160,7 @@ impl Circle {
     }
 }
 
-/// The largest deviation of a few points' mean from the circle of all, and where it is.
+/// The largest deviation of a few points' mean from the circle through all, and its index.
 fn deviation(points: &[Vector2<f64>]) -> Option<(f64, usize)> {
     let circle = Circle::through(points)?;
     let distances: Vec<f64> = points.iter().map(|p| circle.distance(p)).collect();
@@ -169,7 +170,7 @@ fn deviation(points: &[Vector2<f64>]) -> Option<(f64, usize)> {
     means.zip(MEAN_OF / 2..).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Whether an arc's radius is large enough, but for what the tolerance explains.
+/// Whether an arc's radius is large enough, within the tolerance.
 fn is_wide(points: &[Vector2<f64>], limits: &ArcLimits) -> bool {
     Circle::through(points).is_some_and(|circle| {
         let most = 0.5 * circle.half_chord.powi(2) / limits.smallest_radius;
@@ -221,7 +222,7 @@ mod tests {
         assert_eq!(arcs.len(), 2);
         assert!(arcs[0].iter().all(|p| p.y == 0.0) && arcs[1].iter().all(|p| p.x == 100.0));
 
-        // A tangent goes on where an arc ends.
+        // An arc continued by a tangent.
         let mut bent = segment([200.0, -300.0], [200.0, 0.0]);
         bent.extend(arc(200.0, 250.0));
         let arcs = circular_arcs(&bent, &LIMITS);

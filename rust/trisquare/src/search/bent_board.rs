@@ -1,4 +1,4 @@
-//! Crossings of a board of 10 x 8 as a camera with a bent lens sees it, for tests.
+//! Test data: crossings of a board of 10 x 8, seen by a camera with distortion.
 
 use std::ops::Range;
 
@@ -9,14 +9,14 @@ use super::lattice::{Lattice, Site};
 /// Width and height of the picture.
 pub(super) const SIZE: [usize; 2] = [1280, 960];
 
-/// A board whose cells have the unit side.
+/// A board with cells of side 1.
 pub(super) struct BentBoard {
     rotation: Rotation3<f64>,
     centre: Vector3<f64>,
 }
 
 impl BentBoard {
-    /// Turned by some degrees about an axis aslant.
+    /// A board rotated by some degrees about an oblique axis.
     pub fn turned(degrees: f64, centre: [f64; 3]) -> Self {
         let axis = Unit::new_normalize(Vector3::new(0.6, 0.8, 0.0));
         Self {
@@ -33,7 +33,7 @@ impl BentBoard {
         observed * 1100.0 + Vector2::new(640.0, 480.0)
     }
 
-    /// Crossings of some rows and columns, up to a fifth of a pixel off.
+    /// Crossings of some rows and columns, with errors of up to a fifth of a pixel.
     pub fn crossings(&self, rows: Range<isize>, columns: Range<isize>) -> Lattice {
         let sites = rows.flat_map(|row| columns.clone().map(move |column| (row, column)));
         let found = sites.map(|site| (site, self.at(site.0 as f64, site.1 as f64) + noise(site)));

@@ -1,41 +1,41 @@
-//! Pixels whose grey levels are curved as at a saddle: corners of cells may be there.
+//! Pixels where the grey levels have the curvature of a saddle: possible corners of cells.
 //!
 //! Next to a crossing the grey levels rise toward two opposite cells and fall toward the other two,
-//! whatever the lens and the perspective do. That is a negative determinant of their second
-//! derivatives.
+//! for any lens and perspective. Hence the determinant of their second derivatives is negative.
 
 use super::sectors::SaddleCandidate;
 use crate::image::GreyBytes;
 
-/// Grey levels per square pixel, the geometric mean of a saddle's two curvatures. A crossing of
-/// contrast 30 whose edges are blurred by 2 pixels of the searched picture has 1.6; noise of 8 grey
-/// levels, halved once, leaves 0.4.
+/// Smallest saddle, the geometric mean of its two curvatures, in grey levels per square pixel. A
+/// crossing of contrast 30 whose edges are blurred by 2 pixels of the searched picture has 1.6;
+/// noise of 8 grey levels, halved once, leaves 0.4.
 const MIN_SADDLE: f32 = 1.1;
 
-/// What the derivative filters make of a second derivative of one grey level per square pixel. They
-/// are five pixels wide: a smoothing of about one pixel, which cells of five pixels survive.
+/// Response of the derivative filters to a second derivative of one grey level per square pixel.
+/// They are five pixels wide, which smooths by about one pixel; cells of five pixels are preserved.
 const FILTER_GAIN: f32 = 64.0;
 const WEAKEST: f32 = (FILTER_GAIN * MIN_SADDLE) * (FILTER_GAIN * MIN_SADDLE);
 
-/// A saddle this much weaker than another one within some pairs of pixels is dropped: what is printed
+/// Ratio of a saddle to a stronger one within some pairs of pixels below which it is dropped: print
 /// in a cell, or beside an edge, is finer than the cell and more blurred.
 const MIN_OF_RIVAL: f32 = 0.6;
 const RIVAL_PAIRS: usize = 2;
 
-/// Pixels at the border in which no saddle is looked for: the filters' and the rivals' reach.
+/// Width (px) of the border in which no saddle is sought: the reach of the filters and of the
+/// rivals.
 const MARGIN: usize = 6;
 
-/// Pixels from a filter's middle to its rim.
+/// Number of pixels from a filter's middle to its rim.
 const REACH: usize = 2;
 
-/// Pixels of a row that are looked at together.
+/// Number of pixels of a row that are examined together.
 const RUN: usize = 16;
 
-/// Rows of a picture that are searched at a time, which bounds the memory that filters take. Even, so
-/// that pairs of pixels are whole.
+/// Number of rows of a picture that are searched at a time, which bounds the memory for the
+/// filters. Even, so that pairs of pixels are whole.
 const STRIP: usize = 128;
 
-/// Finds the pixels where the curvature as at a saddle is strongest in their neighbourhood, in row
+/// Finds the pixels where the curvature of a saddle is strongest in their neighbourhood, in row
 /// order.
 pub(super) fn candidates(picture: &GreyBytes<'_>) -> Vec<SaddleCandidate> {
     let [width, height] = picture.size();
@@ -60,7 +60,7 @@ struct Strengths {
     width: usize,
 }
 
-/// A row of a picture that is smoothed and differentiated along.
+/// A row of a picture, smoothed and differentiated along it.
 struct FilteredRow {
     smooth: Vec<i16>,
     slope: Vec<i16>,
@@ -68,13 +68,13 @@ struct FilteredRow {
 }
 
 impl Strengths {
-    /// Those of the rows from `first` to before `last`.
+    /// The strengths in the rows from `first` to before `last`.
     fn of(picture: &GreyBytes<'_>, first: usize, last: usize) -> Self {
         let [width, height] = picture.size();
         let mut padded = vec![0; width + 2 * REACH];
         let rows: Vec<_> = (first..last + 2 * REACH)
             .map(|row| {
-                // At the border the picture is mirrored.
+                // The picture is mirrored at its border.
                 let row = row.abs_diff(REACH);
                 let row = row.min(2 * (height - 1) - row);
                 let values = &picture.values()[row * width..(row + 1) * width];
@@ -91,12 +91,12 @@ impl Strengths {
         Self { values, width }
     }
 
-    /// Adds the peaks of a row, which is `row` here and lies `above` further down in the picture.
+    /// Adds the peaks of a row, whose index is `row` here and `row + above` in the picture.
     fn add_peaks(&self, row: usize, above: usize, found: &mut Vec<SaddleCandidate>) {
         let strengths = &self.values[row * self.width..(row + 1) * self.width];
         let inner = &strengths[MARGIN..self.width - MARGIN];
         for (number, run) in inner.chunks(RUN).enumerate() {
-            // Most pixels are curved in no such way.
+            // Most pixels have no such curvature.
             if !run.iter().fold(false, |any, it| any | (*it > WEAKEST)) {
                 continue;
             }
@@ -116,7 +116,7 @@ impl Strengths {
         if strength < around {
             return false;
         }
-        // Every second pixel with those next to it.
+        // Each pair of an even and an odd coordinate, with those next to it.
         let pairs = |at: usize| {
             let pair = 2 * (at / 2);
             [pair - 2 * RIVAL_PAIRS - 1, pair + 2 * RIVAL_PAIRS + 2]
@@ -125,7 +125,7 @@ impl Strengths {
         strength >= MIN_OF_RIVAL * MIN_OF_RIVAL * rival
     }
 
-    /// The strongest from the first to before the last of columns and rows.
+    /// The largest strength in ranges of columns and rows, whose ends are exclusive.
     fn strongest(&self, columns: [usize; 2], rows: [usize; 2]) -> f32 {
         let columns = columns[0]..columns[1].min(self.width);
         let height = self.values.len() / self.width;
@@ -142,7 +142,7 @@ impl Strengths {
 }
 
 impl FilteredRow {
-    /// Of some grey levels; `padded` has room for them and their mirrored ends.
+    /// Filters some grey levels; `padded` has room for them and their mirrored ends.
     fn of(values: &[u8], padded: &mut [i16]) -> Self {
         let width = values.len();
         for (level, value) in padded[REACH..].iter_mut().zip(values) {
@@ -214,7 +214,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [90, 300];
 
-    /// Dark and light cells that meet at a pixel's corner, and grey levels that only bend elsewhere.
+    /// Dark and light cells that meet at a pixel's corner, on an even ground.
     fn picture(meeting: [usize; 2]) -> Vec<u8> {
         let level = |index: usize| {
             let (x, y) = (index % SIZE[0], index / SIZE[0]);

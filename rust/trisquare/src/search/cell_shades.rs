@@ -1,9 +1,9 @@
-//! The light and the dark cells of a lattice, as the photograph shows them.
+//! The shades of the light and the dark cells of a lattice in the photograph.
 //!
-//! Blurred, or in a coarse picture, dark tiles apart from each other look like a chessboard that
-//! stands on its corner: crossings lie where two tiles are nearest, and each link cuts off the corner
-//! of a tile. So a dark cell is light in its corners, or a light one dark beside its edges. The cells
-//! of a chessboard have one shade up to their edges, even where dark ones are too small to touch, or
+//! In a blurred or coarse picture, dark tiles apart from each other look like a chessboard rotated
+//! by 45 degrees: crossings are where two tiles are nearest, and each link cuts off the corner of a
+//! tile. So a dark cell is light in its corners, or a light one dark beside its edges. The cells of
+//! a chessboard have one shade up to their edges, even where dark ones are too small to touch, or
 //! so large that they overlap.
 
 use std::collections::BTreeSet;
@@ -13,37 +13,40 @@ use nalgebra::Vector2;
 use super::lattice::{Lattice, STEPS, Site, beside};
 use super::photograph::Photograph;
 
-/// Where the four cells at a crossing are looked at: pixels of the photograph along both of a cell's
-/// sides, which is out of the blur, within these parts of the side. A marker leaves an eighth free.
+/// Position at which the four cells at a crossing are sampled: pixels of the photograph along both
+/// sides of a cell, to be out of the blur, limited to these fractions of the side. A marker leaves
+/// an eighth free.
 const INTO_CELL: f64 = 3.0;
 const MIN_INTO_CELL: f64 = 0.1;
 const MAX_INTO_CELL: f64 = 0.3;
 
-/// Least step between a light cell and a dark one at a crossing, over the mean step: at the rim of a
-/// board three of the four are light.
+/// Smallest step between a light cell and a dark one at a crossing, over the mean step: at the rim
+/// of a board three of the four are light.
 const MIN_CONTRAST: f64 = 0.3;
 
-/// Pixels; the side of a cell whose crossings coincide.
+/// Smallest side of a cell (px), in case its crossings coincide.
 const MIN_SIDE: f64 = 1e-9;
 
-/// Least step from what is lightest of dark cells to what is darkest of light ones, near their edges,
-/// over the step between their middles. A chessboard of 8 pixels a cell leaves 0.19, blurred by 2
-/// pixels or with gaps or overlaps of a sixth of a cell; tiles leave 0.15, blurred as much, or less.
+/// Smallest step from the lightest of the dark cells' means near their edges to the darkest of the
+/// light cells', over the step between the middles. A chessboard of 8 pixels per cell has 0.19,
+/// blurred by 2 pixels or with gaps or overlaps of a sixth of a cell; tiles have 0.15, blurred as
+/// much, or less.
 const MIN_STEP: f64 = 0.17;
 
-/// Of a cell's side: where a dark cell is looked at beside its edges. For tiles apart, the two depths
-/// must be less than a third together.
+/// Distance from its edges, as a fraction of its side, at which a dark cell is sampled. To detect
+/// separate tiles, the two distances must add up to less than a third.
 const DARK_RIM: f64 = 0.15;
-/// The same of a light cell, which may hold a marker. The marker's white rim is an eighth.
+/// Same for a light cell, which may contain a marker with a white rim of an eighth.
 const LIGHT_RIM: f64 = 0.1;
 
-/// Of the places beside and in a space between two boards, those that must be as they are then.
+/// Fraction of the places beside and in a space between two boards that must have the expected
+/// shade.
 const SPACE_SHARE: f64 = 0.9;
-/// How light a space is at least, from 0 (as dark cells) to 1 (as light ones).
+/// Minimum lightness of a space, from 0 (that of dark cells) to 1 (that of light ones).
 const LIGHT_SPACE: f64 = 0.7;
-/// Cells beside a space at least, on both sides together, and of each shade: fewer are light and dark
-/// by chance. Two boards with four crossings opposite each other have six, of which two are light
-/// or two dark.
+/// Minimum number of cells beside a space, on both sides together, and of each shade: fewer may be
+/// light and dark by chance. Two boards with four crossings opposite each other have six, of which
+/// two are light or two dark.
 const MIN_BESIDE: usize = 6;
 const MIN_OF_SHADE: usize = 2;
 
@@ -51,12 +54,12 @@ const MIN_OF_SHADE: usize = 2;
 type Places = [(f64, f64)];
 const CENTRE: &Places = &[(0.5, 0.5)];
 
-/// Beside the middles of a cell's edges, that far from them.
+/// Positions at this distance from the middles of a cell's edges.
 const fn middles(rim: f64) -> [(f64, f64); 4] {
     [(rim, 0.5), (1.0 - rim, 0.5), (0.5, rim), (0.5, 1.0 - rim)]
 }
 
-/// In the corners of a cell, that far from both edges.
+/// Positions in the corners of a cell, at this distance from both edges.
 const fn corners(rim: f64) -> [(f64, f64); 4] {
     [
         (rim, rim),
@@ -67,7 +70,7 @@ const fn corners(rim: f64) -> [(f64, f64); 4] {
 }
 
 impl Photograph<'_> {
-    /// Whether two light cells and two dark ones alternate round a crossing.
+    /// Whether two light and two dark cells alternate around a crossing.
     pub fn alternates(&self, lattice: &Lattice, site: Site) -> bool {
         self.shades_around(lattice, site).is_some_and(|shades| {
             let [first, second, third, fourth] = match lattice.is_dark(site) {
@@ -80,8 +83,8 @@ impl Photograph<'_> {
         })
     }
 
-    /// Grey levels of the four cells at a crossing, clockwise from that of directions 0 and 1; the
-    /// sides of cells beyond the lattice are those opposite.
+    /// Grey levels of the four cells at a crossing, clockwise from that of directions 0 and 1;
+    /// sides of cells beyond the lattice are replaced by the opposite ones.
     fn shades_around(&self, lattice: &Lattice, site: Site) -> Option<[f64; 4]> {
         let here = lattice.at(site)?;
         let mut ways = [Vector2::zeros(); 4];
@@ -99,7 +102,7 @@ impl Photograph<'_> {
         }))
     }
 
-    /// Whether the cells of a lattice are light or dark up to near their edges.
+    /// Whether the cells of a lattice are uniformly light or dark up to near their edges.
     pub fn is_chequered(&self, lattice: &Lattice) -> bool {
         let cells = lattice
             .sites()
@@ -118,17 +121,17 @@ impl Photograph<'_> {
         let rims = |cells: &[_], rim| [middles(rim), corners(rim)].map(|at| mean_of(cells, &at));
         let [dark_rim, dark_corner] = rims(&dark, DARK_RIM);
         let [light_rim, light_corner] = rims(&light, LIGHT_RIM);
-        // The middle of a light cell may be that of a marker.
+        // The middle of a light cell may be in a marker.
         let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
         let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
         lightest > darkest && step > MIN_STEP * (lightest - darkest)
     }
 
-    /// The boards that a lattice consists of: light paper lies between the whole cells that two
-    /// boards go on by.
+    /// The boards of a lattice, separated where there is light paper between whole cells of two
+    /// boards.
     ///
-    /// What hides a part of one board is seldom as light as paper, and leaves no whole cells at its
-    /// rim.
+    /// An object that hides part of one board is seldom as light as paper, and leaves no whole
+    /// cells at its rim.
     pub fn boards(&self, lattice: &Lattice) -> Vec<Lattice> {
         let Some((axis, last)) = self.space(lattice) else {
             return vec![lattice.clone()];
@@ -141,7 +144,8 @@ impl Photograph<'_> {
         parts.iter().flat_map(|part| self.boards(part)).collect()
     }
 
-    /// The first space in a lattice: the axis across it, and the last row (axis 0) or column before.
+    /// The first space in a lattice: the axis across it, and the last row (axis 0) or column before
+    /// it.
     pub fn space(&self, lattice: &Lattice) -> Option<(usize, isize)> {
         [0, 1].into_iter().find_map(|axis| {
             let occupied: BTreeSet<_> = lattice.found().map(|it| across(it.0, axis)).collect();
@@ -152,8 +156,8 @@ impl Photograph<'_> {
         })
     }
 
-    /// Whether there is a space from the last row (axis 0) or column of one part to the first of
-    /// the other.
+    /// Whether there is a space between the last row (axis 0) or column of one part and the first
+    /// one of the other.
     fn is_space(&self, lattice: &Lattice, axis: usize, (last, first): (isize, isize)) -> bool {
         let [rows, columns] = lattice.size();
         let site = |across: isize, along: isize| match axis {
@@ -172,7 +176,7 @@ impl Photograph<'_> {
             for (across, part) in [(last, half_cell), (first - 1, 1.0 - half_cell)] {
                 match lattice.is_dark(site(across, along)) {
                     true => dark.push(level(0.5, part)),
-                    // Beside the marker that a light cell may hold; in a coarse picture only its
+                    // Beside a marker that a light cell may contain; in a coarse picture only its
                     // middle is out of the blur.
                     false => {
                         let levels = [LIGHT_RIM, 0.5, 1.0 - LIGHT_RIM].map(|at| level(at, part));
@@ -204,7 +208,7 @@ fn across(site: Site, axis: usize) -> isize {
     [site.0, site.1][axis]
 }
 
-/// The point at some place in a cell, by bilinear interpolation.
+/// The point at a position in a cell, by bilinear interpolation.
 fn within(corners: &[Vector2<f64>; 4], (u, v): (f64, f64)) -> Vector2<f64> {
     let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     corners

@@ -1,8 +1,8 @@
-//! Contours of the regions of a picture above some level, and of the holes in them.
+//! Contours of the regions of a picture above a level, and of the holes in them.
 //!
 //! Border following: S. Suzuki, K. Abe, Computer Vision, Graphics, and Image Processing 30 (1985)
-//! 32-46. A noisy picture has thousands of contours of a few pixels; what is too small is dropped as it
-//! is followed.
+//! 32-46. A noisy picture has thousands of contours of a few pixels; contours that are too small
+//! are dropped as soon as they have been followed.
 
 use crate::image::GreyBytes;
 
@@ -20,44 +20,44 @@ const STEPS: [[i32; 2]; 8] = [
 const RIGHT: usize = 0;
 const LEFT: usize = 4;
 
-/// Of a cell: outside of all regions, or inside, and whether a contour has come by. One that came by
-/// with its outside on the right has marked where a hole or the outside begins.
+/// States of a cell: outside of all regions, or inside, and whether a contour has passed it. A
+/// contour that passed with the outside on its right has marked where a hole or the outside begins.
 const OUTSIDE: u8 = 0;
 const INSIDE: u8 = 1;
 const FOLLOWED: u8 = 2;
 const FOLLOWED_RIGHT: u8 = 3;
 
-/// Cells that are compared at a time.
+/// Number of cells that are compared at a time.
 const RUN: usize = 8;
 
-/// Which contours are kept.
+/// Limits of the contours to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ContourLimits {
-    /// Pixels on the contour.
+    /// Minimum number of pixels on the contour.
     pub points: usize,
-    /// Shorter side of its box, pixels.
+    /// Minimum shorter side of its bounding box, pixels.
     pub side: i32,
-    /// Enclosed, in square pixels.
+    /// Minimum enclosed area, in square pixels.
     pub area: f64,
-    /// Enclosed area over the squared number of points.
+    /// Minimum enclosed area over the squared number of points.
     pub compactness: f64,
-    /// Pixels between its box and the picture's border.
+    /// Minimum distance of its bounding box from the picture's border, pixels.
     pub margin: i32,
-    /// Whether contours of holes are kept, too.
+    /// Whether to keep contours of holes, too.
     pub holes: bool,
 }
 
-/// A contour as a closed run of pixels, each next to the one before.
+/// A contour as a closed sequence of adjacent pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Contour {
-    /// Columns and rows; those of regions run anticlockwise on the screen, those of holes clockwise.
+    /// Columns and rows, anticlockwise on the screen for regions, clockwise for holes.
     pub points: Vec<[i32; 2]>,
-    /// Enclosed by the middles of the pixels, in square pixels; negative for regions.
+    /// Area enclosed by the centres of the pixels, in square pixels; negative for regions.
     pub area: f64,
 }
 
-/// Contours of the regions of a picture of some width that are above each of some levels, and of the
-/// holes in them: of each level from the last to the first in row order of their first pixels.
+/// Contours of the regions of a picture above each of some levels, and of the holes in them. Those
+/// of a level are in reverse row order of their first pixels.
 ///
 /// Regions are connected by sides and corners, and end at the picture's border.
 pub(super) fn contours(
@@ -96,11 +96,11 @@ impl ContourLimits {
     }
 }
 
-/// Which cells of a picture are inside of regions, with a rim of cells that are outside.
+/// The cells of a picture that are inside of regions, with a border of cells that are outside.
 struct Map {
     size: [usize; 2],
     stride: usize,
-    /// Between cells, to each of the neighbours.
+    /// Index differences to each of the neighbours.
     steps: [isize; 8],
     cells: Vec<u8>,
 }
@@ -116,7 +116,7 @@ impl Map {
         }
     }
 
-    /// Takes the regions that are above a level.
+    /// Marks the regions above a level.
     fn fill(&mut self, values: &[u8], level: u8) {
         let rows = self.cells.chunks_exact_mut(self.stride).skip(1);
         for (cells, values) in rows.zip(values.chunks_exact(self.size[0])) {
@@ -160,7 +160,7 @@ impl Map {
         kept
     }
 
-    /// The first cell from `at` to before `end` that is not as the one before it.
+    /// The first cell from `at` to before `end` that differs from the one before it.
     fn next_change(&self, at: usize, end: usize, before: u8) -> Option<usize> {
         let row = self.cells.get(at..end)?;
         let alike = [before; RUN];
@@ -191,7 +191,8 @@ impl Map {
         is_hole: bool,
         points: &mut Vec<[i32; 2]>,
     ) -> i64 {
-        // The last pixel is the first's next neighbour clockwise from the cell that is outside.
+        // The last pixel is the next neighbour of the first, clockwise from the cell that is
+        // outside.
         let outside = if is_hole { RIGHT } else { LEFT };
         let is_inside =
             |turn: &usize| self.cells[self.neighbour(first, outside + 8 - turn)] != OUTSIDE;
@@ -205,12 +206,12 @@ impl Map {
         let (mut cell, [mut x, mut y]) = (first, pixel);
         let mut doubled_area = 0;
         loop {
-            // Anticlockwise from where it came; at the latest it goes back there.
+            // Anticlockwise from the previous pixel, which is found again if there is no other.
             let mut direction = back + 1;
             while self.cells[self.neighbour(cell, direction)] == OUTSIDE {
                 direction += 1;
             }
-            // Past the right-hand neighbour, which is then outside.
+            // The search has passed the right-hand neighbour, which is then outside.
             if direction > 8 {
                 self.cells[cell] = FOLLOWED_RIGHT;
             } else if self.cells[cell] == INSIDE {
@@ -262,7 +263,7 @@ mod tests {
         };
         assert_eq!((region.area, region.points.len()), (-8.0, 12));
         assert_eq!(region.points[..3], [[0, 0], [0, 1], [0, 2]]);
-        // The hole is as large as the middles of the pixels around it have it.
+        // The area of the hole is that within the centres of the pixels around it.
         assert_eq!((hole.area, hole.points.len()), (6.0, 8));
         let without_holes = ContourLimits {
             holes: false,
@@ -287,7 +288,7 @@ mod tests {
             .iter()
             .map(|it| (it.points[0], it.area > 0.0))
             .collect();
-        // Touching corners join, and a region of one pixel has no area.
+        // Regions whose corners touch are joined, and a region of one pixel has no area.
         assert_eq!((found.len(), holes, starts.len()), (7, 1, 7));
         for contour in &found {
             let around = contour

@@ -1,19 +1,19 @@
-//! Edges of a grey picture to a fraction of a pixel, linked into chains.
+//! Edges of a grey picture, located to a fraction of a pixel and linked into chains.
 //!
-//! An edge point is a maximum of the gradient along the axis that the gradient is nearest to; a
-//! parabola through three magnitudes gives its place (F. Devernay, INRIA report 2724 (1995); R.
-//! Grompone von Gioi & G. Randall, Image Processing On Line 7 (2017) 347-372, whose linking this
-//! is).
+//! An edge point is a maximum of the gradient along the axis nearest to the gradient's direction; a
+//! parabola through three magnitudes gives its position (F. Devernay, INRIA report 2724 (1995); R.
+//! Grompone von Gioi & G. Randall, Image Processing On Line 7 (2017) 347-372, whose linking is
+//! used).
 
 use nalgebra::Vector2;
 
-/// Pixels from an edge point within which the next one of its chain lies.
+/// Distance (px) from an edge point within which the next one of its chain is sought.
 const REACH: usize = 2;
 
-/// Stands for "no edge point".
+/// Index for "no edge point".
 const NONE: u32 = u32::MAX;
 
-/// Grey levels of any unit, in rows.
+/// Grey levels in any unit, in row order.
 #[derive(Debug, Clone, Copy)]
 pub struct GreyFloats<'a> {
     size: [usize; 2],
@@ -21,7 +21,7 @@ pub struct GreyFloats<'a> {
 }
 
 impl<'a> GreyFloats<'a> {
-    /// `None` unless there are `width * height` values.
+    /// Wraps the values; `None` unless there are `width * height`.
     #[must_use]
     pub fn new(width: usize, height: usize, values: &'a [f32]) -> Option<Self> {
         (width.checked_mul(height)? == values.len()).then_some(Self {
@@ -30,7 +30,7 @@ impl<'a> GreyFloats<'a> {
         })
     }
 
-    /// Gradient of a pixel that is not on the rim, by Scharr's filters, in levels a pixel.
+    /// Gradient at a pixel that is not on the rim, by Scharr's filters, in levels per pixel.
     fn gradient(&self, x: usize, y: usize) -> Vector2<f32> {
         let width = self.size[0];
         let at = |x: usize, y: usize| self.values[y * width + x];
@@ -51,15 +51,16 @@ struct EdgePoint {
 
 /// Finds the chains of edge points whose gradient is at least `weak`, and `strong` somewhere.
 ///
-/// Points in pixels, about one a pixel, in the order along the edge with the darker side on the
-/// same hand; a chain has two points or more. `weak` and `strong` in levels a pixel.
+/// The points, in pixels, are about a pixel apart, in order along the edge, with the darker side
+/// always on the same hand; a chain has at least two points. `weak` and `strong` are in levels per
+/// pixel.
 #[must_use]
 pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<Vector2<f64>>> {
     let (points, grid) = edge_points(picture, weak);
     let (next, previous) = links(picture.size, &points, &grid);
     let mut taken = vec![false; points.len()];
     let mut chains = Vec::new();
-    // Open chains from their first points; what is left are rings.
+    // Open chains first, from their first points; the remaining chains are rings.
     let first = (0..points.len()).filter(|&i| previous[i] == NONE);
     for start in first.chain(0..points.len()) {
         let mut chain = Vec::new();
@@ -81,7 +82,7 @@ pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<
     chains
 }
 
-/// The edge points of a picture, and for each pixel which one is its own.
+/// The edge points of a picture, and for each pixel the index of its point.
 fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>) {
     let [width, height] = picture.size;
     let mut points = Vec::new();
@@ -127,7 +128,7 @@ fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>
     (points, grid)
 }
 
-/// Which point follows each, and which precedes it.
+/// The next and the previous point of each point.
 fn links(size: [usize; 2], points: &[EdgePoint], grid: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut next = vec![NONE; points.len()];
     let mut previous = vec![NONE; points.len()];
@@ -177,7 +178,7 @@ fn neighbours(
     (nearest[0].0, nearest[1].0)
 }
 
-/// Links two points unless one of them has a nearer partner; farther partners are let go.
+/// Links two points unless one of them has a nearer partner; links to farther partners are removed.
 fn connect(next: &mut [u32], previous: &mut [u32], points: &[EdgePoint], from: u32, to: u32) {
     let distance = |a: u32, b: u32| (points[a as usize].place - points[b as usize].place).norm();
     let length = distance(from, to);

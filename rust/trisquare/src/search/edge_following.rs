@@ -1,88 +1,91 @@
-//! Which crossings of a chessboard's grid lines follow one another: along an edge of the picture.
+//! Links between crossings of a chessboard's grid lines that follow each other along an edge of the
+//! picture.
 //!
-//! A crossing has four directions, numbered clockwise on the screen so that clockwise of
-//! directions 0 and 2 it is dark, and of 1 and 3 light. The next crossing of a grid line has its
-//! dark and light cells the other way round: an even direction of one leads to an odd direction of
-//! the other.
+//! The four directions of a crossing are numbered clockwise on the screen so that the cell
+//! clockwise of directions 0 and 2 is dark, and that of 1 and 3 light. At the next crossing of a
+//! grid line the dark and light cells are exchanged: an even direction of one leads to an odd
+//! direction of the other.
 
 use nalgebra::Vector2;
 
 use crate::image::GreyBytes;
 
-/// Cosine of how far a neighbour may be beside an edge's direction: 18 degrees, for what noise and
-/// the smoothing of slanted edges do to the direction.
+/// Cosine of the largest angle between a neighbour and an edge's direction: 18 degrees, for the
+/// effect of noise and of the smoothing of slanted edges on the direction.
 const MISALIGNED: f64 = 0.95;
 
-/// The same of a neighbour that is looked for first: 10 degrees, as all but small cells have it.
-/// What is printed in a cell crosses its white rim, whose middle is 15 degrees beside the cell's
-/// edge.
+/// Same for neighbours that are sought first: 10 degrees, which suffices except for small cells.
+/// Print in a cell crosses its white rim, whose middle is 15 degrees from the cell's edge.
 const MISALIGNED_LITTLE: f64 = 0.985;
 
-/// The same as the first next to a crossing, where the corner of a slanted cell is as small as the
-/// blur: 33 degrees.
+/// Same for neighbours near a crossing, where the corner of a slanted cell is as small as the blur:
+/// 33 degrees.
 const MISALIGNED_NEAR: f64 = 0.84;
 
-/// Pixels up to which a neighbour is that near.
+/// Largest distance (px) of such a near neighbour.
 const NEAR: f64 = 12.0;
 
-/// Where the edge between two crossings is looked at, as fractions of the way. The blur of the
-/// crossings themselves reaches farther in the shortest cells only, where it is symmetric.
+/// Positions at which the edge between two crossings is examined, as fractions of the distance. The
+/// blur of the crossings reaches them only in the shortest cells, where it is symmetric.
 const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
 
-/// Pixels beside an edge where it is light or dark: the blur has faded enough for a sign, and the
-/// white rim of a cell that holds a marker, an eighth of the cell, is not yet crossed.
+/// Distance (px) from an edge at which the light and the dark side are sampled: the blur has faded
+/// enough for the sign, and the white rim of a cell with a marker, an eighth of the cell, is not
+/// yet crossed.
 const BESIDE: f64 = 1.3;
 
-/// Pixels from a crossing within which the cell opposite is reached beside the edge, if the two
-/// edges cross aslant; but the middle of the way, from this fraction on, is always looked at.
+/// Distance (px) from a crossing within which a sample beside the edge may be in the opposite cell,
+/// if the two edges cross at an oblique angle. The middle, from the given fraction on, is examined
+/// in any case.
 const CORNER: f64 = 2.2;
 const MIDDLE: f64 = 0.36;
 
-/// Least step across an edge over the mean of all its places: noise and shading leave more.
+/// Smallest step across an edge, over the mean of all positions; noise and shading leave more.
 const FAINTEST: f64 = 0.5;
 
-/// The same at the first and the last place: next to a crossing the step fades, the more so the
-/// more aslant the two edges cross. Noise alone would leave a step of either sign.
+/// Same for the first and the last position: next to a crossing the step fades, the more so the
+/// more oblique the two edges are. Noise alone would produce a step of either sign.
 const FAINTEST_END: f64 = 0.1;
 
-/// Grey levels across an edge: a tenth of a contrast of 30, for what two pixels of blur leave of
-/// it; noise would not step the same way at all of `PLACES`.
+/// Smallest mean step across an edge, grey levels: a tenth of a contrast of 30, as remains after
+/// two pixels of blur. Noise would not have the same sign at all of `PLACES`.
 const MIN_STEP: f64 = 3.0;
 
-/// Crossings that are tried in one direction, the nearest first: what is printed in a cell, or
-/// lies beside its edge, comes before the next crossing.
+/// Maximum number of crossings that are tried in one direction, the nearest first: print in a cell,
+/// or beside its edge, comes before the next crossing.
 const MAX_TRIED: usize = 12;
 
-/// A place where two edges cross, and the unit vectors of directions 0 and 1.
+/// A point where two edges cross, and the unit vectors of directions 0 and 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// In pixels.
+    /// Position in pixels.
     pub point: Vector2<f64>,
-    /// Clockwise of the first it is dark, of the second, which comes next clockwise, light.
+    /// The cell clockwise of the first is dark; that of the second, which is next clockwise, is
+    /// light.
     pub edges: [Vector2<f64>; 2],
 }
 
-/// The crossing that follows in some direction, and which of its own directions leads back.
+/// The next crossing in some direction, and the direction there that leads back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Follower {
-    /// Number of the crossing.
+    /// Index of the crossing.
     pub crossing: usize,
-    /// Direction, 0 to 3.
+    /// Direction that leads back, 0 to 3.
     pub back: usize,
 }
 
-/// What follows a crossing in its four directions.
+/// The next crossings in the four directions of a crossing.
 pub type Followers = [Option<Follower>; 4];
 
 impl GreyBytes<'_> {
-    /// Whether one edge leads all the way from one point to another, dark clockwise of the way
-    /// (on the right hand, as y points down) or light.
+    /// Whether one edge leads all the way from one point to another, with the dark side clockwise
+    /// of the way (on the right hand, as y points down) or the light one.
     #[must_use]
     pub fn has_edge(&self, start: Vector2<f64>, end: Vector2<f64>, dark_clockwise: bool) -> bool {
         self.has_edge_beyond(0.0, start, end, dark_clockwise)
     }
 
-    /// The same, but for so many pixels at both ends of the way.
+    /// Same as `has_edge`, without `corner` pixels at both ends.
     fn has_edge_beyond(
         &self,
         corner: f64,
@@ -115,14 +118,14 @@ impl GreyBytes<'_> {
 }
 
 impl Crossing {
-    /// The direction that a vector follows, if it follows one.
+    /// The direction with which a vector is aligned, if there is one.
     #[must_use]
     pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
         let (direction, along) = self.nearest_direction(vector);
         (along * along >= MISALIGNED * MISALIGNED * vector.norm_squared()).then_some(direction)
     }
 
-    /// The direction nearest to that of a vector, and the vector's part along it.
+    /// The direction nearest to that of a vector, and the vector's component along it.
     #[inline]
     fn nearest_direction(&self, vector: Vector2<f64>) -> (usize, f64) {
         let along = [self.edges[0].dot(&vector), self.edges[1].dot(&vector)];
@@ -131,10 +134,10 @@ impl Crossing {
     }
 }
 
-/// Links each crossing to the nearest ones that an edge of the picture leads to.
+/// Links each crossing to the nearest ones that are connected to it by an edge of the picture.
 ///
-/// Returns what follows each crossing in its directions 0 to 3. A link is the nearest at both of
-/// its ends.
+/// Returns the next crossings of each one in its directions 0 to 3. The two ends of a link are the
+/// nearest ones of each other.
 #[must_use]
 pub fn link_crossings(picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Vec<Followers> {
     let from_each = crossings.iter();
@@ -148,7 +151,7 @@ pub fn link_crossings(picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Vec<Fo
     links
 }
 
-/// Adds links between directions of which neither has one yet.
+/// Adds links between directions that have no link yet.
 fn add_links(links: &mut [Followers], others: &[Followers]) {
     for (number, others) in others.iter().enumerate() {
         for (direction, other) in others.iter().enumerate() {
@@ -166,8 +169,8 @@ fn add_links(links: &mut [Followers], others: &[Followers]) {
     }
 }
 
-/// How many crossings hang together, in each group of them; those of fewer than two links are in
-/// none.
+/// Number of crossings in each connected group; crossings with fewer than two links are in no
+/// group.
 pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
     let is_linked = |number: usize| links[number].iter().flatten().count() >= 2;
     let mut is_new: Vec<bool> = (0..links.len()).map(is_linked).collect();
@@ -190,14 +193,14 @@ pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
     groups
 }
 
-/// Which neighbours are looked for at a time.
+/// Requirements on the neighbours in one pass.
 #[derive(Debug, Clone, Copy)]
 struct Pass {
-    /// Cosine of how far a neighbour may be beside an edge's direction.
+    /// Cosine of the largest angle between a neighbour and an edge's direction.
     aligned: f64,
-    /// Pixels to the farthest.
+    /// Largest distance of a neighbour, pixels.
     reach: f64,
-    /// Pixels at both ends of the way that are not looked at.
+    /// Length at both ends of the edge that is not examined, pixels.
     corner: f64,
 }
 
@@ -219,7 +222,7 @@ const PASSES: [Pass; 3] = [
     },
 ];
 
-/// Links of a pass that are the nearest at both of their ends.
+/// Links of a pass whose ends are the nearest ones of each other.
 fn mutual_links(nearest: &[[Followers; PASSES.len()]], pass: usize) -> Vec<Followers> {
     let mutual = |number: usize, direction: usize| {
         nearest[number][pass][direction].filter(|follower| {
@@ -235,9 +238,9 @@ fn mutual_links(nearest: &[[Followers; PASSES.len()]], pass: usize) -> Vec<Follo
         .collect()
 }
 
-/// The nearest crossings, pass by pass, that an edge leads to from one.
+/// The nearest crossings, for each pass, that are connected to one by an edge.
 ///
-/// All pairs of crossings are looked at, but only once for all passes.
+/// All pairs of crossings are examined, but only once for all passes.
 fn nearest_of(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
@@ -278,9 +281,10 @@ fn nearest_of(
     })
 }
 
-/// Puts the numbers of the crossings in some direction of one first, and counts them.
+/// Writes the indices of the crossings that are aligned with a direction of `from` to the start of
+/// `numbers`, and counts them.
 ///
-/// Of all pairs of crossings, those that are not aligned must cost little: there is no branch.
+/// There is no branch, since most pairs of crossings are not aligned and should cost little.
 fn numbers_beside(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
     let mut count = 0;
     for (number, other) in crossings.iter().enumerate() {
@@ -303,7 +307,7 @@ fn numbers_beside(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]
     count
 }
 
-/// The nearest of some crossings to which an edge leads, with the squares of their distances.
+/// The nearest of some crossings that is connected by an edge; candidates have squared distances.
 fn nearest_linked(
     candidates: &mut [(f64, Follower)],
     is_linked: impl Fn(&Follower) -> bool,
@@ -325,7 +329,7 @@ mod tests {
 
     #[test]
     fn crossings_hang_together_where_links_lead_from_one_to_the_next() {
-        // A cell of four, a row of five whose ends have one link each, and one alone.
+        // A cell of four, a row of five whose ends have one link each, and a single one.
         let mut links: Vec<Followers> = vec![[None; 4]; 10];
         for (from, to) in [
             (0, 1),

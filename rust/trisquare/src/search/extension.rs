@@ -1,4 +1,4 @@
-//! Crossings that were too faint to be found, but are where a lattice goes on.
+//! Crossings that were too faint to be found, at places where a lattice continues.
 
 use nalgebra::Vector2;
 
@@ -10,18 +10,21 @@ use super::photograph::Photograph;
 use super::saddles::refine_corner;
 use crate::image::GreyBytes;
 
-/// Rows and columns that are added one after another: as many as a large board has.
+/// Maximum number of rows and columns that are added one after another: as many as a large board
+/// has.
 const MAX_EXTENSIONS: usize = 12;
 
-/// Cells from the outline of another lattice, with one cell round it, at which a fold may be.
+/// Distance, in cells, from the outline of another lattice with a rim of one cell, within which
+/// there may be a fold.
 const AT_FOLD: f64 = 0.25;
 
-/// Pixels at the border in which no crossing is foretold: the reach of the filters that find one.
+/// Width (px) of the border in which no crossing is predicted: the reach of the filters that find
+/// one.
 const MARGIN: f64 = 6.0;
 
 impl Lattice {
-    /// With a crossing at every empty site next to one, where the surface has it, and one more row
-    /// and column on every side.
+    /// The lattice with a predicted crossing at every empty site next to an occupied one, and with
+    /// one more row and column on every side.
     fn with_neighbours(&self, [width, height]: [usize; 2]) -> Self {
         let surface = LatticeSurface::of(self, [width, height]);
         let padded = self.padded();
@@ -35,11 +38,11 @@ impl Lattice {
         wider
     }
 
-    /// With the crossings that were too faint to be found in a picture.
+    /// The lattice with crossings that were too faint to be found in a picture.
     ///
-    /// Cells alternate round them, and edges lead to their neighbours in the photograph. At a fold
-    /// they do so, too, where two sheets' cells happen to meet: what is next to one of the outlines
-    /// of `others` is not added.
+    /// At such a crossing the cells alternate, and edges lead to its neighbours in the photograph.
+    /// Both may be true at a fold, too, where cells of two sheets happen to meet: crossings near
+    /// one of the outlines of `others` are not added.
     pub(super) fn extended(
         &self,
         picture: &GreyBytes<'_>,
@@ -84,7 +87,7 @@ impl Lattice {
         let mut linked = wider.clone();
         for way in WAYS {
             for (site, link) in wider.links(way) {
-                // Without an edge between two crossings, one of them may be none.
+                // If there is no edge between two crossings, either may be wrong.
                 if !photograph.is_edge(wider.is_dark(site) == (way == WAYS[0]), link) {
                     linked.set(site, None);
                     linked.set(beside(site, way, 1), None);
@@ -107,7 +110,7 @@ mod tests {
             whole.filtered(|(row, column)| (1..7).contains(&row) && (1..9).contains(&column));
         let wider = inner.with_neighbours(SIZE);
         assert_eq!(wider.size(), whole.size());
-        // Without corners, which are next to none.
+        // The corners are not predicted, as they are not next to a crossing.
         assert_eq!(wider.count(), inner.count() + 2 * 8 + 2 * 6);
         for (site, point) in wider.found() {
             assert!((point - whole.at(site).unwrap()).norm() < 1.0);

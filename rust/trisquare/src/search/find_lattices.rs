@@ -1,8 +1,9 @@
-//! Chessboard-like lattices of a picture: linked from its saddle points, one per plane.
+//! Search for the chessboard-like lattices of a picture, linked from its saddle points, one per
+//! plane.
 //!
-//! The picture is searched from coarse to fine. A coarse picture has lost the markers that a light
-//! cell may carry, the noise, and the blur of large cells; a finer one has the small cells, and
-//! settles and completes what the coarser one showed.
+//! The picture is searched from coarse to fine. A coarse picture does not show the markers in light
+//! cells, the noise, and the blur of large cells. A finer one shows small cells, and serves to
+//! refine and complete the lattices of the coarser one.
 
 use std::cmp::Reverse;
 
@@ -16,30 +17,31 @@ use super::saddles::refine_corner;
 use super::sectors::{SaddleCandidate, crossings_at};
 use crate::image::GreyBytes;
 
-/// Pictures that are searched, at most; the others, which are the coarsest, are left out.
+/// Maximum number of pictures that are searched; the coarsest ones are left out.
 const MAX_PICTURES: usize = 16;
 
-/// What a search for lattices found.
+/// Result of a search for lattices.
 #[derive(Debug)]
 pub struct FoundLattices {
-    /// From that of most crossings to that of fewest, in pixels of the photograph.
+    /// The lattices, by decreasing number of crossings, in pixels of the photograph.
     pub lattices: Vec<Lattice>,
-    /// Crossings of edges beside them and a cell round them, in the last one of the pictures.
+    /// Number of crossings of edges that are not on the lattices or within a cell of them, in the
+    /// last of the pictures.
     pub crossings_beside: usize,
 }
 
-/// Finds every lattice of 3 x 3 crossings and more in a photograph.
+/// Finds every lattice of at least 3 x 3 crossings in a photograph.
 ///
-/// The `pictures` are the photograph reduced, each twice as fine as the one before; the last one is
-/// the photograph itself or half as fine. If half as fine, and if it shows linked crossings beside
-/// its lattices, as the rims of markers fade in it, the whole is searched as well. Without a lattice,
-/// enough of them must hang together to be one.
+/// The `pictures` are the photograph at reduced sizes, each twice as fine as the one before; the
+/// last one is the photograph itself or half as fine. In the latter case the photograph is searched
+/// as well if the last picture shows linked crossings beside its lattices, as it does where the
+/// rims of markers fade in it; without a lattice, only if enough crossings are linked to form one.
 #[must_use]
 pub fn find_lattices(photograph: &GreyBytes<'_>, pictures: &[GreyBytes<'_>]) -> FoundLattices {
     find_at_candidates(photograph, pictures, candidates)
 }
 
-/// The same with the places of a picture where its crossings may be.
+/// Same as `find_lattices`, with a function for the places in a picture where crossings may be.
 fn find_at_candidates(
     photograph: &GreyBytes<'_>,
     pictures: &[GreyBytes<'_>],
@@ -69,8 +71,8 @@ fn find_at_candidates(
                 .map(|it| it.doubled(&level.picture))
                 .collect();
         }
-        // What a coarse picture makes of a grille, or of the cells of two boards, would else hide
-        // from the finer ones what is there.
+        // Otherwise a lattice that a coarse picture shows in a grille, or in the cells of two
+        // boards, would hide the true ones from the finer pictures.
         lattices.retain(|lattice| seen.has_edges(lattice));
         lattices = level.lattices(lattices, number + 1 == pictures.len());
         lattices.retain(|lattice| lattice.is_board(seen.scale));
@@ -96,14 +98,16 @@ fn find_at_candidates(
 }
 
 impl Lattice {
-    /// In a picture twice as fine.
+    /// The lattice in a picture twice as fine.
     fn doubled(&self, finer: &GreyBytes<'_>) -> Self {
-        // Every second pixel's centre is kept, so that coordinates only need the factor.
+        // Reduced pictures keep the centre of every second pixel, so that coordinates are only
+        // multiplied.
         self.moved(|point| refine_corner(finer, point * 2.0))
     }
 }
 
-/// With faint crossings of those for which something holds, but none that may be another one's.
+/// The lattices, those that satisfy `needs_more` with faint crossings added, but none that may
+/// belong to another one.
 fn extended(
     lattices: &[Lattice],
     picture: &GreyBytes<'_>,
@@ -125,7 +129,7 @@ fn extended(
     extended.collect()
 }
 
-/// Searches the photograph itself, of which lattices in the halved picture are known.
+/// Searches the photograph itself, given the lattices in the halved picture.
 fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
     let photograph = Photograph {
         grey: whole.picture,
@@ -137,7 +141,7 @@ fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
         .collect();
     let finer = whole.lattices(doubled, true);
     let finer: Vec<_> = finer.iter().map(Lattice::complete).collect();
-    // Of a small board hardly a crossing may be missing.
+    // A small board must have nearly all of its crossings.
     let finer = extended(&finer, &whole.picture, &photograph, |it| !it.is_board(1.0));
     let good = finer
         .iter()
@@ -156,7 +160,7 @@ mod tests {
     const SIZE: usize = 120;
     const CELL: f64 = 14.0;
 
-    /// A board of 6 crossings a row, turned a little, and the pixels of its crossings.
+    /// A board with 6 crossings per row, slightly rotated, and the pixels of its crossings.
     fn board(rows: u32) -> (Vec<u8>, Vec<SaddleCandidate>) {
         let along = Vector2::new(0.98, 0.2) * CELL;
         let down = Vector2::new(-0.2, 0.98) * CELL;
@@ -212,7 +216,7 @@ mod tests {
         }
     }
 
-    /// The same picture of twice the size.
+    /// The same picture at twice the size.
     fn doubled(values: &[u8]) -> Vec<u8> {
         let at = |index: usize| index / (4 * SIZE) * SIZE + index % (2 * SIZE) / 2;
         (0..4 * SIZE * SIZE)

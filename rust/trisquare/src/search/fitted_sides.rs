@@ -1,8 +1,8 @@
-//! Smooth curved sides through rough quads, measured on the grey picture itself.
+//! Smooth curved sides from rough quads, measured in the grey picture.
 //!
-//! Contour pixels lie up to a pixel beside the edge and jump with the noise. A cubic through the edge
-//! positions along a side removes both, and tells apart what only looks four-cornered at one threshold:
-//! its edge is not there, or has the wrong sign, or is no smooth curve.
+//! Contour pixels are up to a pixel beside the edge and affected by noise. A cubic through the edge
+//! positions along a side corrects both. It also rejects shapes that have four corners only at one
+//! threshold: their edge does not exist, has the wrong sign, or is not a smooth curve.
 
 use nalgebra::{Vector2, Vector4};
 
@@ -11,69 +11,74 @@ use super::side_cubics::{SidePoints, trimmed_cubics};
 use crate::image::GreyBytes;
 use crate::numeric::median;
 
-/// Grey levels: a contrast of 60 in the weak half of strongly uneven light, and blurred.
+/// Minimum contrast, grey levels: a contrast of 60 in the weak half of strongly uneven light, and
+/// blurred.
 const MIN_CONTRAST: f64 = 14.0;
 
-/// Left out at each end of a side, where two edges blend; as a fraction it is kept within bounds.
+/// Length (px) that is left out at each end of a side, where two edges blend, and its bounds as
+/// fractions of the side.
 const END_MARGIN_PIXELS: f64 = 3.0;
 const END_MARGIN_FRACTIONS: [f64; 2] = [0.06, 0.25];
 
-/// Pixels to both sides of an edge, along the outward normal, that tell where it is, and the outermost
-/// of them, that tell the grey levels beside it.
+/// Number of pixels on either side of an edge, along the outward normal, that are used to locate
+/// it, and number of the outermost ones that give the grey levels beside it.
 const REACH: i32 = 3;
 const PROFILE: usize = 2 * REACH as usize + 1;
 const BESIDE: usize = 2;
-/// Least contrast that a share of it is told of, and how far a share may be beyond 0 and 1.
+/// Smallest contrast used as a divisor, and the amount by which a fraction of the contrast may
+/// exceed 0 and 1.
 const MIN_DIVISOR: f64 = 1.0;
 const MAX_BEYOND: f64 = 0.25;
 
-/// A contour may miss the edge by more than the profile sees near a corner; each round follows the
-/// edge further there, until none moves a curve further than this many pixels.
+/// Maximum number of rounds, and change of a curve (px) that ends them. Near a corner a contour may
+/// miss the edge by more than the reach of the profile; each round follows the edge further there.
 const ROUNDS: usize = 3;
 const SETTLED: f64 = 0.1;
 
-/// Of a side's median contrast, that an edge point must have.
+/// Minimum contrast of an edge point, as a fraction of the side's median.
 const MIN_RELATIVE_CONTRAST: f64 = 0.4;
 
-/// Pixels from the curve to the edge, beyond which a point does not belong to it.
+/// Maximum distance (px) of an edge point from the curve.
 const MAX_RESIDUAL: f64 = 0.75;
 
-/// Over the chord: a fisheye bends a long side by 15 %, a quarter circle has 0.21.
+/// Maximum sagitta over the chord: a fisheye bends a long side by 15 %, a quarter circle has 0.21.
 const MAX_SAGITTA: f64 = 0.16;
 
-/// Over the chord, from the rough corner to where the sides really meet.
+/// Maximum distance, over the chord, from the rough corner to the intersection of the sides.
 const MAX_CORNER_SHIFT: f64 = 0.25;
 
-/// Squared pixels; two sides so parallel do not meet, and are refused by their angle.
+/// Smallest cross product of tangents used as a divisor, in squared pixels: sides so nearly
+/// parallel do not meet, and are rejected by their angle.
 const MIN_CROSS: f64 = 1e-3;
 
-/// Two almost straight curves meet in two.
+/// Number of Newton steps to the intersection of two curves; two suffice if they are almost
+/// straight.
 const NEWTON_STEPS: usize = 3;
 
-/// What must be true of a quad's sides.
+/// Requirements on the sides of a quad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SideLimits {
-    /// Share of a side's points that must lie on its curve, with the side's own contrast.
+    /// Minimum fraction of a side's points that lie on its curve, with the side's own contrast.
     pub least_inliers: f64,
-    /// The same of the one side that something may hide in part.
+    /// Same for the one side that another object may hide in part.
     pub least_inliers_hidden: f64,
-    /// Cosine between two sides at their corner, at most.
+    /// Maximum cosine of the angle between two sides at their corner.
     pub most_cosine: f64,
 }
 
-/// A quad whose four sides are smooth edges, within a few tenths of a pixel of them.
+/// A quad whose four sides follow smooth edges to within a few tenths of a pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedQuad {
-    /// In the order of the rough ones.
+    /// The sides, in the order of the rough ones.
     pub sides: Sides,
     /// Steps in grey levels across the sides, positive.
     pub contrasts: [f64; 4],
-    /// Where a side's edge is in sight; elsewhere something lies over it.
+    /// Whether a side's edge is visible at each point; where it is not, another object covers it.
     pub seen: [[bool; POINTS_PER_SIDE]; 4],
 }
 
-/// Measures the sides of a quad, which are clockwise on the screen and about a pixel and a half off;
-/// `None` unless all are smooth edges of its sign.
+/// Measures the sides of a quad, which must be clockwise on the screen and accurate to about a
+/// pixel and a half; `None` unless all of them are smooth edges of its sign.
 #[must_use]
 pub fn fit_sides(
     picture: &GreyBytes<'_>,
@@ -122,7 +127,7 @@ pub fn fit_sides(
     Some(quad)
 }
 
-/// Measures the sides until they move no more.
+/// Measures the sides repeatedly until they no longer move.
 fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
     for _ in 0..ROUNDS {
         let before: Vec<_> = sides.iter().map(|side| side.curve).collect();
@@ -139,7 +144,7 @@ fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
     }
 }
 
-/// Cubics through the rough points of sides, off their corners.
+/// Cubics through the rough points of the sides, without those near corners.
 fn started(
     rough: &Sides,
     frames: &[ChordFrame; 4],
@@ -161,7 +166,7 @@ fn started(
     trimmed_cubics(&(0..4).map(points).collect::<Vec<_>>())
 }
 
-/// Puts the curves of a quad's sides through the edge that is found beside them.
+/// Fits the curves of a quad's sides to the edges found beside them.
 fn measure(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
     let sign = if is_dark { 1.0 } else { -1.0 };
     let mut measured: Vec<SidePoints> = Vec::new();
@@ -190,7 +195,7 @@ fn measure(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
     }
 }
 
-/// A side's chord: position 0 to 1 along, offset in pixels outward.
+/// The frame of a side's chord: position 0 to 1 along it, outward offset in pixels.
 #[derive(Debug, Clone, Copy)]
 struct ChordFrame {
     start: Vector2<f64>,
@@ -200,7 +205,7 @@ struct ChordFrame {
 }
 
 impl ChordFrame {
-    /// Of a quad whose corners go clockwise on the screen.
+    /// The frame of a chord of a quad with clockwise corners on the screen.
     fn between(start: Vector2<f64>, end: Vector2<f64>) -> Self {
         let length = (end - start).norm();
         let direction = (end - start) / length;
@@ -216,7 +221,7 @@ impl ChordFrame {
         self.start + self.direction * (place * self.length) + self.outward * offset
     }
 
-    /// Position and offset.
+    /// Position and offset of a point.
     fn coordinates(&self, point: Vector2<f64>) -> Vector2<f64> {
         let relative = point - self.start;
         Vector2::new(
@@ -225,17 +230,17 @@ impl ChordFrame {
         )
     }
 
-    /// Positions that are spread over the chord without its ends.
+    /// Positions spread over the chord, without its ends.
     fn inner_places(&self) -> [f64; POINTS_PER_SIDE] {
         let [least, most] = END_MARGIN_FRACTIONS;
         let margin = (END_MARGIN_PIXELS / self.length).clamp(least, most);
         std::array::from_fn(|point| margin + (1.0 - 2.0 * margin) * fraction(point))
     }
 
-    /// Where the edge is, outward from a place in pixels, and its step from inside to outside.
+    /// Outward distance (px) of the edge from a place, and its step from inside to outside.
     ///
-    /// The profile's sum counts how many of its pixels are on the outer side; unlike a steepest
-    /// gradient this is unbiased by noise and needs no interpolation.
+    /// The sum of the normalised profile is the number of its pixels on the outer side. Unlike the
+    /// steepest gradient it is not biased by noise and needs no interpolation.
     fn edge(&self, picture: &GreyBytes<'_>, place: f64, offset: f64) -> (f64, f64) {
         let profile: [f64; PROFILE] = std::array::from_fn(|k| {
             picture.at(self.point(place, offset + f64::from(k as i32 - REACH)))
@@ -254,17 +259,17 @@ impl ChordFrame {
     }
 }
 
-/// A side's curve, and what is seen along it.
+/// A side's curve, and the edge measured along it.
 #[derive(Debug, Clone)]
 struct Edge {
     frame: ChordFrame,
-    /// Of its points along the chord.
+    /// Positions of its points along the chord.
     places: [f64; POINTS_PER_SIDE],
     cubic: Vector4<f64>,
-    /// Offsets of the cubic at the places.
+    /// Offsets of the cubic at the positions.
     curve: [f64; POINTS_PER_SIDE],
     is_on_curve: [bool; POINTS_PER_SIDE],
-    /// Step in grey levels, positive if it is of the quad's sign.
+    /// Step in grey levels, positive if it has the quad's sign.
     contrast: f64,
 }
 
@@ -287,13 +292,13 @@ impl Edge {
         self.curve = self.places.map(|place| self.offset(place));
     }
 
-    /// Share of its points that lie on its curve.
+    /// Fraction of its points that lie on its curve.
     fn inliers(&self) -> f64 {
         self.is_on_curve.iter().filter(|is_on| **is_on).count() as f64 / POINTS_PER_SIDE as f64
     }
 
-    /// Points of its curve from corner to corner; `None` unless it is smooth, of the quad's sign, and
-    /// ends near its rough corners.
+    /// Points of its curve from corner to corner; `None` unless it has a small sagitta and the
+    /// quad's sign, and ends near its rough corners.
     fn points_between(
         &self,
         [first, last]: [&Meeting; 2],
@@ -323,7 +328,7 @@ impl Edge {
         self.frame.point(place, self.offset(place))
     }
 
-    /// The curve's points differentiated by position.
+    /// Derivative of the curve's points with respect to position.
     fn tangent(&self, place: f64) -> Vector2<f64> {
         let centred = 2.0 * place - 1.0;
         let slope =
@@ -332,7 +337,8 @@ impl Edge {
     }
 }
 
-/// Where two sides that follow each other meet: positions on both, and the cosine between them.
+/// Intersection of two consecutive sides: the positions on both, and the cosine of the angle
+/// between them.
 struct Meeting {
     on_first: f64,
     on_second: f64,
@@ -340,7 +346,7 @@ struct Meeting {
 }
 
 impl Meeting {
-    /// Newton's method on the two positions, from the ends of the chords.
+    /// The intersection by Newton's method, starting from the ends of the chords.
     fn of(first: &Edge, second: &Edge) -> Self {
         let (mut on_first, mut on_second, mut cosine) = (1.0, 0.0, 0.0);
         for _ in 0..NEWTON_STEPS {
@@ -367,7 +373,7 @@ impl Meeting {
     }
 }
 
-/// Cubic basis about the middle of the chord.
+/// Cubic basis centred on the middle of the chord.
 fn powers(place: f64) -> Vector4<f64> {
     let centred = 2.0 * place - 1.0;
     Vector4::new(1.0, centred, centred * centred, centred.powi(3))
@@ -385,7 +391,7 @@ mod tests {
     };
     const CORNERS: [[f64; 2]; 4] = [[18.3, 20.6], [61.7, 17.4], [58.9, 60.2], [21.2, 57.8]];
 
-    /// A dark quad, blurred by a pixel or so, and what else is on it.
+    /// A dark quad, blurred by a pixel or so, with some pixels covered.
     fn picture(covers: impl Fn(usize, usize) -> bool) -> Vec<u8> {
         let frames = frames();
         let level = |index: usize| {
@@ -406,7 +412,7 @@ mod tests {
         std::array::from_fn(|k| ChordFrame::between(corner(k), corner(k + 1)))
     }
 
-    /// A pixel off to and fro, as contours are.
+    /// Sides displaced alternately by up to a pixel, as contours are.
     fn rough() -> Sides {
         frames().map(|frame| std::array::from_fn(|k| frame.point(fraction(k), [1.0, -0.6][k % 2])))
     }
@@ -435,7 +441,7 @@ mod tests {
                 .all(|step| (step - 120.0).abs() < 10.0)
         );
         assert!(quad.seen.iter().flatten().all(|seen| *seen));
-        // Neither the wrong sign nor a plain ground has such edges.
+        // There are no such edges of the wrong sign, or on a plain ground.
         assert_eq!(fit_sides(&picture, &rough(), false, &LIMITS), None);
         let plain = vec![100; SIZE * SIZE];
         let plain = GreyBytes::new(SIZE, SIZE, &plain).unwrap();

@@ -1,37 +1,38 @@
-//! What the crossings of a plane have in common: they lie smoothly.
+//! Smoothness of the crossings of a plane.
 //!
-//! A plane's crossings are those of a homography, moved by the lens along its radii. A crossing
-//! that was mistaken leaves that by itself; paper that is folded leaves it all along the fold.
+//! The crossings of a plane are those of a homography, displaced along the radii by the lens. A
+//! wrong crossing departs from that by itself; folded paper departs from it all along the fold.
 
 use super::lattice::{Lattice, Site};
 use super::lattice_surface::LatticeSurface;
 use crate::numeric::median;
 
-/// Times the typical deviation, beyond which a crossing is a stray.
+/// Ratio to the typical deviation above which a crossing is a stray.
 const STRAY: f64 = 5.0;
 
-/// Pixels of the searched picture, and cells, that a crossing may always be off: its own error, and
-/// what curled paper does besides the smooth surface.
+/// Deviation that is always tolerated, in pixels of the searched picture, and in cells: the error
+/// of a crossing, and the departure of curled paper from the smooth surface.
 const MIN_STRAY: f64 = 0.8;
 const MIN_STRAY_CELLS: f64 = 0.06;
 
-/// Deviation of a whole row or column, in cells and at least in pixels, that tells a fold. Paper
-/// that curls leaves half of it, a fold of 30 degrees twice as much.
+/// Deviation of a whole row or column, in cells and at least in pixels, above which there is a
+/// fold. Curled paper leaves half of it, a fold of 30 degrees twice as much.
 const FOLDED: f64 = 0.1;
 const MIN_FOLDED: f64 = 0.6;
 
-/// Folds after one another that a lattice is split at: two that meet in a room's corner.
+/// Maximum number of successive folds at which a lattice is split: two for sheets in a room's
+/// corner.
 const MAX_FOLDS: usize = 2;
 
-/// Sites of a lattice beyond which no fold is looked for: it bounds the time in a strange picture,
-/// and boards of 30 x 30 cells are the largest.
+/// Number of sites of a lattice above which no fold is sought: it bounds the time for an unusual
+/// picture. The largest boards have 30 x 30 cells.
 pub(super) const MAX_SITES: usize = 1000;
 
 impl Lattice {
-    /// Splits a lattice where the paper is folded along a row or a column, and leaves out strays.
+    /// Splits a lattice where the paper is folded along a row or a column, and removes strays.
     ///
-    /// What is too small to tell whether it is smooth is left out: a row or two of another board.
-    /// `size` is the picture's width and height.
+    /// Parts that are too small for their smoothness to be judged are left out: a row or two of
+    /// another board. `size` is the picture's width and height.
     pub(super) fn smooth_parts(&self, size: [usize; 2]) -> Vec<Self> {
         self.parts_between_folds(size, MAX_FOLDS)
     }
@@ -58,7 +59,8 @@ impl Lattice {
         parts.iter().flat_map(smooth).collect()
     }
 
-    /// Of cuts that leave flat parts, the parts of the one that loses least; else of the flattest.
+    /// The parts of the best cut: among cuts into flat parts the one that loses fewest crossings,
+    /// else the one into the flattest parts.
     fn best_cut(&self, size: [usize; 2], whole: f64, flat: f64) -> Option<Vec<Self>> {
         let [rows, columns] = self.size();
         let across = (1..rows).map(|cut| (0, cut as isize));
@@ -94,14 +96,14 @@ impl Lattice {
         best_parts
     }
 
-    /// Whether there is neither fold nor stray.
+    /// Whether there are neither folds nor strays.
     pub(super) fn is_smooth(&self, size: [usize; 2]) -> bool {
         let deviations = LatticeSurface::of(self, size).deviations(self);
         largest(&deviations) < MIN_FOLDED
             || (roughness(&deviations) <= self.flatness() && self.strays(&deviations).is_empty())
     }
 
-    /// Crossings that are off the smooth surface of the others.
+    /// Crossings that are not on the smooth surface of the others.
     fn strays(&self, deviations: &[(Site, f64)]) -> Vec<Site> {
         let typical = median(deviations.iter().map(|(_, off)| *off).collect());
         let limit = (STRAY * typical.unwrap_or(0.0)).max(self.least_stray());
@@ -109,12 +111,12 @@ impl Lattice {
         strays.map(|(site, _)| *site).collect()
     }
 
-    /// Pixels that a crossing may always be off.
+    /// Deviation of a crossing that is always tolerated, pixels.
     pub(super) fn least_stray(&self) -> f64 {
         (MIN_STRAY_CELLS * self.pitch()).max(MIN_STRAY)
     }
 
-    /// Largest deviation of a whole row or column that is no fold, pixels.
+    /// Largest deviation of a whole row or column that is not a fold, pixels.
     fn flatness(&self) -> f64 {
         (FOLDED * self.pitch()).max(MIN_FOLDED)
     }
@@ -124,7 +126,7 @@ fn largest(deviations: &[(Site, f64)]) -> f64 {
     deviations.iter().map(|(_, off)| *off).fold(0.0, f64::max)
 }
 
-/// Typical deviation in that row or column where it is largest, pixels.
+/// Median deviation of the row or column where it is largest, pixels.
 fn roughness(deviations: &[(Site, f64)]) -> f64 {
     if largest(deviations) < MIN_FOLDED {
         return 0.0;
@@ -154,7 +156,7 @@ mod tests {
         BentBoard::turned(30.0, CENTRE).crossings(0..8, 0..10)
     }
 
-    /// A board and rows beyond its last one, so many cells from it.
+    /// A board with further rows beyond its last one, at the given distances from it in cells.
     fn with_alien_rows(distances: &[f64]) -> Lattice {
         let own = board();
         let mut found: Vec<_> = own.found().collect();
@@ -175,13 +177,13 @@ mod tests {
 
     #[test]
     fn a_row_of_another_board_is_left_out() {
-        // A row beyond a fold is nearer than the next one of the board would be.
+        // A row beyond a fold is nearer than the board's next row would be.
         assert_eq!(with_alien_rows(&[0.6]).smooth_parts(SIZE), [board()]);
     }
 
     #[test]
     fn rows_on_both_sides_of_a_fold_are_no_part() {
-        // What bends freely, as a polynomial does, passes through any three rows.
+        // A surface that bends freely, like a polynomial, would pass through any three rows.
         let parts = with_alien_rows(&[1.6, 2.2]).smooth_parts(SIZE);
         assert_eq!(parts.iter().map(Lattice::count).max(), Some(80));
         let own: Vec<_> = board().points().collect();

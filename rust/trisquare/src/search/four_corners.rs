@@ -1,8 +1,8 @@
 //! Contours with four corners, and their sides, at many levels of a picture.
 //!
-//! A threshold between figure and ground turns a square into one connected region whatever its sides
-//! look like. Where a finger, glare or a tear takes a bite out of it the region has a notch, which no
-//! polygon of four corners follows; its convex hull has the right corners all the same.
+//! A threshold between figure and ground turns a square into one connected region, whatever its
+//! sides look like. If a finger, glare or a tear covers part of its rim, the region has a notch,
+//! which no polygon of four corners fits; its convex hull still has the right corners.
 
 use nalgebra::Vector2;
 
@@ -10,45 +10,48 @@ use super::contours::{Contour, ContourLimits, contours};
 use super::polygon::{Pixel, convex_hull, is_convex, oriented_area, perimeter, polygon};
 use crate::image::GreyBytes;
 
-/// Places along a side at which outlines are sampled, corner to corner.
+/// Number of points at which a side of an outline is sampled, from corner to corner.
 pub const POINTS_PER_SIDE: usize = 32;
 
-/// A rhombus of 25 degrees has this area over the squared length of a side.
+/// Minimum area over the squared length of a side: that of a rhombus of 25 degrees.
 const MIN_SINE: f64 = 0.4;
 
-/// Area over the squared number of contour points: 1/16 for an upright square, 1/8 for one on its
-/// tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less.
+/// Minimum area over the squared number of contour points: 1/16 for an upright square, 1/8 for one
+/// on its tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less.
 const MIN_COMPACTNESS: f64 = 0.02;
-/// The same with a notch or, in a frame that is cut through, with the hole's outline as well.
+/// Same with a notch or, for a frame that is cut through, with the hole's outline included.
 const MIN_BITTEN_COMPACTNESS: f64 = 0.008;
-/// A contour with a piece missing is mended only if it is worth it: sides of 25 px.
+/// Minimum number of points of a contour with a missing piece, which is mended only for sides of 25
+/// px or more.
 const MIN_BITTEN_POINTS: usize = 100;
 
 /// Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of the
-/// length, and the last step still keeps a rhombus of 25 degrees apart from a line.
+/// length, and the last tolerance still distinguishes a rhombus of 25 degrees from a line.
 const STEPS: [f64; 3] = [0.02, 0.035, 0.05];
-/// Relative difference between contour and polygon; sides that all bulge by 10 % make 27 %.
+/// Maximum relative difference between the areas of contour and polygon; for sides that all bulge
+/// by 10 % it is 27 %.
 const AREA_SLACK: f64 = 0.3;
 
 /// Tolerances of the hull's polygon, over its length: a bulge of 4 % of a side is 1 %.
 const HULL_STEPS: [f64; 2] = [0.015, 0.03];
-/// Area over the hull's: a notch takes a tenth, and a frame that is cut through loses its hole.
+/// Minimum area over the hull's: a notch removes a tenth, and a frame that is cut through lacks its
+/// hole.
 const MIN_FILLING: f64 = 0.55;
 
-/// Of a touching thing's hull, how far its polygon may be from it over its length ...
+/// Tolerance of a region's polygon from its hull, over the hull's length ...
 const BLUNT_STEP: f64 = 0.06;
-/// ... and the share of the polygon that its outline encloses.
+/// ... and minimum fraction of the polygon that the region's outline encloses.
 const MIN_FILLED: f64 = 0.8;
 
-/// Points of a closed outline's sides, each from one corner to the next, both included.
+/// Points of a closed outline's sides, each from one corner to the next, including both.
 pub type Sides = [[Vector2<f64>; POINTS_PER_SIDE]; 4];
 
 /// A contour with four corners.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FourSided {
-    /// Clockwise on the screen (x right, y down), pixels.
+    /// The sides, clockwise on the screen (x right, y down), pixels.
     pub sides: Sides,
-    /// At which it was seen.
+    /// Level at which it was found.
     pub level: u8,
     /// Whether its inside is not above the level.
     pub is_dark: bool,
@@ -56,7 +59,8 @@ pub struct FourSided {
 
 /// Finds the contours with four corners at some levels of a picture.
 ///
-/// Their sides are about `least_side` long at least, and they are `margin` pixels from the border.
+/// Their sides are at least about `least_side` long, and they are at least `margin` pixels from the
+/// border.
 #[must_use]
 pub fn four_sided(
     picture: &GreyBytes<'_>,
@@ -79,7 +83,7 @@ pub fn four_sided(
             let Some(mut sides) = sides_of(&contour) else {
                 continue;
             };
-            // Contours of holes run clockwise, others the other way.
+            // Contours of holes are clockwise, others anticlockwise.
             let is_dark = contour.area > 0.0;
             if !is_dark {
                 sides.reverse();
@@ -95,9 +99,9 @@ pub fn four_sided(
     found
 }
 
-/// Finds the four corners of the regions of a mask that have as many, clockwise on the screen.
+/// Finds the corners of the regions of a mask that have four, clockwise on the screen.
 ///
-/// The regions' boxes are `least_side` wide at least.
+/// Both sides of a region's bounding box are at least `least_side` long.
 #[must_use]
 pub fn four_cornered(mask: &GreyBytes<'_>, least_side: i32) -> Vec<[Pixel; 4]> {
     let limits = ContourLimits {
@@ -122,7 +126,7 @@ pub fn four_cornered(mask: &GreyBytes<'_>, least_side: i32) -> Vec<[Pixel; 4]> {
     found.iter().flatten().filter_map(corners).collect()
 }
 
-/// Sides of a contour in its own order, if it has four corners or its hull has.
+/// Sides of a contour in its own order, if it or its hull has four corners.
 fn sides_of(contour: &Contour) -> Option<Sides> {
     let count = contour.points.len();
     let is_compact = contour.area.abs() >= MIN_COMPACTNESS * (count * count) as f64;
@@ -130,13 +134,14 @@ fn sides_of(contour: &Contour) -> Option<Sides> {
     whole.or_else(|| (count >= MIN_BITTEN_POINTS).then(|| bitten_sides(contour))?)
 }
 
-/// The first of the polygons with ever larger tolerances that has four corners or fewer.
+/// The first polygon with four or fewer corners, for increasing tolerances; `None` unless it has
+/// four.
 fn with_four_corners(points: &[Pixel], length: f64, steps: &[f64]) -> Option<[Pixel; 4]> {
     let mut polygons = steps.iter().map(|step| polygon(points, step * length));
     polygons.find(|corners| corners.len() <= 4)?.try_into().ok()
 }
 
-/// Points of a contour with four corners at equal steps from corner to corner.
+/// Points of a contour with four corners, at equal steps from corner to corner.
 fn whole_sides(contour: &Contour) -> Option<Sides> {
     let count = contour.points.len();
     let corners = with_four_corners(&contour.points, count as f64, &STEPS)?;
@@ -166,7 +171,8 @@ fn whole_sides(contour: &Contour) -> Option<Sides> {
     Some(std::array::from_fn(side))
 }
 
-/// Sides of a region whose convex hull has four corners: its outermost points, a notch's included.
+/// Sides of a region whose convex hull has four corners: its outermost points, including those in a
+/// notch.
 fn bitten_sides(contour: &Contour) -> Option<Sides> {
     let hull = convex_hull(&contour.points);
     if contour.area.abs() < MIN_FILLING * oriented_area(&hull).abs() {
@@ -188,7 +194,7 @@ fn bitten_sides(contour: &Contour) -> Option<Sides> {
     Some(std::array::from_fn(side))
 }
 
-/// Points of a contour that lie farthest out along a chord.
+/// The points of a contour that are farthest outward along a chord.
 fn outermost(
     points: &[Pixel],
     start: Vector2<f64>,
@@ -213,7 +219,7 @@ fn outermost(
     std::array::from_fn(|k| start + chord * fraction(k) + outward * farthest[k])
 }
 
-/// Interpolates what is not finite between what is, which the ends are.
+/// Interpolates values that are not finite between finite ones; both ends are finite.
 fn fill_gaps(values: &mut [f64]) {
     let mut known = 0;
     for place in 1..values.len() {
@@ -228,7 +234,7 @@ fn fill_gaps(values: &mut [f64]) {
     }
 }
 
-/// How far along its side a point is.
+/// Position of a point along its side, 0 to 1.
 pub(super) fn fraction(point: usize) -> f64 {
     point as f64 / (POINTS_PER_SIDE - 1) as f64
 }
@@ -239,7 +245,7 @@ mod tests {
 
     const SIZE: usize = 80;
 
-    /// Light, but for what is dark.
+    /// A light picture with dark pixels.
     fn drawn(is_dark: impl Fn(i32, i32) -> bool) -> Vec<u8> {
         let at = |index: usize| ((index % SIZE) as i32, (index / SIZE) as i32);
         let level = |index| {
@@ -257,7 +263,8 @@ mod tests {
         four_sided(&picture, &[100], 12.0, 4)
     }
 
-    /// Whether corners are near (20, 20), (59, 20), (59, 59) and (20, 59), clockwise from anyone.
+    /// Whether the corners are near (20, 20), (59, 20), (59, 59) and (20, 59), clockwise from any
+    /// of them.
     fn is_square(sides: &Sides) -> bool {
         let first = sides[0][0];
         let turns = [(20.0, 20.0), (59.0, 20.0), (59.0, 59.0), (20.0, 59.0)];

@@ -1,4 +1,4 @@
-//! Crossings of a chessboard's grid lines in rows and columns.
+//! The crossings of a chessboard's grid lines, in rows and columns.
 
 use nalgebra::Vector2;
 
@@ -7,24 +7,25 @@ use crate::numeric::median;
 /// Row and column of a lattice.
 pub type Site = (isize, isize);
 
-/// Row and column steps of a lattice's directions, clockwise on the screen: along a row, down a
-/// column, and back.
+/// Row and column steps of a lattice's four directions, clockwise on the screen: along a row, down
+/// a column, and back.
 pub(super) const STEPS: [Site; 4] = [(0, 1), (1, 0), (0, -1), (-1, 0)];
 
-/// Crossings of a lattice, and per direction: fewer come about by chance, and are single squares.
+/// Minimum number of crossings of a lattice, in total and per direction: smaller lattices occur by
+/// chance, or are single squares.
 pub(super) const MIN_CROSSINGS: usize = 9;
 const MIN_SIDE: usize = 3;
 
-/// Side in pixels of the photograph of the square as large as a typical cell: smaller ones are
-/// pictures of boards on a screen or in print, or nothing.
+/// Minimum side, in pixels of the photograph, of a square with the area of the median cell:
+/// lattices with smaller cells are pictures of boards on a screen or in print, or nothing.
 const MIN_CELL: f64 = 7.5;
 
-/// A lattice of fewer crossings must have this share of its rows and columns: pieces of random
-/// mosaics are ragged.
+/// Number of crossings below which a lattice must have at least the given fraction of its sites
+/// occupied: pieces of random mosaics are ragged.
 pub(super) const SMALL: usize = 16;
 const SMALL_SHARE: f64 = 0.9;
 
-/// The site some steps on.
+/// The site `count` steps away.
 pub(super) fn beside(site: Site, step: Site, count: isize) -> Site {
     (site.0 + count * step.0, site.1 + count * step.1)
 }
@@ -33,20 +34,21 @@ fn is_even((row, column): Site) -> bool {
     (row ^ column) & 1 == 0
 }
 
-/// Crossings of a chessboard's grid lines; columns go clockwise from rows on the screen.
+/// Crossings of a chessboard's grid lines; the direction of columns is clockwise of that of rows on
+/// the screen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
     rows: usize,
     columns: usize,
     crossings: Vec<Option<Vector2<f64>>>,
-    /// Whether it is dark clockwise of the row that leaves crossing (0, 0).
+    /// Whether the cell clockwise of the row's direction at crossing (0, 0) is dark.
     dark_first: bool,
 }
 
 impl Lattice {
-    /// The lattice of some crossings at any sites, of which no row or column at the rim is empty.
+    /// The lattice of some crossings at any sites, reduced to the rows and columns that they cover.
     ///
-    /// `is_dark` says whether it is dark clockwise of the row that leaves site (0, 0).
+    /// `is_dark` tells whether the cell clockwise of the row's direction at site (0, 0) is dark.
     #[must_use]
     pub fn of(found: &[(Site, Vector2<f64>)], is_dark: bool) -> Self {
         let range = |coordinate: fn(&Site) -> isize| {
@@ -81,7 +83,7 @@ impl Lattice {
         [self.rows, self.columns]
     }
 
-    /// The crossing of a row and a column, in pixels; `None` if it was not found.
+    /// The crossing at a site, in pixels; `None` if it was not found.
     #[must_use]
     pub fn at(&self, site: Site) -> Option<Vector2<f64>> {
         self.crossings[self.index(site)?]
@@ -97,14 +99,14 @@ impl Lattice {
         self.at(site).is_some()
     }
 
-    /// Puts a crossing at a site, or takes it away; sites outside stay empty.
+    /// Sets or removes the crossing at a site; sites outside stay empty.
     pub(super) fn set(&mut self, site: Site, crossing: Option<Vector2<f64>>) {
         if let Some(index) = self.index(site) {
             self.crossings[index] = crossing;
         }
     }
 
-    /// Whether it is dark clockwise of the row that leaves a site.
+    /// Whether the cell clockwise of the row's direction at a site is dark.
     pub(super) fn is_dark(&self, site: Site) -> bool {
         is_even(site) == self.dark_first
     }
@@ -125,13 +127,13 @@ impl Lattice {
         self.crossings.iter().copied().flatten()
     }
 
-    /// How many crossings were found.
+    /// Number of crossings that were found.
     #[must_use]
     pub fn count(&self) -> usize {
         self.points().count()
     }
 
-    /// The crossings of which both ends of a step are found, from one to the next.
+    /// The crossings that have a neighbour at a step, each with the points of both.
     pub(super) fn links(&self, step: Site) -> impl Iterator<Item = (Site, [Vector2<f64>; 2])> {
         self.found().filter_map(move |(site, start)| {
             let end = self.at(beside(site, step, 1))?;
@@ -139,7 +141,7 @@ impl Lattice {
         })
     }
 
-    /// The corners of a cell whose four crossings are found: (0, 0), (0, 1), (1, 0), (1, 1).
+    /// The corners of a cell, if all four are found: (0, 0), (0, 1), (1, 0), (1, 1).
     pub(super) fn cell(&self, (row, column): Site) -> Option<[Vector2<f64>; 4]> {
         Some([
             self.at((row, column))?,
@@ -149,7 +151,7 @@ impl Lattice {
         ])
     }
 
-    /// Length of a typical link, in the direction where they are shorter, pixels.
+    /// Median length of the links, in the direction in which they are shorter, pixels.
     pub(super) fn pitch(&self) -> f64 {
         let length = |(_, [start, end]): (Site, [Vector2<f64>; 2])| (end - start).norm();
         let typical = |step| median(self.links(step).map(length).collect());
@@ -157,13 +159,13 @@ impl Lattice {
         typical.into_iter().flatten().fold(f64::NAN, f64::min)
     }
 
-    /// Without the crossings for which something does not hold.
+    /// The lattice without the crossings for which `keep` is false.
     pub(super) fn filtered(&self, mut keep: impl FnMut(Site) -> bool) -> Self {
         let kept = self.found().filter(|(site, _)| keep(*site));
         Self::of(&kept.collect::<Vec<_>>(), self.dark_first)
     }
 
-    /// Without the crossings of which no whole cell is there.
+    /// The lattice without crossings that belong to no whole cell.
     pub(super) fn complete(&self) -> Self {
         self.filtered(|(row, column)| {
             let around = [(-1, -1), (-1, 0), (0, -1), (0, 0)];
@@ -173,7 +175,7 @@ impl Lattice {
         })
     }
 
-    /// With one more row and column on every side, which are empty.
+    /// The lattice with one more row and column on every side, which are empty.
     pub(super) fn padded(&self) -> Self {
         let mut padded = Self::empty(self.rows + 2, self.columns + 2, self.dark_first);
         for ((row, column), point) in self.found() {
@@ -182,12 +184,12 @@ impl Lattice {
         padded
     }
 
-    /// In a picture that is so many times as fine.
+    /// The lattice in a picture that is `factor` times as fine.
     pub(super) fn scaled(&self, factor: f64) -> Self {
         self.moved(|point| point * factor)
     }
 
-    /// With other crossings at the same sites.
+    /// The lattice with its crossings moved by a function.
     pub(super) fn moved(&self, place: impl Fn(Vector2<f64>) -> Vector2<f64>) -> Self {
         Self {
             crossings: self.crossings.iter().map(|c| c.map(&place)).collect(),
@@ -195,13 +197,13 @@ impl Lattice {
         }
     }
 
-    /// Whether there are enough crossings to tell whether they lie smoothly.
+    /// Whether there are enough crossings to judge whether they are on a smooth surface.
     pub(super) fn is_large(&self) -> bool {
         self.rows.min(self.columns) >= MIN_SIDE && self.count() >= MIN_CROSSINGS
     }
 
-    /// Whether there are enough crossings for a board, and they are far enough apart in a photograph
-    /// that is `scale` times as fine.
+    /// Whether there are enough crossings for a board, far enough apart in a photograph that is
+    /// `scale` times as fine.
     pub(super) fn is_board(&self, scale: f64) -> bool {
         let count = self.count();
         let sites = (self.rows * self.columns) as f64;
@@ -218,7 +220,7 @@ impl Lattice {
 mod tests {
     use super::*;
 
-    /// Crossings 10 pixels apart at all sites but some.
+    /// Crossings 10 pixels apart at all sites except `missing`.
     fn lattice(rows: isize, columns: isize, missing: &[Site]) -> Lattice {
         let sites = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
         let found: Vec<_> = sites

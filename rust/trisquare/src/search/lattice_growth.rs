@@ -1,4 +1,4 @@
-//! Growing a lattice of crossings: where the next one must be, and whether there is one.
+//! Growth of a lattice: predicts the next crossings, and adds those that exist.
 
 use std::collections::HashSet;
 
@@ -9,14 +9,15 @@ use super::lattice::{Lattice, STEPS, Site, beside};
 use super::pieces::KINK;
 use crate::image::GreyBytes;
 
-/// Rows and columns that are added one after another.
+/// Maximum number of rounds, each of which adds at most one row or column on every side.
 const MAX_ROUNDS: usize = 100;
 
-/// Cells that a crossing may be off its predicted place; perspective and lens leave a tenth.
+/// Maximum distance, in cells, of a crossing from its predicted position; perspective and lens
+/// account for a tenth.
 const OFF_COURSE: f64 = 0.22;
 
 impl Lattice {
-    /// With all neighbouring crossings that fit, round by round.
+    /// The lattice with all neighbouring crossings that fit added, round by round.
     pub(super) fn grown(&self, picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Self {
         let mut lattice = self.clone();
         let mut taken = HashSet::new();
@@ -42,14 +43,14 @@ impl Lattice {
         lattice
     }
 
-    /// Empty sites next to a crossing.
+    /// The empty sites next to a crossing.
     pub(super) fn rim(&self) -> impl Iterator<Item = Site> {
         let is_next = |site: Site| STEPS.iter().any(|step| self.has(beside(site, *step, 1)));
         self.sites()
             .filter(move |site| !self.has(*site) && is_next(*site))
     }
 
-    /// Where a site's crossing must be if the lattice goes on smoothly.
+    /// Position of a site's crossing for a smooth continuation of the lattice.
     fn predicted(&self, site: Site) -> Option<Vector2<f64>> {
         let mut sum = Vector2::zeros();
         let mut weight = 0.0;
@@ -73,15 +74,15 @@ impl Lattice {
                 weight += 1.0;
             }
             if let (0 | 1, Some(behind)) = (direction, self.at(beside(site, step, -1))) {
-                sum += (one + behind) * 2.0; // between two of them: the surest
+                sum += (one + behind) * 2.0; // interpolated between two of them: the most reliable
                 weight += 4.0;
             }
         }
         (weight > 0.0).then(|| sum / weight)
     }
 
-    /// The crossing for a site, if there is one where it must be: how far off it is, and its
-    /// number.
+    /// The crossing for a site, if there is one at its predicted position: the distance from that,
+    /// the site, and the crossing's index.
     fn fitting(
         &self,
         site: Site,
@@ -98,7 +99,8 @@ impl Lattice {
         (gap < OFF_COURSE * cell).then_some((gap, site, number))
     }
 
-    /// Length of the shortest edge to a present neighbour, if straight edges lead to all of them.
+    /// Length of the shortest edge to a neighbour; `None` unless straight edges lead to all
+    /// neighbours.
     fn shortest_edge(
         &self,
         site: Site,

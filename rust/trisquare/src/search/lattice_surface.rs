@@ -1,36 +1,39 @@
-//! The smooth surface that a plane's crossings lie on: a homography, then a lens's bending.
+//! The smooth surface of a plane's crossings: a homography, followed by the bending of a lens.
 //!
-//! What the photograph has at `p`, in half diagonals from the picture's middle, lies on the ray
-//! `(p, x cot x)`, where `x^2 = -3 bend |p|^2`: that of an equidistant fisheye of any field of view.
-//! For the weak distortion of other lenses it is `(p, 1 + bend |p|^2)`, the division model, which
-//! leaves a hundredth of a cell of any of them (A. W. Fitzgibbon, *Simultaneous linear estimation of
-//! multiple view geometry and lens distortion*, CVPR 2001).
+//! A point at `p` in the photograph, in half diagonals from the picture's middle, is seen along the
+//! ray `(p, x cot x)`, where `x^2 = -3 bend |p|^2`: that of an equidistant fisheye of any field of
+//! view. For the weak distortion of other lenses this is `(p, 1 + bend |p|^2)`, the division model,
+//! which fits all of them to a hundredth of a cell (A. W. Fitzgibbon, *Simultaneous linear
+//! estimation of multiple view geometry and lens distortion*, CVPR 2001).
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::lattice::{Lattice, Site};
 
-/// Gauss-Newton steps, which reweight as well: a few strays have lost their weight by then.
+/// Maximum number of Gauss-Newton steps, each of which also updates the weights: a few strays have
+/// lost their weight by then.
 const STEPS: usize = 6;
 
-/// Pixels below which deviations weigh the same; the search's own scatter.
+/// Deviation (px) below which all weights are the same: the scatter of the search.
 const SETTLED: f64 = 0.3;
 
-/// Pixels: where no crossing is farther off, there are no strays, and a bend is not evident.
+/// Deviation (px): if that of no crossing is larger, there are no strays, and there is no evidence
+/// for a bend.
 const CLOSE: f64 = 0.6;
 
-/// Of lenses: a strong barrel distortion has -0.25, a fisheye of 190 degrees across -1.4. A few
-/// crossings tell it no better than that.
+/// Size of the bend of usual lenses, as a prior, and its bounds: a strong barrel distortion has
+/// -0.25, a fisheye of 190 degrees across -1.4. A few crossings determine it no better than the
+/// prior.
 const USUAL_BEND: f64 = 0.2;
 const BENDS: [f64; 2] = [-2.0, 0.5];
 
-/// What is as good as zero of a depth or a scale that is about one.
+/// Value that counts as zero for a depth or a scale of about one.
 const LEAST: f64 = 1e-9;
 
-/// Of `bend |p|^2`, below which differences of what it moves are lost in rounding.
+/// Value of `bend |p|^2` below which differences between displacements are lost in rounding.
 const NO_BEND: f64 = 1e-6;
 
-/// Iterations of the decompositions at most; they take ten or so.
+/// Maximum number of iterations of the decompositions; they take ten or so.
 const MAX_ITERATIONS: usize = 1000;
 
 const PARAMETERS: usize = 9;
@@ -38,16 +41,16 @@ const PARAMETERS: usize = 9;
 type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Step = SVector<f64, PARAMETERS>;
 
-/// The unit and origin of points of the photograph.
+/// Unit and origin of points of the photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct PictureFrame {
-    /// Of the picture, pixels.
+    /// Middle of the picture, pixels.
     middle: Vector2<f64>,
-    /// Half its diagonal, pixels.
+    /// Half the picture's diagonal, pixels.
     half_diagonal: f64,
 }
 
-/// Where a plane has the crossings of each row and column of a picture.
+/// The positions in a picture of a plane's crossings, by row and column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LatticeSurface {
     frame: PictureFrame,
@@ -55,9 +58,9 @@ pub(super) struct LatticeSurface {
 }
 
 impl LatticeSurface {
-    /// Fits a lattice's crossings, but for a few strays.
+    /// Fits a lattice's crossings, ignoring a few strays.
     ///
-    /// There are four and more that are not on one line; `size` is the picture's width and height.
+    /// At least four of them must not be on one line; `size` is the picture's width and height.
     pub fn of(lattice: &Lattice, size: [usize; 2]) -> Self {
         let middle = Vector2::from(size.map(|pixels| 0.5 * (pixels as f64 - 1.0)));
         let half_diagonal = middle.x.hypot(middle.y).max(1.0);
@@ -85,11 +88,11 @@ impl LatticeSurface {
         self.shape.sites(&observed.collect::<Vec<_>>())
     }
 
-    /// How far each crossing of a lattice is off, pixels.
+    /// Distance of each crossing of a lattice from the surface, pixels.
     pub fn deviations(&self, lattice: &Lattice) -> Vec<(Site, f64)> {
         let off = |(site, point): (Site, Vector2<f64>)| {
             let gap = (point - self.at(site)).norm();
-            // What has no place on the surface is as far off as can be.
+            // The distance of a crossing without a position on the surface is half the diagonal.
             let is_on_it = gap.is_finite();
             (
                 site,
@@ -108,20 +111,20 @@ fn column_and_row((row, column): Site) -> Vector2<f64> {
     Vector2::new(column as f64, row as f64)
 }
 
-/// A homography and a lens's bending, of points in half diagonals from the picture's middle.
+/// A homography and the bending of a lens, for points in half diagonals from the picture's middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct BentPlane {
-    /// From (column, row, 1) to ideal points.
+    /// Maps (column, row, 1) to ideal points.
     homography: Matrix3<f64>,
-    /// Of the lens.
+    /// Bend of the lens.
     bend: f64,
 }
 
 impl BentPlane {
-    /// Fits crossings by least absolute deviations, but for a few strays.
+    /// Fits crossings by least absolute deviations, ignoring a few strays.
     ///
-    /// `sites` are (column, row); `points` in half diagonals from the picture's middle, of which one
-    /// is `size` pixels. There are four and more that are not on one line.
+    /// `sites` are (column, row); `points` are in half diagonals from the picture's middle, and a
+    /// half diagonal is `size` pixels. At least four of them must not be on one line.
     fn fitted(sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) -> Self {
         let Some(&first) = sites.first() else {
             return Self {
@@ -158,15 +161,15 @@ impl BentPlane {
         surface
     }
 
-    /// The point of the photograph, in half diagonals, for a column and a row; NaN if there is none.
+    /// The point of the photograph, in half diagonals, for a column and row; NaN if there is none.
     fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
         // The depth is one in the middle of the crossings.
         seen(self.homography * site.push(1.0), self.bend)
     }
 
-    /// Column and row of a point of the photograph, in half diagonals; not finite if there are none.
+    /// Columns and rows of points of the photograph (half diagonals); not finite if there are none.
     fn sites(&self, points: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
-        // A homography without inverse, which noise may give, is solved as nearly as can be.
+        // A singular homography, which noise may produce, is inverted as well as possible.
         let inverse = self
             .homography
             .try_svd(true, true, f64::EPSILON, MAX_ITERATIONS)
@@ -192,7 +195,7 @@ impl BentPlane {
                 .collect();
             let farthest = places.iter().map(|p| p.gap.norm()).fold(0.0, f64::max);
             let is_close = farthest < CLOSE;
-            // With a bend where one was needed at all.
+            // If the first step was needed, a second one is always made, which fits the bend.
             if is_close && number != 1 {
                 break;
             }
@@ -219,7 +222,7 @@ impl BentPlane {
     }
 }
 
-/// Depth of the ray on which the square of a distance from the middle is seen: `x cot x`.
+/// Depth of the ray that is seen at a squared distance from the middle: `x cot x`.
 fn depth(square: f64, bend: f64) -> f64 {
     let angle = (3.0 * bend * square).abs().sqrt();
     if angle < LEAST {
@@ -231,7 +234,7 @@ fn depth(square: f64, bend: f64) -> f64 {
     }
 }
 
-/// Where a ray is seen, in half diagonals from the picture's middle; NaN if it is not.
+/// Point at which a ray is seen, in half diagonals from the picture's middle; NaN if there is none.
 fn seen(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
     let distance = ray.xy().norm();
     let scale = (3.0 * bend).abs().sqrt();
@@ -247,12 +250,12 @@ fn seen(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
     }
 }
 
-/// A crossing's gap and its derivatives.
+/// Difference between a crossing and the surface, and its derivatives.
 struct Place {
     site: Vector3<f64>,
-    /// Pixels.
+    /// Difference in pixels.
     gap: Vector2<f64>,
-    /// Pixels per unit of the ray.
+    /// Derivatives with respect to the ray, pixels per unit of the ray.
     by_ray: Matrix2x3<f64>,
     by_bend: Vector2<f64>,
 }
@@ -279,7 +282,7 @@ impl Place {
             .fixed_columns_mut::<2>(0)
             .copy_from(&(along * (ray.z / square) + across * around));
         by_ray.set_column(2, &by_depth);
-        // The limit where the lens bends nothing is the cube.
+        // For a bend of zero the limit is the cube.
         let grown = if (bend * radius * radius).abs() > NO_BEND {
             (distance * ray.z / square - radius) / (2.0 * bend)
         } else {
@@ -293,7 +296,7 @@ impl Place {
         }
     }
 
-    /// Adds to the upper triangle of the normal matrix and to the gradient.
+    /// Adds the crossing to the upper triangle of the normal matrix and to the gradient.
     fn add_to(&self, information: &mut Normal, gradient: &mut Step, least: f64) {
         let weight = 1.0 / self.gap.norm().max(least);
         for axis in 0..2 {
@@ -313,7 +316,7 @@ impl Place {
     }
 }
 
-/// Solves the normal equations, those without a unique solution for the shortest one.
+/// Solves the normal equations; without a unique solution, for the shortest one.
 fn solved(information: &Normal, gradient: &Step) -> Option<Step> {
     if let Some(factor) = information.cholesky() {
         return Some(factor.solve(gradient));
@@ -323,11 +326,11 @@ fn solved(information: &Normal, gradient: &Step) -> Option<Step> {
     svd.solve(gradient, least).ok()
 }
 
-/// The homography that fits best in the algebraic sense; its last entry is one.
+/// The homography with the smallest algebraic error; its last entry is one.
 fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matrix3<f64> {
     let count = points.len() as f64;
     let centre = points.iter().sum::<Vector2<f64>>() / count;
-    // Of all coordinates about their common mean.
+    // Size of all coordinates about their common mean.
     let mean = 0.5 * (centre.x + centre.y);
     let squares = points.iter().map(|p| p.add_scalar(-mean).norm_squared());
     let size = (0.5 * squares.sum::<f64>() / count).sqrt().max(LEAST);

@@ -1,4 +1,4 @@
-//! The lattices of one picture: those known from a coarser one are completed, others are found.
+//! The lattices of one picture: completes those known from a coarser one, and finds others.
 
 use std::borrow::Cow;
 use std::cell::OnceCell;
@@ -11,18 +11,18 @@ use super::photograph::Photograph;
 use super::pieces::pieces;
 use crate::image::GreyBytes;
 
-/// Crossings that a lattice may lose to strays without a second search.
+/// Number of crossings lost to strays for which there is a second search.
 const MIN_LOST: usize = 3;
 
 /// A picture and the crossings of edges in it.
 pub(super) struct Level<'a> {
     pub picture: GreyBytes<'a>,
     crossings: Vec<Crossing>,
-    /// What follows each crossing, if it has been asked for.
+    /// The next crossings of each one, once they have been computed.
     links: OnceCell<Vec<Followers>>,
 }
 
-/// Lattices that are large enough to tell whether they are smooth, and others.
+/// Lattices that are large enough to judge whether they are smooth, and fragments.
 struct Grown {
     lattices: Vec<Lattice>,
     fragments: Vec<Lattice>,
@@ -39,8 +39,8 @@ impl<'a> Level<'a> {
 
     /// Completes the lattices known from a coarser picture and finds those that it did not show.
     ///
-    /// What hangs on by a thread in a coarse picture is better seen in the next: only if `thorough`,
-    /// faint crossings are looked for beside those of lattices that have remained small.
+    /// Faint crossings beside those of lattices that have remained small are only sought if
+    /// `thorough`: weak connections in a coarse picture are better seen in the next one.
     pub fn lattices(&self, known: Vec<Lattice>, thorough: bool) -> Vec<Lattice> {
         if self.crossings.len() < MIN_CROSSINGS {
             return known;
@@ -51,15 +51,15 @@ impl<'a> Level<'a> {
         if parts.len() == count && crossings_of(&parts) + MIN_LOST > crossings {
             return parts;
         }
-        // What a lattice had of its neighbour over a fold is there for the neighbour now, and
-        // between two pieces that were joined there may be more.
+        // Crossings of a neighbour that a lattice had over a fold are free for the neighbour now,
+        // and there may be more crossings between two pieces that were joined.
         self.smooth(self.grown(&parts, thorough))
     }
 
-    /// Whether there are as many linked crossings beside some lattices as a lattice has.
+    /// Whether there are at least as many linked crossings beside the lattices as a lattice has.
     ///
-    /// Each may be missing from one of the lattices. Where there is none, they must hang together:
-    /// clutter links a few here and a few there.
+    /// Each of them may be missing from one of the lattices. If there are no lattices, they must be
+    /// in one connected group: clutter has small groups of links in many places.
     pub fn shows_more(&self, lattices: &[Lattice]) -> bool {
         let free = self.beside(lattices.iter().map(Outline::of));
         if free.len() < MIN_CROSSINGS {
@@ -78,8 +78,8 @@ impl<'a> Level<'a> {
         beside(&self.crossings, &outlines.collect::<Vec<_>>())
     }
 
-    /// Parts of lattices that are boards of their own, smooth and of whole cells, put together where
-    /// they continue.
+    /// Divides lattices into boards, and these into smooth parts of whole cells; then joins the
+    /// parts that continue each other.
     fn smooth(&self, grown: Grown) -> Vec<Lattice> {
         let size = self.picture.size();
         let own = self.own_photograph();
@@ -93,7 +93,8 @@ impl<'a> Level<'a> {
         joined(whole, fragments, size, |union| own.space(union).is_some())
     }
 
-    /// Grows known lattices, each into what no other has, and then those that nothing is known of.
+    /// Grows the known lattices, each by crossings that no other one has, and then new lattices
+    /// from the remaining crossings.
     fn grown(&self, known: &[Lattice], thorough: bool) -> Grown {
         let mut outlines: Vec<_> = known.iter().map(Outline::of).collect();
         let mut lattices: Vec<Lattice> = Vec::new();
@@ -140,7 +141,8 @@ impl<'a> Level<'a> {
         }
     }
 
-    /// What follows each of some crossings of this picture; of all of them, they are linked once.
+    /// The next crossings of each of some crossings of this picture; for all of them they are
+    /// computed only once.
     fn links(&self, some: &[Crossing]) -> Cow<'_, [Followers]> {
         let linked = || link_crossings(&self.picture, some);
         match some.len() == self.crossings.len() {
@@ -149,12 +151,12 @@ impl<'a> Level<'a> {
         }
     }
 
-    /// With faint crossings of this picture alone.
+    /// The lattice with faint crossings of this picture added, without using a finer one.
     fn extended(&self, lattice: &Lattice, others: &[&Outline]) -> Lattice {
         lattice.extended(&self.picture, &self.own_photograph(), others)
     }
 
-    /// This picture alone.
+    /// This picture as its own photograph.
     fn own_photograph(&self) -> Photograph<'_> {
         Photograph {
             grey: self.picture,

@@ -1,28 +1,29 @@
-//! Whether edges lead from crossing to crossing in the photograph.
+//! Test of the links between crossings: edges in the photograph.
 //!
-//! A grille or a keyboard is a chessboard on its corner when it is blurred, and only then.
+//! A blurred grille or keyboard looks like a chessboard rotated by 45 degrees; a sharp one does
+//! not.
 
 use nalgebra::Vector2;
 
 use super::lattice::{Lattice, SMALL, STEPS, Site};
 use super::photograph::Photograph;
 
-/// Where edges are looked for between crossings: fractions of the way, and pixels of the searched
-/// picture beside it.
+/// Positions at which edges between crossings are examined, as fractions of the link, and the
+/// distance beside it, in pixels of the searched picture.
 const PLACES: [f64; 5] = [0.2, 0.35, 0.5, 0.65, 0.8];
 const BESIDE: f64 = 1.3;
 
-/// Of the links between crossings, those that must be edges in the photograph, too, in the rows as
-/// well as in the columns.
+/// Minimum fraction of the links between crossings that are edges in the photograph, too, both in
+/// the rows and in the columns.
 const EDGE_SHARE: f64 = 0.7;
 
-/// The same of a lattice of fewer than `SMALL` crossings: print and stripes have some of them.
+/// Same for a lattice of fewer than `SMALL` crossings, as print and stripes have some edges.
 const SMALL_EDGE_SHARE: f64 = 0.95;
 
 /// The steps of links in rows and in columns.
 pub(super) const WAYS: [Site; 2] = [STEPS[0], STEPS[1]];
 
-/// Pixels; the length of a link whose ends coincide.
+/// Smallest length of a link (px), in case its ends coincide.
 const MIN_LENGTH: f64 = 1e-9;
 
 impl Photograph<'_> {
@@ -32,7 +33,8 @@ impl Photograph<'_> {
             true => SMALL_EDGE_SHARE,
             false => EDGE_SHARE,
         };
-        // Rows that are linked across every second one have all the edges that lie along them.
+        // Both are tested: in rows that are linked across every second one, all links along them
+        // are edges.
         WAYS.iter().all(|way| {
             let links = lattice.links(*way);
             let (mut edges, mut count) = (0, 0);
@@ -45,7 +47,7 @@ impl Photograph<'_> {
         })
     }
 
-    /// Whether a link is an edge all along, dark clockwise of the way or light.
+    /// Whether a link is an edge all along, with the dark or the light side clockwise of it.
     pub fn is_edge(&self, dark_clockwise: bool, [start, end]: [Vector2<f64>; 2]) -> bool {
         let way = end - start;
         let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / way.norm().max(MIN_LENGTH));

@@ -1,7 +1,8 @@
-//! Joining the pieces of one board: what lies on the other's surface, crossing upon crossing.
+//! Merging of the pieces of one board, by the positions of their crossings on each other's surface.
 //!
-//! An arm before a board, a highlight or a row of crossings too blurred to see leave pieces of it.
-//! As planes of their own they would be counted as independent, and each tells less than the whole.
+//! An arm in front of a board, a highlight or a row of crossings that are too blurred divide it
+//! into pieces. As separate planes they would count as independent, and each would determine less
+//! than the whole.
 
 use std::cmp::Reverse;
 
@@ -12,32 +13,34 @@ use super::lattice::{Lattice, STEPS, Site};
 use super::lattice_surface::LatticeSurface;
 use crate::numeric::median;
 
-/// Cells that a piece's crossings may lie off those that another one's surface foretells: fewer
-/// than half a cell, or the next ones might be meant.
+/// Maximum distance, in cells, of a piece's crossings from those predicted by another one's
+/// surface: less than half a cell, so that the nearest site is the right one.
 const ASTRAY: f64 = 0.3;
 
-/// Cells that each of so many crossings lies off the host's at most: once in a million by chance.
+/// Maximum distance, in cells, of each crossing from a site of the host, and minimum number of
+/// crossings: by chance this happens once in a million.
 const NEARLY: f64 = 0.15;
 const MIN_MISLINKED: usize = 6;
 
-/// Cells between two crossings that are the same, found twice.
+/// Maximum distance, in cells, between two crossings that are the same, found twice.
 const SAME: f64 = 0.25;
 
-/// Cells from the crossings of a board to those of another one: each goes on by one cell.
+/// Minimum distance, in cells, between the crossings of two boards, each of which extends by one
+/// cell.
 const MIN_APART: isize = 2;
 
 /// Crossings at the sites of another lattice.
 struct Placed {
     crossings: Vec<(Site, Vector2<f64>)>,
-    /// Whether it is dark where the other lattice's cells would be.
+    /// Whether the dark cells are dark cells of the other lattice, too.
     is_alike: bool,
 }
 
 /// Joins lattices that continue each other, and fragments of lattices to them.
 ///
-/// Each of the `hosts` is large enough to tell of its surface; fragments that continue none are left
-/// out. `size` is the picture's width and height; `has_space` says of a lattice whether it is several
-/// boards.
+/// Each of the `hosts` is large enough to determine its surface; fragments that continue none are
+/// dropped. `size` is the picture's width and height; `has_space` returns whether a lattice
+/// consists of several boards.
 pub(super) fn joined(
     mut hosts: Vec<Lattice>,
     fragments: Vec<Lattice>,
@@ -56,7 +59,8 @@ pub(super) fn joined(
     done
 }
 
-/// Joins to a lattice what continues it, which is taken from the pieces; so is what is linked wrongly.
+/// Joins the pieces that continue a lattice to it, and removes them from the list, as well as
+/// wrongly linked ones.
 fn with_pieces(
     mut host: Lattice,
     pieces: &mut Vec<(bool, Lattice)>,
@@ -72,7 +76,7 @@ fn with_pieces(
         } else if let Some(union) = union.filter(|it| it.is_smooth(size)) {
             (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
             pieces.remove(number);
-            number = 0; // it reaches farther now
+            number = 0; // the larger lattice may reach other pieces
         } else if host.is_mislinked(piece, &surface) {
             pieces.remove(number);
         } else {
@@ -83,13 +87,13 @@ fn with_pieces(
 }
 
 impl Lattice {
-    /// Both as one lattice, if the piece's crossings lie where its own must.
+    /// Both as one lattice, if the piece's crossings are where its own must be.
     fn union(&self, piece: &Self, surface: &LatticeSurface) -> Option<Self> {
         let placed = self.placed(piece, surface)?;
         placed.is_alike.then(|| self.merged(&placed.crossings))?
     }
 
-    /// The piece's crossings at this lattice's sites, if they lie where some of its own would.
+    /// The piece's crossings at this lattice's sites, if they are near some of its sites.
     fn placed(&self, piece: &Self, surface: &LatticeSurface) -> Option<Placed> {
         let (index, points): (Vec<Site>, Vec<_>) = piece.found().unzip();
         let sites = surface.sites(points.iter().copied());
@@ -142,7 +146,7 @@ impl Lattice {
         })
     }
 
-    /// Whether a piece has put crossings of the host's own lattice into other rows and columns.
+    /// Whether a piece consists of crossings of the host's own lattice in wrong rows and columns.
     fn is_mislinked(&self, piece: &Self, surface: &LatticeSurface) -> bool {
         let sites = surface.sites(piece.points());
         let is_close = |site: &Vector2<f64>| {
@@ -155,10 +159,11 @@ impl Lattice {
             && !self.is_beside(piece, surface)
     }
 
-    /// Whether a piece is another board, which stands a whole number of cells away by chance.
+    /// Whether a piece is another board, which is a whole number of cells away by chance.
     ///
-    /// Its cells are as large as this lattice's own, and dark where those would be light. Links of
-    /// this board's own crossings cannot give that: they follow edges from light to dark.
+    /// Its cells are as large as this lattice's own, and dark where those would be light. Wrong
+    /// links between this board's own crossings cannot produce that: they follow edges from light
+    /// to dark.
     fn is_beside(&self, piece: &Self, surface: &LatticeSurface) -> bool {
         let [rows, columns] = self.size();
         let is_apart = |&((row, column), _): &(Site, Vector2<f64>)| {
@@ -169,7 +174,8 @@ impl Lattice {
             .is_some_and(|it| !it.is_alike && it.crossings.iter().all(is_apart))
     }
 
-    /// Whether columns and rows are no farther from a lattice than that is wide.
+    /// Whether the nearest of some sites (column, row) is no farther from the lattice than its
+    /// extent.
     fn is_near(&self, sites: &[Vector2<f64>]) -> bool {
         let [rows, columns] = self.size();
         let last = Vector2::new(columns as f64 - 1.0, rows as f64 - 1.0);
@@ -177,7 +183,7 @@ impl Lattice {
         beyond.fold(f64::INFINITY, f64::min) <= rows.max(columns) as f64
     }
 
-    /// With crossings at other sites, too; `None` if they contradict its own.
+    /// The lattice with further crossings; `None` if they contradict its own.
     fn merged(&self, placed: &[(Site, Vector2<f64>)]) -> Option<Self> {
         let gap = |&(site, point): &(Site, Vector2<f64>)| Some((self.at(site)? - point).norm());
         if placed.iter().filter_map(gap).fold(0.0, f64::max) > SAME * self.pitch() {
@@ -204,7 +210,7 @@ fn as_vector((row, column): Site) -> Vector2<f64> {
     Vector2::new(row as f64, column as f64)
 }
 
-/// Which of the host's directions the rows of a piece run in, by linear regression of the host's rows
+/// The direction of the host in which a piece's rows run, by linear regression of the host's rows
 /// and columns on the piece's.
 fn turn_between(index: &[[isize; 2]], sites: &[Vector2<f64>]) -> Option<usize> {
     let count = index.len() as f64;
@@ -274,7 +280,7 @@ mod tests {
     fn what_contradicts_is_not_joined() {
         let host = board().crossings(0..8, 0..4);
         let piece = board().crossings(0..8, 6..10);
-        // Dark cells where light ones must be, next to the host: its own crossings, linked wrongly.
+        // The host's own crossings, linked wrongly: dark cells next to it where light ones must be.
         let next = board().crossings(0..8, 4..10);
         let swapped =
             |it: &Lattice| Lattice::of(&it.found().collect::<Vec<_>>(), !it.is_dark((0, 0)));
@@ -288,7 +294,7 @@ mod tests {
             never,
         );
         assert!(matches!(&own[..], [only] if *only == host));
-        // So far away it is another board.
+        // At this distance it is another board.
         let other = swapped(&piece);
         assert_eq!(
             joined(vec![host.clone(), other.clone()], Vec::new(), SIZE, never),

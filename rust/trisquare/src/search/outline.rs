@@ -1,16 +1,16 @@
-//! Convex outlines of lattices: what lies within one has been found already.
+//! Convex outlines of lattices: crossings within one have been found already.
 
 use nalgebra::Vector2;
 
 use super::lattice::{Lattice, STEPS};
 
-/// Square pixels: a point on an edge of the outline lies within it, for all that rounding does.
+/// Tolerance, square pixels, for points on an edge of the outline to be inside despite rounding.
 const ROUNDING: f64 = 1e-6;
 
 /// A convex polygon, clockwise on the screen.
 ///
-/// Its corners are of single precision, so that some of the lattice's own outermost crossings are
-/// beyond it by 1e-5 pixels: those at a fold may be the neighbour's, too.
+/// Its corners have single precision, so that some of the lattice's own outermost crossings are
+/// outside by 1e-5 pixels: crossings at a fold may belong to the neighbour, too.
 #[derive(Debug, Clone)]
 pub(super) struct Outline(Vec<Vector2<f64>>);
 
@@ -20,7 +20,7 @@ impl Outline {
         Self::around(lattice.points().collect())
     }
 
-    /// The outline of a lattice and one cell round it.
+    /// The outline of a lattice with a rim of one cell.
     pub fn with_rim(lattice: &Lattice) -> Self {
         let mut points: Vec<_> = lattice.points().collect();
         for step in [STEPS[0], STEPS[1]] {
@@ -31,7 +31,8 @@ impl Outline {
         Self::around(points)
     }
 
-    /// The convex hull, in single precision, by Andrew's monotone chain (Information Processing Letters 9 (1979) 216).
+    /// The convex hull, in single precision, by Andrew's monotone chain (Information Processing
+    /// Letters 9 (1979) 216).
     fn around(mut points: Vec<Vector2<f64>>) -> Self {
         points
             .iter_mut()
@@ -42,7 +43,7 @@ impl Outline {
         Self([forth, back].concat())
     }
 
-    /// Whether a point lies within or on the outline.
+    /// Whether a point is within or on the outline.
     pub fn covers(&self, point: Vector2<f64>) -> bool {
         self.0.len() > 2
             && self
@@ -50,7 +51,7 @@ impl Outline {
                 .all(|[start, end]| (end - start).perp(&(point - start)) > -ROUNDING)
     }
 
-    /// Whether a point lies within, or nearer than some distance.
+    /// Whether a point is within the outline, or nearer to it than some distance.
     pub fn is_near(&self, point: Vector2<f64>, distance: f64) -> bool {
         self.covers(point)
             || self
@@ -64,7 +65,8 @@ impl Outline {
     }
 }
 
-/// From the first point to the last one, which is left out, with the others on the right hand.
+/// The hull from the first point to the last one, which is left out, with the other points on the
+/// right-hand side.
 fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>) -> Vec<Vector2<f64>> {
     let mut hull: Vec<Vector2<f64>> = Vec::new();
     for point in points {

@@ -1,4 +1,4 @@
-//! Pieces of lattices: linked crossings that closed cells give their rows and columns.
+//! Pieces of lattices: linked crossings to which closed cells assign rows and columns.
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
@@ -7,34 +7,34 @@ use nalgebra::Vector2;
 use super::edge_following::{Crossing, Follower, Followers};
 use super::lattice::{Lattice, STEPS, Site, beside};
 
-/// How far a crossing may be off the middle of its two neighbours, across and over the half of
-/// their distance: lenses bend a grid line of four cells by 0.1 a crossing, folded paper by more.
+/// Maximum sine of the turn of a grid line at a crossing: lenses bend a grid line of four cells by
+/// 0.1 per crossing, folded paper by more.
 pub(super) const KINK: f64 = 0.22;
 
-/// Ratio of two neighbouring cells' lengths that no perspective makes at 70 degrees.
+/// Maximum ratio of two neighbouring cells' lengths; no perspective at 70 degrees reaches it.
 const UNEVEN: f64 = 1.75;
 
-/// Adjoining cells that start a lattice: one may come about by chance, and tells less of where the
-/// next crossings are.
+/// Minimum number of adjoining cells that start a lattice: a single one may occur by chance, and is
+/// less reliable for predicting the next crossings.
 const MIN_CELLS: usize = 2;
 
-/// Rows times columns of a piece, which bounds the memory that a long diagonal takes: all crossings
-/// of a picture fill a twentieth of it.
+/// Maximum number of rows times columns of a piece, which bounds the memory for a long diagonal:
+/// all crossings of a picture fill a twentieth of it.
 const MAX_SITES: usize = 100_000;
 
 /// Crossing and direction of a link.
 type Link = (usize, usize);
 
-/// Crossings and what follows them in their four directions.
+/// Crossings, and the next ones in their four directions.
 struct Net<'a> {
     crossings: &'a [Crossing],
     following: &'a [Followers],
 }
 
-/// Puts linked crossings into rows and columns, the largest piece first.
+/// Assigns rows and columns to linked crossings; returns the largest piece first.
 ///
-/// Cells are joined across an edge that both of its crossings' grid lines go straight over, so that
-/// a fold of the paper ends a piece.
+/// Cells are joined across an edge if the grid lines at both of its ends run straight across it, so
+/// that a fold of the paper ends a piece.
 pub(super) fn pieces(crossings: &[Crossing], following: &[Followers]) -> Vec<Lattice> {
     let net = Net {
         crossings,
@@ -58,21 +58,21 @@ impl Net<'_> {
         self.following[crossing][direction]
     }
 
-    /// The next link round the cell clockwise of one.
+    /// The next link around the cell clockwise of a link.
     fn round(&self, link: Link) -> Option<Link> {
         let follower = self.next(link)?;
         Some((follower.crossing, (follower.back + 3) % 4))
     }
 
-    /// Whether the cell clockwise of a link closes after four.
+    /// Whether the cell clockwise of a link is closed after four links.
     fn closes(&self, link: Link) -> bool {
         let end = (0..4).try_fold(link, |link, _| self.round(link));
         end.is_some_and(|(crossing, _)| crossing == link.0)
     }
 
-    /// Whether the grid line through a crossing goes on in a direction.
+    /// Whether the grid line through a crossing continues in a direction.
     ///
-    /// It does not where it ends, has a kink, or its cells' lengths change abruptly.
+    /// It does not if it ends, has a kink, or if its cells' lengths change abruptly.
     fn is_straight(&self, (crossing, direction): Link) -> bool {
         let opposite = (crossing, (direction + 2) % 4);
         let (Some(next), Some(previous)) = (self.next((crossing, direction)), self.next(opposite))
@@ -89,7 +89,7 @@ impl Net<'_> {
             && ahead.dot(&behind) > 0.0
     }
 
-    /// Whether the lines at both ends of a link run straight on, away from the link's own cell.
+    /// Whether the lines at both ends of a link continue straight, away from the link's own cell.
     fn may_be_crossed(&self, (crossing, direction): Link) -> bool {
         self.is_straight((crossing, (direction + 1) % 4))
             && self
@@ -97,7 +97,7 @@ impl Net<'_> {
                 .is_some_and(|link| self.is_straight(link))
     }
 
-    /// The crossings that can be reached from the cell clockwise of a link, if they are enough.
+    /// The crossings that can be reached from the cell clockwise of a link, if there are enough.
     fn piece(
         &self,
         start: Link,
@@ -113,7 +113,7 @@ impl Net<'_> {
                 continue;
             }
             let Some(walk) = self.walk(link, step, &places, &taken) else {
-                continue; // round a corner of the room, or a false link
+                continue; // around a corner of the room, or a false link
             };
             cells += 1;
             for (link, step, follower) in walk {
@@ -141,8 +141,8 @@ impl Net<'_> {
         Some(Lattice::of(&found, start.1.is_multiple_of(2)))
     }
 
-    /// The four links round a cell, each with its step and what follows, if this does not contradict
-    /// the rows and columns that are known.
+    /// The four links around a cell, each with its step and the next crossing; `None` if they
+    /// contradict known rows and columns.
     fn walk(
         &self,
         mut link: Link,

@@ -1,18 +1,19 @@
-//! Polygons that contours are nearly, and their convex hulls; in whole pixels.
+//! Polygons that approximate contours, and convex hulls of contours; in whole pixels.
 
 /// A column and a row.
 pub(super) type Pixel = [i32; 2];
 
-/// Searches for the point farthest from the last one found, to begin with.
+/// Number of initial searches for the point farthest from the last one found.
 const FAR_SEARCHES: usize = 3;
 
-/// A polygon's corner this near to the line between those beside it is dropped, over the tolerance.
+/// Distance of a corner from the line between its neighbours, over the tolerance, below which it is
+/// dropped (both squared).
 const STRAIGHT: f64 = 0.5;
 
 /// The corners of a polygon from which no point of a closed contour is farther than a tolerance.
 ///
-/// D. H. Douglas, T. K. Peucker, Cartographica 10 (1973) 112-122, from two points that are far from
-/// each other; what is then left of nearly straight corners is dropped.
+/// D. H. Douglas, T. K. Peucker, Cartographica 10 (1973) 112-122, starting from two points that are
+/// far from each other; remaining corners that are nearly straight are dropped.
 pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
     let count = contour.len();
     let squared_tolerance = tolerance * tolerance;
@@ -31,7 +32,7 @@ pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
         return contour.get(first).copied().into_iter().collect();
     }
     let mut corners = Vec::new();
-    // Runs of points whose corners are still to be found, the first one last.
+    // Runs of points whose corners are still to be found; the first one is at the end.
     let far = first + offset;
     let mut open = vec![(far, first + count), (first, far)];
     while let Some((start, end)) = open.pop() {
@@ -44,13 +45,14 @@ pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
     corners
 }
 
-/// The point of a run that is farthest from its chord, if that is farther than tolerated.
+/// The point of a run that is farthest from its chord, if that is farther than the tolerance.
 fn farthest(contour: &[Pixel], start: usize, end: usize, squared_tolerance: f64) -> Option<usize> {
     let at = |place: usize| contour[place % contour.len()];
     let (from, to) = (at(start), at(end));
     let chord = between(from, to);
     let squared_chord = squared(chord);
-    // Times the chord's squared length, which keeps the numbers whole.
+    // Squared distances are multiplied by the chord's squared length, which keeps them whole
+    // numbers.
     let mut most = 0;
     let mut found = start;
     for place in start + 1..end {
@@ -71,7 +73,7 @@ fn farthest(contour: &[Pixel], start: usize, end: usize, squared_tolerance: f64)
     (most as f64 > squared_tolerance * squared_chord as f64).then_some(found)
 }
 
-/// Drops corners at which a polygon goes straight on, of which two never follow each other.
+/// Drops nearly straight corners of a polygon, but never two in succession.
 fn drop_straight(corners: &mut Vec<Pixel>, squared_tolerance: f64) {
     let count = corners.len();
     let Some(&last) = corners.last() else { return };
@@ -105,7 +107,7 @@ fn drop_straight(corners: &mut Vec<Pixel>, squared_tolerance: f64) {
 
 /// The corners of the convex hull of a closed contour, clockwise on the screen (x right, y down).
 ///
-/// They begin where the contour begins, or ends if it runs the other way.
+/// They start where the contour starts, or ends if it is anticlockwise.
 pub(super) fn convex_hull(contour: &[Pixel]) -> Vec<Pixel> {
     let mut order: Vec<usize> = (0..contour.len()).collect();
     order.sort_unstable_by_key(|place| (contour[*place], *place));
@@ -130,7 +132,7 @@ pub(super) fn convex_hull(contour: &[Pixel]) -> Vec<Pixel> {
     hull.iter().map(|place| contour[*place]).collect()
 }
 
-/// A chain of points that turns to the right only, on the screen.
+/// A chain of points that only turns to the right on the screen.
 fn half_hull<'a>(contour: &[Pixel], order: impl Iterator<Item = &'a usize>) -> Vec<usize> {
     let mut chain: Vec<usize> = Vec::new();
     for &place in order {
@@ -157,7 +159,7 @@ pub(super) fn perimeter(corners: &[Pixel]) -> f64 {
         .sum()
 }
 
-/// Area of a closed polygon, positive if it runs clockwise on the screen.
+/// Area of a closed polygon, positive if it is clockwise on the screen.
 pub(super) fn oriented_area(corners: &[Pixel]) -> f64 {
     let sides = corners.iter().zip(corners.iter().cycle().skip(1));
     let doubled: i64 = sides
@@ -166,7 +168,7 @@ pub(super) fn oriented_area(corners: &[Pixel]) -> f64 {
     0.5 * doubled as f64
 }
 
-/// Whether a closed polygon turns one way at all corners.
+/// Whether a closed polygon turns in the same direction at all corners.
 pub(super) fn is_convex(corners: &[Pixel]) -> bool {
     let count = corners.len();
     let turn = |k: usize| {

@@ -1,19 +1,19 @@
-//! Of the lattices of a halved picture and those of the whole one: which to keep.
+//! Choice between the lattices of a halved picture and those of the whole one.
 //!
-//! They are paired by place, as a search may give them in any order, and joined or in parts.
+//! They are paired by position, as a search may return them in any order, joined or in parts.
 
 use super::lattice::Lattice;
 use super::outline::Outline;
 
-/// Of a lattice's crossings, those that the outline of another one of the same board covers. Boards
-/// that meet at a fold share a row.
+/// Fraction of a lattice's crossings that the outline of another one must cover to be of the same
+/// board. Boards that meet at a fold share a row.
 const SAME_PLACE: f64 = 0.5;
 
-/// The known lattices, or those of the finer picture that have as many crossings, and what only the
-/// finer picture shows.
+/// The known lattices, each replaced by that of the finer picture if it has at least as many
+/// crossings, and the lattices that only the finer picture shows.
 ///
-/// Noise and blur may hide from the finer picture what the known ones show. All are in the same
-/// coordinates.
+/// The finer picture may lack known lattices because of noise and blur. All lattices are in the
+/// same coordinates.
 pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice> {
     let outlines: Vec<_> = finer.iter().map(Outline::of).collect();
     let successors: Vec<_> = known
@@ -31,7 +31,7 @@ pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice>
     let mut all: Vec<_> = kept.map(|(lattice, _)| lattice).collect();
     let held: Vec<_> = all.iter().map(Outline::of).collect();
     let new = finer.into_iter().zip(is_better);
-    // A part of what is kept is not found once more.
+    // A part of a lattice that is kept is not added.
     let new = new.filter(|(lattice, is_better)| {
         *is_better && held.iter().all(|it| share(lattice, it) < SAME_PLACE)
     });
@@ -39,14 +39,14 @@ pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice>
     all
 }
 
-/// Which outline covers most of a lattice's crossings, if it covers enough of them.
+/// Index of the outline that covers most of a lattice's crossings, if it covers enough of them.
 fn successor(lattice: &Lattice, outlines: &[Outline]) -> Option<usize> {
     let shares = outlines.iter().map(|outline| share(lattice, outline));
     let best = shares.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
     (best.1 >= SAME_PLACE).then_some(best.0)
 }
 
-/// Of a lattice's crossings, the share that an outline covers.
+/// Fraction of a lattice's crossings that an outline covers.
 fn share(lattice: &Lattice, outline: &Outline) -> f64 {
     let covered = lattice.points().filter(|point| outline.covers(*point));
     covered.count() as f64 / lattice.count().max(1) as f64
@@ -58,7 +58,7 @@ mod tests {
 
     use super::*;
 
-    /// So many crossings in rows of eight, from some place on.
+    /// `count` crossings in rows of eight, from the column `left` on.
     fn lattice(left: f64, count: isize) -> Lattice {
         let found: Vec<_> = (0..count)
             .map(|number| {
@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn lattices_are_paired_by_place_in_any_order() {
         let known = vec![lattice(A, 40), lattice(B, 39)];
-        // By their order the better one of B would replace A.
+        // Paired by order, the better one of B would replace A.
         let all = replaced(known, vec![lattice(B, 41), lattice(A, 38)]);
         assert_eq!(all, [lattice(A, 40), lattice(B, 41)]);
     }

@@ -1,47 +1,48 @@
-//! Newton's method on saddle points of the grey levels.
+//! Newton's method for saddle points of the grey levels.
 
 use nalgebra::{Vector2, Vector4};
 
 use crate::image::GreyBytes;
 
-/// Pixels per side of the derivative filters.
+/// Width of the derivative filters, pixels.
 const APERTURE: usize = 5;
-/// Pixels from a filter's middle to its rim.
+/// Number of pixels from a filter's middle to its rim.
 const REACH: usize = APERTURE / 2;
 
-/// Newton steps of settling, and how long each may be at most, pixels: beyond, the slope tells a
-/// direction only.
+/// Maximum number of Newton steps, and their maximum length, pixels: beyond that, the slope only
+/// gives a direction.
 const SETTLING_STEPS: usize = 5;
 const SETTLING_STEP: f64 = 1.5;
-/// Pixels from the last pixel to the saddle at most: where the grey levels are curved alike but
-/// have a slope, it lies farther away or nowhere.
+/// Maximum distance (px) of the saddle from the last pixel: where the grey levels have the
+/// curvature of a saddle but also a slope, the saddle is farther away or does not exist.
 const MAX_OFFSET: f64 = 1.2;
-/// Pixels that a point may be moved: it comes from a picture half as fine.
+/// Maximum total displacement of a point (px): it comes from a picture half as fine.
 const MAX_SETTLING: f64 = 3.0;
 
-/// Binomial smoothing, and first and second differences that are smoothed alike.
+/// Binomial smoothing, and first and second differences with the same smoothing.
 const SMOOTH: [f64; APERTURE] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
 const SLOPE: [f64; APERTURE] = [-0.125, -0.25, 0.0, 0.25, 0.125];
 const CURVE: [f64; APERTURE] = [0.25, 0.0, -0.5, 0.0, 0.25];
 
-/// Ratio of a saddle's two curvatures. Where edges cross they are equal, at whatever angle and
-/// however blurred; the smallest cells leave a ratio of 2. Noise along stripes leaves any.
+/// Maximum ratio of a saddle's two curvatures. Where edges cross they are equal, for any angle and
+/// blur; the smallest cells have a ratio of 2. Noise along stripes has any ratio.
 const MAX_UNEVEN: f64 = 3.0;
 
-/// Stands for a determinant that is none of a saddle: the step is then far too long.
+/// Replacement for a determinant that is not that of a saddle: the step is then far too long.
 const NO_SADDLE: f64 = -1e-9;
 
-/// Where the slope vanishes, seen from a pixel.
+/// The point where the slope vanishes, relative to a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SaddleStep {
-    /// To the saddle, pixels.
+    /// Vector to the saddle, pixels.
     pub offset: Vector2<f64>,
     /// Second derivatives xx, xy, yy and their determinant, negative at a saddle.
     pub curvature: Vector4<f64>,
 }
 
 impl SaddleStep {
-    /// From the pixel (column, row), or that within the filters' reach which is nearest to it.
+    /// The step from the pixel (column, row), or from the nearest one at which the filters are
+    /// inside the picture.
     ///
     /// `None` if the picture is smaller than the filters.
     #[must_use]
@@ -79,7 +80,7 @@ impl SaddleStep {
         })
     }
 
-    /// Whether the second derivatives are those of a saddle as steep both ways.
+    /// Whether the second derivatives are those of a saddle that is about equally steep both ways.
     pub(super) fn is_even(&self) -> bool {
         let trace = self.curvature[0] + self.curvature[2];
         let most = (MAX_UNEVEN - 1.0) * (MAX_UNEVEN - 1.0) / MAX_UNEVEN;
@@ -87,7 +88,7 @@ impl SaddleStep {
     }
 }
 
-/// Moves a point onto the saddle next to it, where there is one.
+/// Moves a point to the saddle next to it, if there is one.
 #[must_use]
 pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
     let (mut refined, mut nearest) = (point, point);
@@ -95,7 +96,7 @@ pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f6
     for _ in 0..SETTLING_STEPS {
         let pixel: [usize; 2] = std::array::from_fn(|k| {
             let most = picture.size()[k].saturating_sub(1 + REACH);
-            // The cast saturates, and takes NaN to zero.
+            // The cast saturates, and maps NaN to zero.
             (refined[k].round_ties_even() as usize).min(most).max(REACH)
         });
         let Some(step) = SaddleStep::from(picture, pixel) else {
@@ -103,7 +104,7 @@ pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f6
         };
         let moved = step.offset.map(|o| o.clamp(-SETTLING_STEP, SETTLING_STEP));
         refined = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
-        // From beside a saddle amid four pixels the steps go to and fro: the shortest is the best.
+        // Near a saddle between four pixels the steps alternate: the shortest is the best.
         if shortest.is_none_or(|it| step.offset.amax() < it.offset.amax()) {
             (shortest, nearest) = (Some(step), refined);
         }

@@ -1,4 +1,4 @@
-//! Crossings among saddle points: two light sectors and two dark ones alternate round them.
+//! Crossings among saddle points: two light and two dark sectors alternate around them.
 
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -10,44 +10,46 @@ use super::edge_following::Crossing;
 use super::saddles::SaddleStep;
 use crate::image::GreyBytes;
 
-/// Pixels from a candidate to the saddle point itself. At the corner of a lone square the grey
-/// levels are curved alike, but have a slope: the saddle lies farther away or nowhere.
+/// Maximum distance (px) of the saddle point from a candidate. At the corner of a single square the
+/// grey levels have the curvature of a saddle, but also a slope: the saddle is farther away or does
+/// not exist.
 const MAX_OFFSET: f64 = 1.2;
 
-/// Pixels to a saddle that print beside it has drawn the candidate away from, and what is left of
-/// them one step later, when the nearest pixel is at most half a pixel off.
+/// Maximum distance (px) of the saddle if print beside it has displaced the candidate, and its
+/// maximum one step later, when the nearest pixel is at most half a pixel away.
 const FAR_OFFSET: f64 = 2.5;
 const ARRIVED: f64 = 0.6;
 
-/// The strongest candidates are looked at: 30 boards of 10 x 10 cells. It bounds the time in a
-/// picture of gravel or grass.
+/// Maximum number of candidates that are used, the strongest: 30 boards of 10 x 10 cells. It bounds
+/// the time in a picture of gravel or grass.
 const MAX_CANDIDATES: usize = 4000;
 
-/// Pixels from a saddle at which its four sectors are looked at: inside a cell of five pixels.
+/// Radius (px) of the ring on which the four sectors around a saddle are sampled: inside a cell of
+/// five pixels.
 const RING: f64 = 2.5;
 
-/// Pixels from a saddle at which its edges are looked for again: as far as blur turns them toward
-/// each other's right angle in the ring, and it has faded.
+/// Radius (px) of the ring on which the edges are located again: there the blur, which in the inner
+/// ring turns them towards a right angle, has faded.
 const FAR_RING: f64 = 5.0;
 
-/// Radians, 34 degrees, by which blur turns an edge at most: what lies farther off is another.
+/// Maximum turn of an edge by blur, radians (34 degrees): beyond that it is another edge.
 const MAX_TURNED: f64 = 0.6;
 
-/// Of the step between light and dark, what an edge has at a pixel beside it, or there is none but
-/// the end of a cell.
+/// Minimum step of an edge at the pixels beside it, as a fraction of the step between light and
+/// dark; with a smaller one it is the end of a cell.
 const MIN_EDGE: f64 = 0.3;
 
-/// Directions looked in from a saddle, over half a turn.
+/// Number of directions sampled around a saddle, per half turn.
 const HALF_TURN: usize = 16;
 
-/// Least step between a light sector and a dark one over the mean step: noise and one-sided shading
+/// Minimum step between a light and a dark sector over the mean step: noise and one-sided shading
 /// leave more, the end of a line or a bend less.
 const MIN_ALTERNATION: f64 = 0.5;
 
-/// Values in the directions of half a turn; the next half turn repeats them.
+/// Values in the directions of half a turn; the other half turn has the same ones.
 type Ring = [f64; HALF_TURN];
 
-/// Unit vectors in all directions that are looked in.
+/// Unit vectors in all directions that are sampled.
 static DIRECTIONS: LazyLock<[Vector2<f64>; 2 * HALF_TURN]> = LazyLock::new(|| {
     std::array::from_fn(|k| {
         let angle = k as f64 * (PI / HALF_TURN as f64);
@@ -55,23 +57,23 @@ static DIRECTIONS: LazyLock<[Vector2<f64>; 2 * HALF_TURN]> = LazyLock::new(|| {
     })
 });
 
-/// How a ring passes zero.
+/// Direction in which a ring crosses zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Turn {
     Falls,
     Rises,
 }
 
-/// A pixel at which the grey levels are curved as at a saddle, more than at those around it.
+/// A pixel at which the grey levels have the curvature of a saddle, more so than around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SaddleCandidate {
     /// Column and row.
     pub pixel: [usize; 2],
-    /// The greater, the more curved; only the order counts.
+    /// Strength of the curvature; only the order matters.
     pub strength: f64,
 }
 
-/// Finds the crossings of two edges at or beside candidates, each once.
+/// Finds the crossings of two edges at or near candidates, each only once.
 pub(super) fn crossings_at(
     picture: &GreyBytes<'_>,
     candidates: &[SaddleCandidate],
@@ -115,7 +117,7 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Ve
     saddles
 }
 
-/// The strongest candidates, in their own order unless there are more than are looked at.
+/// The strongest candidates, in their own order unless there are more than the maximum.
 fn strongest(candidates: &[SaddleCandidate]) -> Vec<SaddleCandidate> {
     let mut candidates = candidates.to_vec();
     if candidates.len() > MAX_CANDIDATES {
@@ -125,7 +127,7 @@ fn strongest(candidates: &[SaddleCandidate]) -> Vec<SaddleCandidate> {
     candidates
 }
 
-/// From a pixel to the saddle, if that is as steep both ways.
+/// The vector from a pixel to the saddle, if that is about equally steep both ways.
 fn even_step(picture: &GreyBytes<'_>, pixel: [usize; 2]) -> Option<Vector2<f64>> {
     let step = SaddleStep::from(picture, pixel)?;
     step.is_even().then_some(step.offset)
@@ -139,10 +141,11 @@ fn around([x, y]: [isize; 2]) -> impl Iterator<Item = [isize; 2]> {
     (y - 1..=y + 1).flat_map(move |y| (x - 1..=x + 1).map(move |x| [x, y]))
 }
 
-/// The crossing at a saddle round which two light sectors and two dark ones alternate.
+/// The crossing at a saddle, if two light and two dark sectors alternate around it.
 ///
-/// Each pair of opposite ones is much alike. The second derivatives would tell where the sectors are,
-/// but not how wide: smoothed, every crossing of two edges has them as if at right angles.
+/// The sectors of each opposite pair are nearly the same. The second derivatives would give the
+/// directions of the sectors, but not their widths: after smoothing, those of every crossing of two
+/// edges are as for a right angle.
 fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing> {
     let shades = shades_around(picture, point, RING);
     let mean = mean_of_opposite(&shades);
@@ -168,9 +171,9 @@ fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing>
     Some(Crossing { point, edges })
 }
 
-/// Directions of the edges as a wider ring has them, if it shows both.
+/// Directions of the edges on a wider ring, if it shows both.
 ///
-/// Where edges cross aslant, blur turns what is near of them toward a right angle.
+/// For edges that cross at an oblique angle, blur turns their inner parts towards a right angle.
 fn edges_afar(
     picture: &GreyBytes<'_>,
     point: Vector2<f64>,
@@ -211,7 +214,7 @@ fn mean_of_opposite(shades: &[f64; 2 * HALF_TURN]) -> Ring {
     std::array::from_fn(|k| 0.5 * (shades[k] + shades[k + HALF_TURN]))
 }
 
-/// The first direction of those that are before all others.
+/// The first of the directions that come before all others in the given order.
 fn first_of(ring: &Ring, is_before: impl Fn(f64, f64) -> bool) -> usize {
     (1..HALF_TURN).fold(0, |first, k| {
         if is_before(ring[k], ring[first]) {
@@ -222,15 +225,15 @@ fn first_of(ring: &Ring, is_before: impl Fn(f64, f64) -> bool) -> usize {
     })
 }
 
-/// Where a ring is zero.
+/// A place where a ring crosses zero.
 struct SignChange {
     /// The direction before it.
     after: usize,
-    /// Between that direction and the next.
+    /// Fractional direction, between that one and the next.
     place: f64,
 }
 
-/// Where a ring falls to below zero, or where it rises above it.
+/// The places where a ring falls below zero, or those where it rises above it.
 fn sign_changes(above: &Ring, turn: Turn) -> Vec<SignChange> {
     let is_above = |k: usize| above[k % HALF_TURN] > 0.0;
     let was_above = turn == Turn::Falls;
@@ -250,7 +253,7 @@ mod tests {
 
     const SIZE: usize = 40;
 
-    /// Two edges that cross at a point at some angles, blurred by a pixel or so.
+    /// Two edges that cross at a point in the given directions, blurred by a pixel or so.
     fn crossed_edges(point: Vector2<f64>, angles: [f64; 2]) -> Vec<u8> {
         let across = angles.map(|angle| Vector2::new(-angle.sin(), angle.cos()));
         let soft = |way: f64| (way / 1.2).tanh();

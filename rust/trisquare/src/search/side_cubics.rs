@@ -1,45 +1,46 @@
-//! Cubics through points along sides, held back by what lenses do, and without points that stray.
+//! Cubics through points along sides, regularised to the distortion of lenses, and robust against
+//! strays.
 
 use nalgebra::{Matrix4, Vector4};
 
 use crate::numeric::median;
 
-/// Pixels; of one edge position.
+/// Standard deviation of an edge position, pixels.
 const POINT_NOISE: f64 = 0.2;
 
-/// Contour points that stray from their side's first cubic, by so many times the median or at least
-/// so many pixels, follow whatever hides the edge; without them the cubic is fitted again, a few
-/// times, since at first they bias it.
+/// Distance of contour points from their side's first cubic above which they follow an object that
+/// hides the edge, in medians and at least in pixels. The cubic is fitted again without them, at
+/// most the given number of times, since at first they bias it.
 const STRAY: f64 = 2.5;
 const STRAY_PIXELS: f64 = 1.5;
 const TRIMMINGS: usize = 4;
 
-/// Size of a side's offset, slope, quadratic and cubic term, over the chord: the first two are
-/// free, the others what strong distortion makes.
+/// Expected size of a side's offset, slope, quadratic and cubic term, over the chord: the first two
+/// are free, the others those of strong distortion.
 const EXPECTED_TERMS: Vector4<f64> = Vector4::new(1e3, 1e3, 0.02, 0.003);
 
-/// While a piece of contour that is none of the edge may be among the points, lest the curve follow
-/// it.
+/// Same while the points may include a piece of contour that is not on the edge, so that the curve
+/// does not follow it.
 const STIFF_TERMS: Vector4<f64> = Vector4::new(1e3, 1e3, 0.002, 0.0003);
 
 /// Points along one side.
 #[derive(Debug, Clone)]
 pub struct SidePoints {
-    /// The powers, 0 to 3, of their places along the chord.
+    /// Powers, 0 to 3, of their positions along the chord.
     pub basis: Vec<Vector4<f64>>,
-    /// From the chord, pixels.
+    /// Offsets from the chord, pixels.
     pub offsets: Vec<f64>,
-    /// Which of them count.
+    /// Whether each point is used.
     pub used: Vec<bool>,
-    /// Of the chord, pixels.
+    /// Length of the chord, pixels.
     pub length: f64,
 }
 
 impl SidePoints {
-    /// The coefficients of the cubic through the points that count, by least squares.
+    /// The coefficients of the cubic through the points that are used, by least squares.
     ///
-    /// A lens bends short sides little, and free curvature would swing at their ends, where nothing
-    /// was measured; the expected size of each coefficient holds it back.
+    /// A lens bends short sides little, and a free curvature would diverge at their ends, where
+    /// nothing was measured; hence each coefficient has a prior with its expected size.
     #[must_use]
     pub fn cubic(&self) -> Vector4<f64> {
         self.fitted(&self.used, EXPECTED_TERMS)
@@ -89,8 +90,8 @@ impl SidePoints {
     }
 }
 
-/// Cubics through the points of several sides, without those that stray from what most of their
-/// side's points say, if there are any at all.
+/// Cubics through the points of several sides, without those that stray from most of their side's
+/// points; if no side has any strays, all points are used.
 #[must_use]
 pub fn trimmed_cubics(sides: &[SidePoints]) -> Vec<Vector4<f64>> {
     let cubics: Vec<_> = sides.iter().map(SidePoints::cubic).collect();
@@ -107,7 +108,8 @@ mod tests {
     use super::*;
 
     const LENGTH: f64 = 100.0;
-    /// What is expected of a lens holds the cubic term back, and with it the slope: it is zero.
+    /// The prior on a lens's bending reduces the cubic term, and changes the slope with it, so that
+    /// the term is zero here.
     const TRUTH: Vector4<f64> = Vector4::new(1.0, -2.0, 1.5, 0.0);
 
     fn side() -> SidePoints {
