@@ -11,7 +11,7 @@ import sys as _sys
 from importlib import import_module as _import_module
 from typing import get_type_hints as _get_type_hints
 
-# The same list as in `__init__.pyi`, for type checkers.
+# The public names, which `__init__.pyi` repeats for type checkers.
 _NAMES_OF_MODULES = {
     "_core": ("__version__",),
     "analysis.comparison": ("Comparison", "compare"),

@@ -71,7 +71,7 @@ _View: TypeAlias = tuple[str, float, float, float, float]
 """A view of an undistorted picture: its projection, fx, fy, cx and cy."""
 
 _AnyLens: TypeAlias = _Camera | tuple[Sequence[float], str, Sequence[float]]
-"""A camera, or fx, fy, cx, cy, the name of a distortion model, and its coefficients."""
+"""A camera, or fx, fy, cx, cy, the name of the model of a distortion, and its coefficients."""
 
 _UncertainCamera: TypeAlias = tuple[_Camera, Sequence[str], bool, NDArray[np.float64]]
 """A camera, its free parameters, whether fy depends on fx, and the parameters' covariance."""

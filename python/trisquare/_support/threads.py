@@ -17,8 +17,8 @@ if TYPE_CHECKING:  # imported only if there are several threads
 T = TypeVar("T")
 
 AHEAD = 2
-"""Number of results per thread that may wait to be taken: a slow piece of work does not stop the
-other threads."""
+"""Number of pieces of work per thread that are started and not yet taken: a slow one does not stop
+the other threads."""
 
 
 def thread_count(threads: int | None, pieces: int) -> int:

@@ -65,7 +65,7 @@ class Comparison(RebuiltByConstructor):
         Columns and rows of the grid, pixels, from border to border.
     difference : ndarray, shape (R, C, 2)
         The second camera's projection of the direction that the first sees at ``(x[j], y[i])``,
-        minus that pixel; infinite outside the valid radius of one of the two.
+        minus that pixel; infinite where the map of one of the two is not valid.
     std : ndarray, shape (R, C), or None
         Expected root mean square distance of two calibrations of one camera, by the stated
         uncertainties, pixels, infinite likewise; None if neither states one.
@@ -225,7 +225,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def coverage(self) -> float:
-        """Fraction of the picture's grid that is within the valid radius of both cameras."""
+        """Fraction of the picture's grid in which the maps of both cameras are valid."""
         return float(np.isfinite(self.distance).mean())
 
     @property
@@ -348,7 +348,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
 def _are_enclosed(pixels: npt.ArrayLike, corners: FloatArray) -> npt.NDArray[np.bool_]:
     """Return whether pixels, (..., 2), are inside the convex hull of corners.
 
-    A pixel is outside if there is no corner in some half plane through it.
+    A pixel is outside if there is no corner on one side of some line through it.
     """
     arms = corners - np.asarray(pixels)[..., None, :]
     angles = np.sort(np.arctan2(arms[..., 1], arms[..., 0]), axis=-1)

@@ -33,7 +33,7 @@ ROUNDS = 6
 """Number of iterations of reweighting; the weights of outliers settle within three."""
 
 HUBER = 1.345
-"""Residual, in standard deviations, from which on it weighs less; 95 % efficient (Huber 1964)."""
+"""Residual, in standard deviations, above which it weighs less; 95 % efficient (Huber 1964)."""
 
 BLOCK = 8
 """Number of neighbouring samples whose residuals are summed to find their correlation."""

@@ -52,7 +52,7 @@ LARGEST = 1e100
 """Upper limit of sides and standard deviations, whose squares must not overflow."""
 
 FAR = 2.0
-"""Extrapolation from which on a warning is given."""
+"""Extrapolation above which a warning is given."""
 
 FULL_TURN = 360.0
 """A full turn, degrees."""
@@ -230,10 +230,10 @@ def measure(
     Measurement
         Has ``lengths``, ``angles`` and ``area``, and their standard deviations, which include
         the uncertainty of the pixels, the pose and the camera. If the sides of the plane are bent,
-        the deviation of the sides (the pose's `side_error`) is added to each point's standard
-        deviation: 87 to 92 % of the 95 % intervals between crossings of real boards then contain
-        the true length. A bend of the plane beyond that of its sides, and errors of a camera's
-        fixed parameters, are not included.
+        the deviation of the sides (the pose's `side_error`) is added in quadrature to each point's
+        standard deviation: 87 to 92 % of the 95 % intervals between crossings of real boards then
+        contain the true length. A bend of the plane beyond that of its sides, and errors of a
+        camera's fixed parameters, are not included.
 
     Raises
     ------

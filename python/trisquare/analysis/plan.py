@@ -92,7 +92,7 @@ class PlannedSquare(RebuiltByConstructor):
         centre : (float, float)
             Position of its centre in the picture, pixels.
         side : float
-            Length of its side if it faced the camera, pixels.
+            Length of its side in the picture if it faced the camera, pixels.
         tilt : float
             Angle between its plane and the image plane, degrees.
         direction : float

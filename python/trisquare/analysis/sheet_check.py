@@ -37,7 +37,7 @@ lens, and the calibration corrects it: on one face of three it shifts fx and fy 
 (rms, 5 views). A larger bow leaves errors of second order."""
 
 BENT = 0.01
-"""Bow, as a fraction of the side, from which on angles and stretch are not judged: they have errors
+"""Bow, as a fraction of the side, above which angles and stretch are not judged: they have errors
 of second order in the bow (at 2 %, up to 1.3 degrees and 0.4 %)."""
 
 MAX_STRETCH = 0.003

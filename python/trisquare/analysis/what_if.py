@@ -32,7 +32,7 @@ MORE_TILT = 10.0  # degrees
 # Range of angles (degrees) between tilts that are small and the maximum tilt that is advised.
 ENOUGH_TILT = (25.0, 50.0)
 LARGER = 1.25
-# Side of a figure, as a fraction of the picture's height, from which on it is large enough
+# Side of a figure, as a fraction of the picture's height, above which it is large enough
 # (docs/photograph.md).
 ENOUGH_SPAN = 1.0 / 3.0
 NEARER = 0.1  # displacement, as a fraction of the picture's size

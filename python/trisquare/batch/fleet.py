@@ -15,7 +15,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.batch.requirements import AnyRequirement
 
 FEWEST = 8
-"""Minimum number of cameras of a kind from which on outliers among them are reported."""
+"""Minimum number of cameras of a kind for reporting outliers among them."""
 
 CHANCE = 0.05
 """Probability that a fleet without outliers has one reported."""
@@ -81,7 +81,7 @@ class Distribution:
         """Return a camera's distance from the median, in standard deviations of that distance.
 
         A camera with a smaller standard deviation than the median counts as having the median one,
-        since the spread of the cameras is not known better. Zero if all standard deviations are.
+        since the spread of the cameras is not known better. Zero if all of these are zero.
         """
         scale = float(np.hypot(self.spread, max(std, self.median_std)))
         return (value - self.median) / scale if scale > 0.0 else 0.0

@@ -35,7 +35,7 @@ from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected, is_reported
 
 LARGE_SIDE = 10.0
-"""Side in metres, given as a plain number, from which on a warning says that it may be meant in
+"""Smallest side in metres, given as a plain number, for which a warning says that it may be in
 millimetres."""
 
 OF_MANY = dict.fromkeys(
@@ -152,8 +152,8 @@ def calibrate(
         larger file before it is read; by default ``TRISQUARE_MAX_PIXELS`` and
         ``TRISQUARE_MAX_BYTES`` of the environment, or 500 million and 2 GB.
     progress : callable, optional
-        Called with (pictures measured, pictures in all); the fit follows the last picture, and
-        takes longer than measuring if there are many planes.
+        Called with (pictures measured, pictures in all); the fit follows the last picture, and its
+        time grows with the number of planes.
 
     Returns
     -------

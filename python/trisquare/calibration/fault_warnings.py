@@ -9,19 +9,19 @@ from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 
 WARNED_COLOUR_SHIFT = 0.4
-"""Displacement of a colour in the picture's corners (px) from which on a warning is given: most
+"""Displacement of a colour in the picture's corners (px) above which a warning is given: most
 lenses displace colours somewhat, and the core measures green alone from a smaller value on."""
 
 WARNED_MOTION = 3.0
-"""Length of a motion (px) from which on a warning is given."""
+"""Length of a motion (px) above which a warning is given."""
 
 WARNED_BLUR = 2.5
-"""Blur, as a standard deviation (px), from which on a warning is given if no motion explains it:
+"""Blur, as a standard deviation (px), above which a warning is given if no motion explains it:
 among cluttered scenes, none of 24 with 1 and 2 px was wrong by more than 3 standard deviations, and
 8 of 52 with 2.5 to 4 px were."""
 
 MUCH_LOST = 0.02
-"""Uncertainty of each side's position due to clipped light (px) from which on clipping is a likely
+"""Uncertainty of each side's position due to clipped light (px) above which clipping is a likely
 cause of other warnings."""
 
 

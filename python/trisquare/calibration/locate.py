@@ -20,7 +20,7 @@ from trisquare.results.plane import Plane
 __all__ = ["locate"]
 
 LARGEST_MISFIT = 4.0
-"""Ratio of residuals to their noise, relative to that at calibration, from which on a warning is
+"""Ratio of residuals to their noise, relative to that at calibration, above which a warning is
 given.
 
 The ratio is up to 1.5 for paper that is not flat, compared with another sheet of it at calibration.

@@ -10,7 +10,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare.edges import PlaneEdges
 
 SAME_NOISE = 0.3
-"""Correlation of the samples' noise from which on it is the same. For three photographs of boards
+"""Correlation of the samples' noise above which it is the same. For three photographs of boards
 that were saved again as JPEG, quality 95 to 40, it was 0.92 to 1; for rendered squares, quality 95
 and 90, 0.24 to 0.97; for rendered ones with different noise up to 0.08."""
 

@@ -25,8 +25,8 @@ PLAIN = {"square", "frame"}
 """Kinds that many things look like; boards and tags are not found by chance."""
 
 MIN_SURE = 3
-"""Number of agreeing planes of other kinds from which on the rejection of plain squares is not
-doubted."""
+"""Number of agreeing planes of other kinds that leaves no doubt about the rejection of plain
+squares."""
 
 
 class Chosen(NamedTuple):

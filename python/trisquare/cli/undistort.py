@@ -47,7 +47,7 @@ OF_THE_RIM = ("lens_extrapolated", "lens_ends_in_picture")
 """Warnings of a calibration that also concern undistorted pictures."""
 
 WIDE_FIELD = 120.0
-"""Angle of view, degrees, from which on a pinhole's picture is mostly its stretched border."""
+"""Angle of view, degrees, above which a pinhole's picture is mostly its stretched border."""
 
 EXAMPLES = (
     "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",

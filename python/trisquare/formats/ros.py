@@ -42,7 +42,7 @@ WRITTEN = {
 
 
 def recognises(document: Document) -> bool:
-    """Return whether it names a distortion model and a camera matrix."""
+    """Return whether it has the keys ``distortion_model`` and ``camera_matrix``."""
     return not document.starts_with("{") and all(
         re.search(rf"^{key}\s*:", document.text, re.MULTILINE)
         for key in ("distortion_model", "camera_matrix")

@@ -47,10 +47,10 @@ MAX_LEVELS = 14
 """Maximum number of levels: more shades could not be matched to the scale by eye."""
 
 NARROW = 8
-"""Aspect ratio from which on the map is not to scale: that of a line camera would be a line."""
+"""Aspect ratio above which the map is not to scale: that of a line camera would be a line."""
 
 LARGEST_MAPPED = 1e6
-"""Uncertainty (px) from which on it counts as infinite: it is larger than any picture."""
+"""Uncertainty (px) above which it counts as infinite: it is larger than any picture."""
 
 
 def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:

@@ -63,7 +63,7 @@ AWAY = {0.0: "lower", 90.0: "left", 180.0: "upper", 270.0: "right"}
 """Direction of a tilt, and the edge of the square that it moves away from the camera."""
 
 OFF_CENTRE = 0.12
-"""Distance from the centre, as a fraction of the picture's size, from which on a position has the
+"""Distance from the centre, as a fraction of the picture's size, above which a position has the
 name of a side."""
 
 

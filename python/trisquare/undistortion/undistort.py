@@ -151,7 +151,7 @@ class Undistorter:
         image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
             A picture of the camera's size.
         interpolation : {"linear", "nearest", "cubic", "lanczos"}
-            ``"linear"`` has the result of ``cv2.undistort``; ``"nearest"`` is for labels, which
+            ``"linear"`` gives the result of ``cv2.undistort``; ``"nearest"`` is for labels, which
             must not be mixed; the others are sharper, and may overshoot at edges.
 
         Returns
