@@ -374,7 +374,7 @@ class PlaneEdges(Frozen):
         radius is the unit: one circle alone gives no equation for the camera, and is refused. A
         second one about the same centre adds five numbers, and one unknown if its radius is
         unknown; two of the remaining numbers are equations for the camera, as for a square, and the
-        others (three, or two) hold for any camera.
+        others (three, or two) must hold for any camera.
 
         On the plane of an earlier figure in the list (of equal `plane`) one circle is enough: its
         size and position are three unknowns, and two equations remain. Two single circles of one

@@ -15,7 +15,7 @@ from trisquare.images.limits import (
 )
 
 MAX_SECONDS = 300.0
-"""Maximum time of a job: a hundred photographs of 24 megapixels take half of it on a slow
+"""Maximum time of a job, seconds: a hundred photographs of 24 megapixels take half of it on a slow
 machine."""
 
 MAX_MEMORY = 4e9
@@ -31,9 +31,9 @@ class JobLimits:
     max_pixels : int
         Maximum number of pixels of a picture, by its header.
     max_bytes : int
-        Maximum size of a picture's file.
+        Maximum size of a picture's file, bytes.
     max_seconds : float
-        Maximum time of a job.
+        Maximum time of a job, seconds.
     max_memory : float
         Maximum memory of a job in bytes, in addition to the program; only on Linux.
     max_scans : int

@@ -25,7 +25,7 @@ Lens: TypeAlias = "Camera | ForeignLens"
 class Family:
     """The lenses of one model of a file format.
 
-    Lenses of this class are cameras of one of `Camera`'s models with constraints.
+    Lenses of this class are cameras of one of `Camera`'s models with some parameters constrained.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Family:
         return self.all_coefficients not in (RATIONAL, THIN_PRISM)
 
     def is_of(self, camera: Camera) -> bool:
-        """Return whether the camera has the same coefficients as these lenses."""
+        """Return whether the camera's model has `all_coefficients`."""
         return COEFFICIENTS[camera.model] == self.all_coefficients
 
     def exactly(self, camera: Camera) -> Any:

@@ -20,7 +20,7 @@ MAX_LEVELS = 32
 its product with the length."""
 
 MAX_DIGITS = 400
-"""Maximum number of digits; Python writes the largest float with 309."""
+"""Maximum number of digits; the largest float has 309 when written in full."""
 
 OPENCV_TAG = "tag:yaml.org,2002:opencv-"
 OPENCV_HEADER = re.compile(r"\A%YAML[: ]1\.0[^\n]*\n")

@@ -33,7 +33,7 @@ from trisquare.serve.tasks import CONTENT, FILES, Task
 from trisquare.serve.uploads import Upload, received
 
 UPLOAD_SECONDS = 300.0
-"""Maximum time for a request to arrive."""
+"""Maximum time for a request to arrive, seconds."""
 
 TOKEN_HEADER = "x-trisquare-token"
 

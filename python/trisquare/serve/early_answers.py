@@ -42,7 +42,7 @@ class EarlyAnswers:
             return message
 
         async def later(message: Message) -> None:
-            # A client that asks before it sends the body ("Expect") waits for the answer.
+            # A client that asks first ("Expect") needs the answer before it sends the body.
             is_asked = headers.get("expect") is not None and not arrived
             if message["type"] == "http.response.start" and not is_asked:
                 with anyio.move_on_after(LINGERING):
