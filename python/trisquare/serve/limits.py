@@ -11,7 +11,7 @@ MAX_BYTES = 200_000_000
 """Maximum number of bytes of a request: ten photographs of 20 MB."""
 
 MAX_SECONDS = 60.0
-"""Maximum time of computing a request, seconds: ten photographs of 24 megapixels take half of it."""
+"""Maximum time of computing a request, seconds; ten photographs of 24 megapixels take half."""
 
 MAX_MEMORY = 2e9
 """Maximum memory of a request in addition to the program, bytes."""
