@@ -4,14 +4,14 @@
 >>> result = ts.calibrate("photo.jpg")
 >>> K, distortion, std_fx = result.camera.K, result.camera.distortion, result.std["fx"]
 
-A name is loaded when it is first asked for (PEP 562): a program pays for what it uses.
+Names are loaded on first access (PEP 562), so that a program loads only what it uses.
 """
 
 import sys as _sys
 from importlib import import_module as _import_module
 from typing import get_type_hints as _get_type_hints
 
-# Type checkers read the same list in `__init__.pyi`.
+# The public names, which `__init__.pyi` repeats for type checkers.
 _NAMES_OF_MODULES = {
     "_core": ("__version__",),
     "analysis.comparison": ("Comparison", "compare"),
@@ -84,20 +84,20 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Show the public names alone; rooms can be imported by their own names."""
+    """List only the public names; rooms can be imported by their own names."""
     return __all__
 
 
 def _publish_loaded() -> None:
-    """Take over every public name that is loaded by now, whoever asked for its module.
+    """Bind every public name whose module has been loaded, by whatever import.
 
-    Pickles and reprs name the package, not the room that a class is written in; annotations are
-    resolved before, with the names of that room.
+    Pickles and reprs then name the package, not the room in which a class is defined; annotations
+    are resolved first, with the names of that room.
     """
     for name, module in _MODULES.items():
         if name in globals() or module not in _sys.modules:
             continue
-        public = getattr(_import_module(module), name)  # waits where a thread is loading it
+        public = getattr(_import_module(module), name)  # waits if another thread is loading it
         if isinstance(public, type):
             public.__annotations__ = _get_type_hints(public)
             public.__module__ = __name__

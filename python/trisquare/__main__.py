@@ -8,11 +8,11 @@ from typing import NoReturn
 def main() -> NoReturn:
     """Run the command and exit.
 
-    Until it is loaded, Ctrl-C ends the process as it ends other programs: nothing is there yet that
-    could say so in a line.
+    Until it is loaded, Ctrl-C ends the process by the default action, since the code that reports
+    it in a line is not loaded yet.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    # An ignored one, as of a job in the background, stays ignored.
+    # SIGINT that is ignored, as in a background job, remains ignored.
     ends = is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if ends:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -23,5 +23,5 @@ def main() -> NoReturn:
     run()
 
 
-if __name__ == "__main__":  # processes of MPI import it, too
+if __name__ == "__main__":  # processes of MPI also import this module
     main()

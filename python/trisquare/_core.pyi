@@ -65,19 +65,19 @@ __all__ = [
 __version__: Final[str]
 
 _Camera: TypeAlias = tuple[str, Sequence[float], float]
-"""A model, the parameters of its lens in the order of reports, and their valid radius."""
+"""A camera: its model, the lens's parameters in the order of reports, and its valid radius."""
 
 _View: TypeAlias = tuple[str, float, float, float, float]
 """A view of an undistorted picture: its projection, fx, fy, cx and cy."""
 
 _AnyLens: TypeAlias = _Camera | tuple[Sequence[float], str, Sequence[float]]
-"""A camera, or fx, fy, cx, cy, the name of a distortion's model, and its coefficients."""
+"""A camera, or fx, fy, cx, cy, the name of the model of a distortion, and its coefficients."""
 
 _UncertainCamera: TypeAlias = tuple[_Camera, Sequence[str], bool, NDArray[np.float64]]
-"""A camera, its free parameters, whether fy follows fx, and the parameters' covariance."""
+"""A camera, its free parameters, whether fy depends on fx, and the parameters' covariance."""
 
 _Pose: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Rotation, translation."""
+"""Rotation and translation."""
 
 @type_check_only
 class _Edges(Protocol):
@@ -129,7 +129,7 @@ class _Span(Protocol):
 
 @final
 class Picture:
-    """Raw pixels of a photograph, in memory of their own."""
+    """Raw pixels of a photograph, as a copy."""
 
     def __new__(cls, pixels: NDArray[Any], /) -> Picture: ...
     def near(self, figures: Sequence[_Edges], blur: float) -> KeptPixels: ...
@@ -160,7 +160,7 @@ class SideSamples:
 
 @final
 class PictureFaults:
-    """What is wrong with a picture as a whole."""
+    """Faults of a picture as a whole."""
 
     @property
     def clipped(self) -> float: ...
@@ -205,7 +205,7 @@ class ToneEstimate:
 
 @final
 class ToneFit:
-    """What the fit to the pixels told of how a picture was coded."""
+    """Tone curve of a picture as estimated by the fit to the pixels."""
 
     @property
     def effective_gamma(self) -> float: ...
@@ -241,7 +241,7 @@ class SolvedPlane:
 
 @final
 class FigureResiduals:
-    """How far the samples of a figure are from the images of its lines, line by line."""
+    """Distances of the samples of a figure from the images of its lines, line by line."""
 
     @property
     def plane(self) -> int: ...
@@ -252,7 +252,7 @@ class FigureResiduals:
 
 @final
 class SolutionWarning:
-    """What may make a calibration wrong, and the plane or the picture that it is about."""
+    """A possible error of a calibration, and the plane or the picture that it is about."""
 
     @property
     def text(self) -> str: ...
@@ -267,7 +267,7 @@ class SolutionWarning:
 
 @final
 class ResidualCorrelation:
-    """How far the residuals are from independent noise."""
+    """Departure of the residuals from independent noise."""
 
     @property
     def neighbours(self) -> float: ...
@@ -280,7 +280,7 @@ class ResidualCorrelation:
 
 @final
 class Solution:
-    """A calibrated camera, how well it is known, and where the planes stand."""
+    """A calibrated camera with its uncertainty, and the poses of the planes."""
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]: ...
@@ -321,7 +321,7 @@ class Solution:
 
 @final
 class Verdict:
-    """What became of a candidate plane."""
+    """Decision on a candidate plane."""
 
     @property
     def figure(self) -> int: ...
@@ -332,7 +332,7 @@ class Verdict:
 
 @final
 class Outcome:
-    """What is kept of the figures, and the calibration from it or why there is none."""
+    """The figures that are kept, and the calibration from them or the reason for its failure."""
 
     @property
     def verdicts(self) -> list[Verdict]: ...
@@ -360,7 +360,7 @@ def calibrate(
 
 @final
 class Prediction:
-    """How well a camera will be known."""
+    """Predicted uncertainty of a camera."""
 
     @property
     def parameters(self) -> list[str]: ...

@@ -1,4 +1,4 @@
-"""What a calibration is made from: the measured edges of one plane figure."""
+"""The input of a calibration: measured edges of plane figures."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ Freedom: TypeAlias = Literal["auto", "fixed", "size", "similarity", "aspect", "o
 
 EDGES_FORMAT = "trisquare-edges/1"
 
-# Blurs are some pixels at most, and no tone curve displaces an edge by more than its blur.
+# Blurs are some pixels at most, and a tone curve displaces an edge by no more than its blur.
 MAX_DRIFT = 10.0
 
-# The image of a circle has five numbers.
+# The image of a circle, an ellipse, has five parameters.
 MIN_CIRCLE_SAMPLES = 5
 
 LEAVE_OUT = ": leave out the samples that were not measured"
-"""What to do about samples that are NaN or infinite."""
+"""Advice about samples that are NaN or infinite."""
 
-# Two samples are always straight.
+# Two samples are always on a straight line.
 MIN_SCENE_LINE_SAMPLES = 3
 
-# A line given with a unit normal keeps its digits: dividing by a norm that differs from 1 by
-# rounding alone would change them again on every trip through JSON or pickle.
+# Tolerance within which a normal counts as a unit normal: dividing by a norm that differs from 1
+# only by rounding would change the digits on every trip through JSON or pickle.
 UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
 
 
@@ -53,51 +53,51 @@ class PlaneEdges(Frozen):
     Parameters
     ----------
     lines : array_like, shape (L, 3), L >= 4
-        The figure's lines ``(a, b, c)`` in its own coordinates, ``a x + b y + c = 0``; kept with
+        The figure's lines ``(a, b, c)`` in its own coordinates, ``a x + b y + c = 0``; stored with
         ``a^2 + b^2 = 1``. Circles have none, shape (0, 3).
     points : sequence of L array_like, shape (N_i, 2), N_i >= 2
         Samples ``(x, y)`` on the image of each line, or circle (N_i >= 5), in pixels of the
         photograph.
     std : float or sequence of L array_like, shape (N_i,), optional
-        One standard deviation of each sample across its line, in pixels, or a number for all. Only
-        their ratios matter for the estimate; without them all samples weigh the same.
+        One standard deviation of each sample across its line, in pixels, or one number for all.
+        Only ratios matter for the estimate; without them all samples have the same weight.
     polarity : {+1, -1}, optional
         +1 if the figure's inside is dark, -1 if it is light, None if unknown.
     plane : int, optional
-        Figures of one picture with equal `plane` lie on one physical plane; None is a plane of
-        its own.
+        Figures of one picture with equal `plane` lie on one physical plane; a figure with None has
+        a plane of its own.
     image : int
-        Index of the picture the figure was measured in.
+        Index of the picture in which the figure was measured.
     kind : str
-        What the figure is called in results.
+        Name of the figure in results.
     freedom : {"auto", "fixed", "size", "similarity", "aspect", "offsets", "line"}
-        What is unknown of a *further* figure on a shared plane; the plane's first figure defines
-        the plane's coordinates, and there only "aspect", "offsets" and "line" have a meaning.
+        Unknowns of a *further* figure on a shared plane; the plane's first figure defines the
+        plane's coordinates, and for it only "aspect", "offsets" and "line" have a meaning.
 
-        - ``"fixed"``: nothing, its lines are given in the plane's coordinates (0 unknowns);
-        - ``"size"``: its size about the common centre (1 unknown), as a frame's second outline;
-        - ``"similarity"``: size, rotation and place (4 unknowns);
-        - ``"auto"``: ``"size"`` if it lies concentric with the plane's first figure, else
+        - ``"fixed"``: none, its lines are given in the plane's coordinates (0 unknowns);
+        - ``"size"``: its size about the common centre (1 unknown), as of a frame's second outline;
+        - ``"similarity"``: size, rotation and position (4 unknowns);
+        - ``"auto"``: ``"size"`` if it is concentric with the plane's first figure, else
           ``"similarity"``;
-        - ``"aspect"``, of the only figure on its plane: how far it extends along X, as of a
-          rectangle of unknown aspect (1 unknown, in the result's `Plane.aspect`);
-        - ``"offsets"``, of the only figure on its plane: the places of all lines, which run along X
-          or along Y, as from `families`;
-        - ``"line"``: all, the one line is somewhere in space and on no plane, as from `line`.
+        - ``"aspect"``, for the only figure on its plane: its extent along X, as of a rectangle of
+          unknown aspect (1 unknown, in the result's `Plane.aspect`);
+        - ``"offsets"``, for the only figure on its plane: the positions of all lines, which run
+          along X or along Y, as from `families`;
+        - ``"line"``: everything; the one line is anywhere in space and on no plane, as from `line`.
     drift : sequence of L array_like, shape (N_i, 2), optional
-        How far, in pixels, one standard deviation of an error that all samples of a picture share
-        displaces each: that of an estimated tone curve.
+        Displacement of each sample, in pixels, by one standard deviation of an error that all
+        samples of a picture share: that of an estimated tone curve.
     border : float, optional
-        Width of the plain border within a square's outline, in units of its coordinates: further
-        inside is something else, as the bits of a tag. None if nothing is known of it.
+        Width of the plain border within a square's outline, in units of its coordinates; further
+        inside is other content, such as the bits of a tag. None if it is unknown.
     radii : sequence of (float or None), optional
-        Radii of circles about the origin, which a figure has instead of lines, see `circles`. One
-        that is None is estimated; the first is not.
+        Radii of circles about the origin, for a figure of circles instead of lines, see `circles`.
+        Radii that are None are estimated; the first one must be known.
 
     Raises
     ------
     TypeError
-        If something is not a number, or not of the type said above.
+        If something is not a number, or not of the type stated above.
     ValueError
         For wrong shapes or lengths, NaN or infinity, a line without direction, ``std <= 0``.
     NotEnoughDataError
@@ -128,7 +128,7 @@ class PlaneEdges(Frozen):
     border: float | None = None
     radii: tuple[float | None, ...] | None = None
 
-    if TYPE_CHECKING:  # more is taken than is held
+    if TYPE_CHECKING:  # the constructor accepts more types than the attributes have
 
         def __init__(
             self,
@@ -195,7 +195,7 @@ class PlaneEdges(Frozen):
         kind: str = "square",
         freedom: Freedom = "auto",
     ) -> PlaneEdges:
-        """Make the edges of a square from the samples of its four sides.
+        """Create the edges of a square from the samples of its four sides.
 
         The square has unit side and is centred at the origin, X runs along side 0 from corner 0
         to corner 1, and Z points away from the camera; corner ``i`` is where the sides ``i - 1``
@@ -204,10 +204,10 @@ class PlaneEdges(Frozen):
         Parameters
         ----------
         sides : sequence of four array_like, shape (N_i, 2)
-            Samples of the sides in order round the square, either way round; the samples of one
+            Samples of the sides in order round the square, in either direction; the samples of one
             side may be in any order.
         std, polarity, plane, image, kind, freedom
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Raises
         ------
@@ -246,17 +246,17 @@ class PlaneEdges(Frozen):
         kind: str = "rectangle",
         freedom: Freedom = "auto",
     ) -> PlaneEdges:
-        """Make the edges of a rectangle from the samples of its four sides.
+        """Create the edges of a rectangle from the samples of its four sides.
 
-        As `square`, but the shorter side is the unit; where the aspect is unknown, side 1.
+        As `square`, but the unit is the shorter side or, if the aspect is unknown, side 1.
 
         Parameters
         ----------
         sides, std, polarity, plane, image, kind, freedom
-            As for `square`.
+            As in `square`.
         aspect : float or None
             Length of side 0 over that of side 1; None if it is to be estimated, which leaves one
-            equation for the camera where a known aspect gives two.
+            equation for the camera instead of two.
 
         Raises
         ------
@@ -308,22 +308,23 @@ class PlaneEdges(Frozen):
         image: int = 0,
         kind: str = "facade",
     ) -> PlaneEdges:
-        """Make the edges of two families of parallel lines, at right angles on one plane.
+        """Create the edges of two families of parallel lines, at right angles on one plane.
 
-        As on a facade, where nothing is known of the lines' places: they are estimated, and leave
-        one equation for the camera, as `rectangle` does where the aspect is unknown. The outermost
-        two lines of each family make a rectangle: the plane's origin is its centre, its extent
-        along Y is the unit, and `Plane.aspect` its extent along X. X runs from the one of `along_y`
-        that is given first to the other, and Z points away from the camera.
+        An example is a facade, if nothing is known about the lines' positions: they are estimated,
+        and one equation for the camera remains, as for a `rectangle` of unknown aspect. The
+        outermost two lines of each family form a rectangle: the plane's origin is its centre, its
+        extent along Y is the unit, and `Plane.aspect` its extent along X. X points from the
+        outermost line of `along_y` that is given first to the other one, and Z away from the
+        camera.
 
         Parameters
         ----------
         along_x, along_y : sequence of 2 or more array_like, shape (N_i, 2)
             Samples of the lines of each family.
         std : float or sequence of array_like, shape (N_i,), optional
-            As for `PlaneEdges`, of the lines of `along_x`, then of those of `along_y`.
+            As in `PlaneEdges`, for the lines of `along_x`, then for those of `along_y`.
         polarity, plane, image, kind
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Raises
         ------
@@ -366,30 +367,30 @@ class PlaneEdges(Frozen):
         kind: str = "circles",
         freedom: Freedom = "auto",
     ) -> PlaneEdges:
-        """Make the edges of concentric circles from the samples of each.
+        """Create the edges of concentric circles from the samples of each.
 
-        The origin is their centre and Z points away from the camera; how X is turned about it is
-        arbitrary. The image of a circle has five numbers, and the pose of a circle, its radius the
-        unit, five as well: one circle alone says nothing of the camera, and is refused. A second
-        one about the same centre adds five numbers, and one unknown if its radius is unknown; two
-        of what remains are equations for the camera, as of a square, and the others (three, or
-        two) must hold for any camera.
+        The origin is their centre and Z points away from the camera; the direction of X is
+        arbitrary. The image of a circle has five parameters, and so has the pose of a circle whose
+        radius is the unit: one circle alone gives no equation for the camera, and is refused. A
+        second one about the same centre adds five numbers, and one unknown if its radius is
+        unknown; two of the remaining numbers are equations for the camera, as for a square, and the
+        others (three, or two) must hold for any camera.
 
-        On the plane of a figure that stands before it in the list (of equal `plane`) one circle is
-        enough: its size and place are three unknowns, which leave two of its numbers. Two single
-        circles of one plane are enough as well, side by side or about one centre: ten numbers, of
-        which the pose has five, the second circle's size and place three, and the camera two.
+        On the plane of an earlier figure in the list (of equal `plane`) one circle is enough: its
+        size and position are three unknowns, and two equations remain. Two single circles of one
+        plane are also enough, side by side or about one centre: of ten numbers, the pose takes
+        five, the second circle's size and position three, and two remain for the camera.
 
         Parameters
         ----------
         points : sequence of array_like, shape (N_i, 2), N_i >= 5
             Samples of each circle, in any order.
         radii : sequence of (float or None), optional
-            Their radii, in any unit, which is that of the plane then. Where it is absent the first
-            circle's radius is the unit and the others are estimated, as is any that is None but
-            the first; the result has them as `Plane.radii`.
+            Their radii, in any unit, which is then the plane's. By default the first circle's
+            radius is the unit and the others are estimated, as are radii that are None, which the
+            first must not be; the result has them as `Plane.radii`.
         std, polarity, plane, image, kind, freedom
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Raises
         ------
@@ -421,10 +422,10 @@ class PlaneEdges(Frozen):
 
     @classmethod
     def line(cls, points: Any, std: Any = None, *, image: int = 0) -> PlaneEdges:
-        """Make the edge of a straight line at an unknown place in space.
+        """Create the edge of a straight line at an unknown position in space.
 
-        Its image does not constrain the camera matrix. That the line is straight constrains the
-        lens's distortion and its centre. `calibrate_edges` uses it beside squares, if it is
+        Its image does not constrain the camera matrix, but its straightness constrains the lens's
+        distortion and its centre. `calibrate_edges` uses it in addition to squares, if it is
         consistent with them; the result has it in `Calibration.lines`.
 
         Parameters
@@ -432,16 +433,16 @@ class PlaneEdges(Frozen):
         points : array_like, shape (N, 2), N >= 3
             Samples of its image, in any order, pixels.
         std : float or array_like, shape (N,), optional
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
         image : int
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Raises
         ------
         NotEnoughDataError
             If there are fewer than three points.
         TypeError, ValueError
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Examples
         --------
@@ -496,17 +497,17 @@ class PlaneEdges(Frozen):
 
     @classmethod
     def from_json(cls, text: str) -> PlaneEdges:
-        """Read what `to_json` wrote, or text of that format from elsewhere.
+        """Read the JSON that `to_json` wrote, or text of that format from elsewhere.
 
-        Only `format`, `lines` and `points` are needed: what else is absent or null is as of
-        `PlaneEdges` without it.
+        Only `format`, `lines` and `points` are required: other members that are missing or null
+        have the defaults of `PlaneEdges`.
 
         Raises
         ------
         ValueError
-            If the text is not JSON, or a key is missing or of the wrong type; it is named.
+            If the text is not JSON, or a key, which is named, is missing or of the wrong type.
         NotEnoughDataError
-            As for `PlaneEdges`.
+            As in `PlaneEdges`.
 
         Examples
         --------
@@ -535,7 +536,7 @@ def edges_members(edges: PlaneEdges) -> dict[str, Any]:
 
 
 def edges_from_members(members: JsonFields) -> PlaneEdges:
-    """Read the members of the JSON format; what is not there is as of `PlaneEdges` without it."""
+    """Read the members of the JSON format; missing ones have the defaults of `PlaneEdges`."""
     read = {
         "std": lambda key: members.arrays(key, (None,)),
         "polarity": members.integer,
@@ -557,9 +558,9 @@ _DEFAULTS = {field.name: field.default for field in fields(PlaneEdges)}
 
 
 def unchecked_edges(**members: Any) -> PlaneEdges:
-    """Make edges of members that are known to be right: nothing is checked or copied.
+    """Create edges from members that are known to be valid, without checking or copying.
 
-    For what the core measured, and for edges that were checked before. The arrays become read-only.
+    For edges that the core measured or that were checked before. The arrays are made read-only.
     """
     edges = object.__new__(PlaneEdges)
     for name, default in _DEFAULTS.items():
@@ -574,13 +575,13 @@ def unchecked_edges(**members: Any) -> PlaneEdges:
 
 
 def changed_edges(edges: PlaneEdges, **changes: Any) -> PlaneEdges:
-    """Return edges with some members changed, unchecked as by `unchecked_edges`."""
+    """Return edges with some members changed, unchecked as in `unchecked_edges`."""
     members = {name: getattr(edges, name) for name in _DEFAULTS}
     return unchecked_edges(**{**members, **changes})
 
 
 def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
-    """Check that a figure may be a line of the scene."""
+    """Check that a figure is a valid line of the scene."""
     if len(points) != 1 or plane is not None:
         raise ValueError('freedom "line" takes the points of one line, and plane=None')
     if len(points[0]) < MIN_SCENE_LINE_SAMPLES:
@@ -599,7 +600,7 @@ def _unit_normal_lines(lines: Any, least: int) -> FloatArray:
     if not (norms > 0).all():
         raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")
     norms[np.abs(norms - 1) <= UNIT_NORM_SLACK] = 1.0
-    with np.errstate(over="ignore"):  # an infinite offset is refused
+    with np.errstate(over="ignore"):  # an infinite offset is refused below
         unit = given / norms[:, None]
     return real_array(unit, "lines", (None, 3))
 

@@ -1,7 +1,7 @@
-"""The exceptions that trisquare raises; none of them ever stands in for a number.
+"""Exceptions that trisquare raises; a failure is never returned as a number.
 
-Wrong arguments are plain `ValueError` and `TypeError`. Everything that depends on what the
-photograph shows is a `TrisquareError`, so that one ``except`` catches every refusal.
+Wrong arguments are plain `ValueError` and `TypeError`. Errors that depend on the content of the
+photograph are a `TrisquareError`, so that one ``except`` catches every refusal.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 HELP_PAGE = "faq.html"
-"""The page of the documentation that has a section for each code."""
+"""Page of the documentation with a section for each code."""
 
 HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
     {
@@ -44,17 +44,17 @@ HTTP_STATUSES: Mapping[str, int] = MappingProxyType(
         "BusyError": 503,
     }
 )
-"""What a service answers, by the codes of errors."""
+"""HTTP status of a service's answer, by the code of the error."""
 
 FAULT = 500
-"""The status of a code that is none of these."""
+"""HTTP status for any other code."""
 
 OPENCV_NO_MEMORY = -4
-"""OpenCV's code for it, which it names differently from version to version."""
+"""OpenCV's code for lack of memory, whose name differs between versions."""
 
 
 def help_of(code: str) -> str:
-    """Return where the documentation explains a code, relative to the folder of its pages.
+    """Return the place in the documentation that explains a code, relative to its folder.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def help_of(code: str) -> str:
 
 
 def http_status(code: str) -> int:
-    """Return the status with which a service answers an error.
+    """Return the HTTP status for an error.
 
     Parameters
     ----------
     code : str
-        Of the error, as `error_members` and the records of `calibrate_many` have it.
+        Code of the error, as in `error_members` and in the records of `calibrate_many`.
 
     Returns
     -------
@@ -86,17 +86,17 @@ def http_status(code: str) -> int:
 
 
 def error_members(error: BaseException) -> dict[str, Any]:
-    """Return an error as all JSON of trisquare has it.
+    """Return an error as a JSON object, in the form of all JSON of trisquare.
 
     Returns
     -------
     dict
         ``code``, the name of its class, or of the nearest base that the documentation explains;
-        ``text``, one line; ``help``, where the documentation explains it. An exception that the
-        documentation does not explain is an ``InternalError``, unless memory was lacking: OpenCV
-        and the system say that in ways of their own. Of a `TrisquareError` that knows them also
-        ``found`` and ``rejected``, the targets and the shapes that were not used, each with
-        ``kind``, ``image`` and ``corners``, and of the latter ``reason``.
+        ``text``, one line; ``help``, the place in the documentation. An exception that the
+        documentation does not explain is an ``InternalError``, except for lack of memory, which
+        OpenCV and the system report in other ways. A `TrisquareError` may also have ``found`` and
+        ``rejected``, the targets and the shapes that were not used, each with ``kind``, ``image``
+        and ``corners``, the latter also with ``reason``.
 
     Examples
     --------
@@ -121,9 +121,9 @@ def error_members(error: BaseException) -> dict[str, Any]:
 
 
 def lacks_memory(error: BaseException) -> bool:
-    """Whether an error says that there was not enough memory: Python's, OpenCV's or the system's.
+    """Return whether an error reports lack of memory, from Python, OpenCV or the system.
 
-    OpenCV hands on what C++ throws, as text without a code.
+    OpenCV passes on C++ exceptions as text without a code.
     """
     kind = type(error)
     if (kind.__module__, kind.__name__) == ("cv2", "error"):
@@ -132,7 +132,7 @@ def lacks_memory(error: BaseException) -> bool:
 
 
 def code_members(code: str, text: str) -> dict[str, Any]:
-    """Return an error by its code and its text, as all JSON of trisquare has it."""
+    """Return an error with a code and a text, in the form of all JSON of trisquare."""
     return {"code": code, "text": " ".join(text.split()), "help": help_of(code)}
 
 
@@ -144,7 +144,7 @@ class TrisquareError(Exception):
     found : tuple of PartialDetection
         The targets that were found in the pictures before `calibrate` failed, one for each plane.
     rejected : tuple of Rejected
-        What was seen in them but not used, and why.
+        What was found in them but not used, with the reason.
 
     Examples
     --------
@@ -160,14 +160,14 @@ class TrisquareError(Exception):
 
     @property
     def help(self) -> str:
-        """Where the documentation explains it, relative to the folder of its pages."""
+        """Place in the documentation that explains it, relative to the folder of the pages."""
         return help_of(type(self).__name__)
 
 
 class ImageError(TrisquareError):
     """The picture is missing, unreadable, incomplete or too large, or an extra package is missing.
 
-    Raised before anything is searched in it. Check the path, or copy the file again: a truncated
+    Raised before the picture is searched. Check the path, or copy the file again: a truncated
     picture is refused although many viewers show its upper part.
 
     Examples
@@ -183,7 +183,7 @@ class ImageError(TrisquareError):
 
 
 class MissingImageError(ImageError, FileNotFoundError):
-    """The picture's file is not there; also a `FileNotFoundError`, as every missing file is one.
+    """The picture's file does not exist; also a `FileNotFoundError`, as for every missing file.
 
     Examples
     --------
@@ -213,10 +213,10 @@ class DetectionError(TrisquareError):
 
 
 class NotEnoughPlanesError(TrisquareError):
-    """There are too few planes for what is to be estimated.
+    """There are too few planes to estimate the free parameters.
 
-    Three tilted squares are the rule. With two, hold something with `fix=`; or give several
-    pictures of the same camera.
+    Three tilted squares are usually needed. With two, fix some parameters with `fix=`; or give
+    several pictures of the same camera.
 
     Examples
     --------
@@ -231,8 +231,8 @@ class NotEnoughPlanesError(TrisquareError):
 class NotEnoughDataError(TrisquareError):
     """There are too few lines, samples or degrees of freedom.
 
-    A plane needs four lines and a line two distinct points; all samples together must outnumber
-    the unknowns. Measure more of each side, or free fewer parameters.
+    A plane needs four lines and a line two distinct points; there must be more samples in total
+    than unknowns. Measure more of each side, or free fewer parameters.
 
     Examples
     --------
@@ -247,11 +247,11 @@ class NotEnoughDataError(TrisquareError):
 class DegenerateGeometryError(TrisquareError):
     """The planes do not determine the camera.
 
-    Their directions are too much alike, as with parallel squares or a fronto-parallel view. Tilt
-    the squares 25 degrees or more in different directions, or hold the principal point at a
-    known value with ``fix="principal_point", initial=camera``. Or the lens model has more
-    coefficients than the edges determine: its polynomial turns back inside the picture, and a model
-    with fewer is to be taken. Or the lens is a fisheye, which the message names.
+    Their directions are too similar, as for parallel squares or a fronto-parallel view. Tilt the
+    squares 25 degrees or more in different directions, or fix the principal point at a known value
+    with ``fix="principal_point", initial=camera``. Or the lens model has more coefficients than the
+    edges determine: its polynomial turns back inside the picture, and a model with fewer
+    coefficients is needed. Or the lens is a fisheye; the message states this.
 
     Examples
     --------
@@ -267,7 +267,7 @@ class DegenerateGeometryError(TrisquareError):
 class ConvergenceError(TrisquareError):
     """The refinement found no minimum within its bounded number of steps.
 
-    Usually the edges do not belong to squares, or one of them is grossly wrong. Look at the
+    Usually the edges are not those of squares, or one of them has a gross error. Look at the
     detected outlines (``--debug-image``), and remove the target that does not fit.
 
     Examples
@@ -280,10 +280,10 @@ class ConvergenceError(TrisquareError):
 
 
 class InternalError(TrisquareError):
-    """Trisquare failed inside its core: a defect that no input should lead to.
+    """Trisquare failed inside its core: a defect that no input should cause.
 
-    Report it with the input; the message says where it happened. Nothing of the call has come
-    about, and later calls are not affected.
+    Report it with the input; the message states the place in the code. The call has had no effect,
+    and later calls are not affected.
 
     Examples
     --------
@@ -295,19 +295,19 @@ class InternalError(TrisquareError):
 
 
 class LensModelError(ValueError):
-    """A camera file's format has no model for a lens, or trisquare has none for what a file holds.
+    """A file format has no model for a camera's lens, or trisquare has none for a file's lens.
 
-    It depends on the arguments alone, and so is a ValueError and no `TrisquareError`. Choose
+    It depends only on the arguments, and is therefore a ValueError, not a `TrisquareError`. Choose
     another format, or ask for the nearest lens with ``approximate=True``
     (``trisquare convert --approximate``).
 
     Attributes
     ----------
     nearest : object
-        The nearest lens that there is; a `Camera` for most formats. None where none comes near, and
-        ``approximate=True`` has nothing to take.
+        The nearest available lens; a `Camera` for most formats. None if there is no approximation,
+        so that ``approximate=True`` fails too.
     rms, worst : float
-        The error of using that one, over the picture, pixels; infinite where there is none.
+        The error of that lens over the picture, pixels; infinite without one.
 
     Examples
     --------
@@ -332,7 +332,7 @@ class LensModelError(ValueError):
 
     @property
     def help(self) -> str:
-        """Where the documentation explains it, relative to the folder of its pages."""
+        """The place in the documentation that explains it, relative to the folder of its pages."""
         return help_of(type(self).__name__)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -1,1 +1,1 @@
-"""What every room may use: checks of arguments, JSON members, files, numbers as text."""
+"""Shared by all rooms: checks of arguments, JSON members, files, numbers as text."""

@@ -1,4 +1,4 @@
-"""Checked, read-only values: what every result and every input of trisquare is made of."""
+"""Checked, read-only values for the results and inputs of trisquare."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 NORMAL_MEDIAN = 0.6745
 """Median of the absolute values of normal draws, in standard deviations."""
 
-# No camera comes near; float64 resolves 1e-7 px so far out, and squares of what is far beyond
-# overflow.
+# No picture is nearly as large; float64 resolves 1e-7 px at this size, and squares of far larger
+# numbers overflow.
 LARGEST_SIDE = 10**9
-# What the compiled core counts with.
+# Largest integer of the compiled core.
 LARGEST_INDEX = 2**63 - 1
 
 
@@ -33,12 +33,12 @@ def real_array(
     value : array_like of real numbers
         Lists and arrays of any integer or floating type are accepted.
     name : str
-        What the caller calls it; the errors begin with it.
+        Name of the value, with which errors begin.
     shape : tuple of int or None
-        The required shape; None stands for any length. Of points as OpenCV has them, (N, 1, D), the
-        middle axis is left out.
+        The required shape; None means any length. The middle axis of points in OpenCV's shape
+        (N, 1, D) is removed.
     advice : str
-        What the error on values that are not finite ends with.
+        End of the error about values that are not finite.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def real_array(
         wanted_text = ", ".join("N" if length is None else str(length) for length in shape)
         raise ValueError(f"{name} must have shape ({wanted_text}), not {given.shape}")
     array = np.array(given, dtype=np.float64, order="C")
-    # A sum of squares is finite only of finite values, and takes less than half of the time to ask.
+    # The sum of squares is finite only if all values are, and takes less than half of the time.
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         first = np.argwhere(~np.isfinite(array))[0].tolist()
         place = f", the first at {first}" if first else ""
@@ -75,7 +75,7 @@ def real_array(
 def pixel_array(
     value: Any, name: str, shape: tuple[int | None, ...], advice: str = ""
 ) -> FloatArray:
-    """As `real_array`, of pixel coordinates: those beyond every picture are a ValueError, too."""
+    """Check pixel coordinates as `real_array`; those outside every picture are a ValueError too."""
     array = real_array(value, name, shape, advice)
     if max(array.max(initial=-np.inf), -array.min(initial=np.inf)) > LARGEST_SIDE:
         raise ValueError(f"{name} holds coordinates beyond {LARGEST_SIDE:g} px")
@@ -83,10 +83,10 @@ def pixel_array(
 
 
 def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
-    """Whether a shape is the one required, where None stands for any length."""
+    """Return whether a shape is the required one, in which None means any length."""
     if len(found) != len(shape):
         return False
-    for wanted, length in zip(shape, found, strict=True):  # all() of a generator takes longer
+    for wanted, length in zip(shape, found, strict=True):  # faster than all() of a generator
         if wanted is not None and wanted != length:
             return False
     return True
@@ -94,13 +94,13 @@ def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
 
 def real_number(value: Any, name: str) -> float:
     """Return `value` as a finite float, or raise TypeError or ValueError naming it."""
-    if type(value) is float and math.isfinite(value):  # most are: an array costs ten times that
+    if type(value) is float and math.isfinite(value):  # the usual case, ten times as fast
         return value
     return float(real_array(value, name, ()))
 
 
 def whole_number(value: Any, name: str) -> int:
-    """Return `value` as an int, or raise TypeError naming it; a bool is not a number here."""
+    """Return `value` as an int, or raise TypeError naming it; a bool is refused."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} must be a whole number, not {value!r}")
     return int(value)
@@ -109,8 +109,8 @@ def whole_number(value: Any, name: str) -> int:
 def _of_leaves(value: Any, name: str) -> npt.NDArray[Any]:
     """Return nested lists as an array of numbers.
 
-    An array of objects comes first: among strings the longest would decide how much memory each of
-    the numbers takes.
+    It is converted by way of an array of objects: in an array of strings, the longest one would
+    determine the memory of every element.
     """
     leaves = np.asarray(value, dtype=object)
     kinds = set(map(type, leaves.ravel()))
@@ -126,12 +126,12 @@ def _of_leaves(value: Any, name: str) -> npt.NDArray[Any]:
 
 
 def size_of_image(value: Any) -> tuple[int, int]:
-    """Return ``(width, height)`` as ints that a picture may have.
+    """Return ``(width, height)`` as ints if a picture may have that size.
 
     Raises
     ------
     TypeError
-        If it is no pair, or not of whole numbers.
+        If it is not a pair, or not of whole numbers.
     ValueError
         If there are not two numbers, or one is not from 1 to `LARGEST_SIDE`.
     """
@@ -171,14 +171,14 @@ def string(value: Any, name: str) -> str:
 
 
 def strings(values: Any, name: str) -> tuple[str, ...]:
-    """Return a sequence of str as a tuple; a lone str is refused, it would fall into letters."""
+    """Return a sequence of str as a tuple; a single str, a sequence of letters, is refused."""
     if isinstance(values, str) or not hasattr(values, "__iter__"):
         raise TypeError(f"{name} must be a sequence of strings")
     return tuple(string(value, f"each of {name}") for value in values)
 
 
 def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
-    """Return values that are all of one class as a tuple, or raise TypeError."""
+    """Return values as a tuple if all are of one class, else raise TypeError."""
     checked = tuple(values)
     if not all(isinstance(value, kind) for value in checked):
         raise TypeError(f"{name} must all be of the class {kind.__name__}")
@@ -186,18 +186,18 @@ def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
 
 
 class Frozen:
-    """Makes a frozen dataclass with slots refuse every name with FrozenInstanceError.
+    """Base of frozen dataclasses with slots that refuse every assignment with FrozenInstanceError.
 
-    By `dataclass` alone, a name that is no field, such as a property's, is a TypeError about
-    ``super``: the class is made anew for its slots, and the refusal still knows the old one.
+    With `dataclass` alone, assigning to a name that is not a field, such as a property, is a
+    TypeError about ``super``: slots require a second class, and the refusal refers to the first.
     """
 
     __slots__ = ()
 
     other_names: ClassVar[Mapping[str, str]] = {}
-    """What users look for by a name that the class does not have, and where it is."""
+    """Names that users may expect but the class does not have, and their equivalents."""
 
-    if not TYPE_CHECKING:  # a checker would take every name for an attribute
+    if not TYPE_CHECKING:  # type checkers would take every name for an attribute
 
         def __getattr__(self, name: str) -> NoReturn:
             meant = self.other_names.get(name)
@@ -207,7 +207,7 @@ class Frozen:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        if "__setattr__" in vars(cls):  # which `dataclass` has given it
+        if "__setattr__" in vars(cls):  # set by `dataclass`
             for name, refusal in (("__setattr__", _no_assignment), ("__delattr__", _no_deletion)):
                 setattr(cls, name, refusal)
 
@@ -221,7 +221,7 @@ def _no_deletion(self: Any, name: str) -> None:
 
 
 class ReadOnlyDict(dict[str, float]):
-    """Numbers by name, which do not change; JSON and pickle take them as any dictionary."""
+    """Read-only numbers by name; JSON and pickle treat them as a dictionary."""
 
     __slots__ = ()
 
@@ -236,9 +236,9 @@ class ReadOnlyDict(dict[str, float]):
 
 
 class RebuiltByConstructor(Frozen):
-    """Makes a frozen dataclass pickle through its constructor.
+    """Base of frozen dataclasses that pickle through their constructors.
 
-    NumPy's own pickling forgets that an array is read-only; the constructor does not.
+    NumPy's own pickling loses the read-only flag of arrays; the constructor sets it.
     """
 
     __slots__ = ()

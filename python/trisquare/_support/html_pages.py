@@ -1,4 +1,4 @@
-"""How pages are laid out: templates beside the code, everything in them escaped."""
+"""HTML templates, whose content is escaped."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 
 def page_environment(package: str) -> Environment:
-    """Return what reads the templates in the folder of a package."""
+    """Return the environment for the templates in the folder of a package."""
     return Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,

@@ -1,4 +1,4 @@
-"""Reading JSON objects whose every mistake is named by its key."""
+"""Reading of JSON objects, with errors that name the key."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ KINDS = {
     "trisquare-outlines/1": "outlines drawn by hand",
     "trisquare-plan/1": "a plan of a photograph",
 }
-"""What the files are that people keep."""
+"""Descriptions of the formats of users' files."""
 
 
 def _kind_of(stated: str) -> str:
-    """Return what a format is for, in brackets."""
+    """Return the description of a format in brackets, empty if it is unknown."""
     return f" ({KINDS[stated]})" if stated in KINDS else ""
 
 
 class JsonFields:
-    """The members of one JSON object, read by key and by type.
+    """Members of one JSON object, read by key and by type.
 
-    Every reader raises ValueError naming the full key, such as ``planes[1].corners``. Keys that
-    nobody reads are ignored, so that older programs read newer files.
+    Every reader raises ValueError naming the full key, such as ``planes[1].corners``. Other keys
+    are ignored, so that older programs can read newer files.
     """
 
     def __init__(self, members: Any, where: str = "") -> None:
@@ -41,7 +41,7 @@ class JsonFields:
 
     @classmethod
     def parse(cls, text: str | bytes, expected_format: str | None = None) -> JsonFields:
-        """Parse a whole text and check its ``format`` member, unless any will do."""
+        """Parse a complete text and check its ``format`` member, if one is expected."""
         if not isinstance(text, str | bytes):
             raise TypeError(f"JSON text must be a str, not {type(text).__name__}")
         fields = cls(parse_json(text))
@@ -50,7 +50,7 @@ class JsonFields:
         return fields
 
     def check_format(self, expected: str) -> None:
-        """Raise ValueError where the ``format`` member is another."""
+        """Raise ValueError if the ``format`` member is another."""
         if (stated := self.text("format")) != expected:
             raise ValueError(
                 f'"format" is {reprlib.repr(stated)}{_kind_of(stated)}, '
@@ -64,19 +64,19 @@ class JsonFields:
         raise ValueError(f'"{self._key(key)}" must be {expected}')
 
     def value(self, key: str) -> Any:
-        """Return the member as it was parsed; it must be there."""
+        """Return the member as it was parsed; it must be present."""
         if key not in self._members:
-            inner = self._members.get("result")  # as the answers of `trisquare serve` have one
+            inner = self._members.get("result")  # as in answers of `trisquare serve`
             hint = ': take its "result"' if isinstance(inner, dict) and key in inner else ""
             raise ValueError(f'"{self._key(key)}" is missing{hint}')
         return self._members[key]
 
     def names(self) -> tuple[str, ...]:
-        """Return the keys, but those that are no strings, which YAML allows."""
+        """Return the keys that are strings; YAML also allows others."""
         return tuple(key for key in self._members if isinstance(key, str))
 
     def has(self, key: str) -> bool:
-        """Whether there is a key that older files lack, and it is not null."""
+        """Return whether an optional member is present and not null."""
         return self._members.get(key) is not None
 
     def text(self, key: str) -> str:
@@ -98,7 +98,7 @@ class JsonFields:
         return float(self.array(key, ()))
 
     def number_or(self, key: str, default: float) -> float:
-        """Return a finite number, or `default` if the member is not there, or null."""
+        """Return a finite number, or `default` if the member is missing or null."""
         return self.number(key) if self.has(key) else default
 
     def truth(self, key: str) -> bool:
@@ -173,7 +173,7 @@ class JsonFields:
 
     def _array(self, value: Any, key: str, shape: tuple[int | None, ...]) -> FloatArray:
         try:
-            # An empty list of rows has lost its second dimension.
+            # The second dimension of an empty list of rows is unknown.
             if value == [] and len(shape) == 2 and shape[0] in (None, 0):
                 value = np.empty((0, shape[1] or 0))
             return real_array(value, f'"{self._key(key)}"', shape)
@@ -182,7 +182,7 @@ class JsonFields:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Parse JSON; every mistake is a ValueError."""
+    """Parse JSON; every error is a ValueError."""
     try:
         return json.loads(text, parse_constant=refuse_constant)
     except RecursionError as error:
@@ -202,8 +202,8 @@ def refuse_constant(constant: str) -> NoReturn:
 def dump_members(members: Mapping[str, Any]) -> str:
     """Write an object with one member per line, and lists of objects with one object per line.
 
-    The arrays stay on their lines, so that the file can be read and compared by people. Floats
-    are written so that they read back exactly; NaN is refused.
+    Arrays are written on one line, so that people can read and compare the file. Floats are
+    written so that they read back exactly; NaN is refused.
     """
     lines = [f"  {json.dumps(key)}: {_dump_value(value)}" for key, value in members.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"

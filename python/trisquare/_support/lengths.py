@@ -18,29 +18,29 @@ METRES = {
     "in": 0.0254,
     "ft": 0.3048,
 }
-"""Of each unit."""
+"""Length of each unit in metres."""
 
 MICROMETRES = str.maketrans({"µ": "u", "μ": "u"})
-"""The micro sign and the Greek letter, which people write for the ``u``."""
+"""Replacement of the micro sign and of the Greek letter by ``u``."""
 
 LENGTH = re.compile(r"([0-9.eE+-]+)\s*([A-Za-z]*)")
 
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A length with its unit, empty where there is none."""
+    """A length with its unit, which may be empty."""
 
     value: float
     unit: str
 
     @classmethod
     def parse(cls, text: str) -> Length:
-        """Read ``"50mm"``.
+        """Parse a text such as ``"50mm"``.
 
         Raises
         ------
         ValueError
-            If it is no positive number with a known unit or none.
+            If it is not a positive number with a known unit or none.
         """
         found = LENGTH.fullmatch(text.strip().translate(MICROMETRES))
         try:
@@ -58,12 +58,12 @@ class Length:
 
     @classmethod
     def with_unit(cls, text: str, name: str) -> Length:
-        """Read ``"50mm"``, and refuse a number alone.
+        """Parse a text such as ``"50mm"``, and refuse a number without a unit.
 
         Raises
         ------
         ValueError
-            If it is no positive number with a known unit.
+            If it is not a positive number with a known unit.
         """
         stated = cls.parse(text)
         if not stated.unit:
@@ -77,27 +77,27 @@ class Length:
 
     @property
     def metres(self) -> float:
-        """The number of metres; one without unit is of metres."""
+        """The length in metres; without a unit it is in metres."""
         return self.of_unit("m")
 
     def of_unit(self, unit: str) -> float:
-        """Return the number of `unit` that it is; a number alone is of that unit already."""
+        """Return the length in `unit`; without a unit it is in that unit already."""
         if self.unit in ("", unit):
             return self.value
         return self.value * METRES[self.unit] / METRES[unit]
 
     def after(self, number: str, power: str = "") -> str:
-        """Write a number in this unit."""
+        """Return the text of a number with this unit."""
         return f"{number} {self.unit}{power}" if self.unit else number
 
 
 def length_in(unit: str, length: str | float | None, name: str) -> float | None:
-    """Return a length in a unit: a text such as ``"84mm"``, or a number of that unit.
+    """Return a length in a unit, from a text such as ``"84mm"`` or a number in that unit.
 
     Raises
     ------
     TypeError, ValueError
-        If it is no positive length, or a text without a unit.
+        If it is not a positive length, or is a text without a unit.
     """
     if length is None:
         return None

@@ -1,4 +1,4 @@
-"""The log of what takes long, which is silent where a program has set up none."""
+"""The logger for slow operations, which is silent unless a program configures logging."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers and lists as people read them."""
+"""Formatting of numbers and lists for people."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 
 def decimals_shown(std: float) -> int:
-    """Return the decimals that show two significant digits of a standard deviation."""
+    """Return the number of decimals for two significant digits of a standard deviation."""
     return int(np.clip(1 - np.floor(np.log10(std)), 0, 12)) if std > 0 else 6
 
 
 def with_its_std(value: float, std: float) -> tuple[str, str]:
-    """Write a number and its standard deviation with the decimals that the latter deserves."""
+    """Format a number and its standard deviation with the decimals of `decimals_shown`."""
     decimals = decimals_shown(std)
     return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
 
 
 def plus_minus(value: float, std: float) -> str:
-    """Write a number and its standard deviation as one text, "1.23 +- 0.04"."""
+    """Format a number and its standard deviation as one text, "1.23 +- 0.04"."""
     return " +- ".join(with_its_std(value, std))
 
 

@@ -1,4 +1,4 @@
-"""Files of text that a user names: an error about one begins with its name."""
+"""Reading of files that a user names, with errors that begin with the name."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from typing import IO, Any, TypeAlias
 from trisquare._support.terminal_text import printable
 
 File: TypeAlias = str | os.PathLike[str] | IO[Any]
-"""A name, or what is open as text or binary."""
+"""A name, or an open text or binary file."""
 
 MAX_CHARACTERS = 600
-"""Of a message: it may cite what a file holds, and that may be anything."""
+"""Maximum length of a message: it may quote arbitrary content of a file."""
 
 
 def open_at_once(path: str, flags: int) -> int:
-    """Open a file as ``opener=`` of `open`: a pipe that nobody writes to is then empty."""
+    """Open a file as ``opener=`` of `open`; a pipe without a writer is then empty."""
     descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
     if hasattr(os, "O_NONBLOCK"):
-        os.set_blocking(descriptor, True)  # what is written to a pipe is waited for
+        os.set_blocking(descriptor, True)  # reading waits for the writer of a pipe
     return descriptor
 
 
 def read_bytes(path: File, most: int = -1) -> bytes:
-    """Return what a file holds, `most` bytes of it if that is not negative.
+    """Return the content of a file, at most `most` bytes if that is not negative.
 
     Raises
     ------
     OSError
-        "FILE: why", where Python says "[Errno 2] why: 'FILE'"; also for a device such as
-        ``/dev/zero``, of which there may be no end, and for a pipe that nobody writes to.
+        With the message "FILE: why", where Python has "[Errno 2] why: 'FILE'"; also for a device
+        such as ``/dev/zero``, which may be endless, and for a pipe without a writer.
     TypeError
-        If it is neither a name nor open.
+        If it is neither a name nor an open file.
     ValueError
-        If what is open is closed, or decodes what is no text.
+        If an open file is closed, or decodes content that is not text.
     """
     if not isinstance(path, str | os.PathLike):
         check_open(path, "read")
@@ -66,7 +66,7 @@ def read_text(path: File) -> str:
     OSError
         As `read_bytes`.
     ValueError
-        If it holds no text.
+        If it is not text.
     """
     try:
         return read_bytes(path).decode("utf-8-sig")
@@ -75,13 +75,13 @@ def read_text(path: File) -> str:
 
 
 def check_open(file: IO[Any], method: str) -> None:
-    """Raise TypeError unless something that is no name is open for a method, "read" or "write"."""
+    """Raise TypeError unless an object is open for a method, "read" or "write"."""
     if not callable(getattr(file, method, None)):
         raise TypeError(f"path must be a name or an open file, not {type(file).__name__}")
 
 
 def shown(path: File) -> str:
-    """Return a file's name as messages have it, control characters escaped: in one line."""
+    """Return a file's name for messages, in one line with escaped control characters."""
     if not isinstance(path, str | os.PathLike):
         return "the open file"
     return printable(os.fspath(path))
@@ -89,7 +89,7 @@ def shown(path: File) -> str:
 
 @contextmanager
 def naming_failure(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an OSError read "FILE: why", where Python says "[Errno 2] why: 'FILE'"."""
+    """Change the message of an OSError from "[Errno 2] why: 'FILE'" to "FILE: why"."""
     try:
         yield
     except OSError as error:
@@ -98,11 +98,11 @@ def naming_failure(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def naming(path: File) -> Iterator[None]:
-    """Let a ValueError about what a file holds begin with the file's name."""
+    """Prefix the message of a ValueError about a file's content with the file's name."""
     try:
         yield
     except ValueError as error:
-        message = printable(str(error))  # it may have names that the file holds
+        message = printable(str(error))  # it may contain names from the file
         if len(message) > MAX_CHARACTERS:
             message = f"{message[:MAX_CHARACTERS]} ..."
         raise ValueError(f"{shown(path)}: {message}") from error

@@ -1,4 +1,4 @@
-"""Frozen records whose members are declared once: how they are checked, and what JSON has of them.
+"""Frozen records whose members are declared once, for checks and for JSON.
 
 >>> @dataclass(frozen=True, slots=True)
 ... class Place(Record):
@@ -33,16 +33,16 @@ F = TypeVar("F", bound=RebuiltByConstructor)
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What values of a kind must be, and how they are read from JSON.
+    """Check, reader and writer for members of one kind.
 
     Parameters
     ----------
     check : callable
-        From a value and its name to what the record keeps; raises TypeError or ValueError.
+        Returns the stored value for a value and its name; raises TypeError or ValueError.
     read : callable
-        From the members of a JSON object and a key to the value.
+        Returns the value for the members of a JSON object and a key.
     write : callable, optional
-        From what the record keeps to what JSON has, where the class of the value does not tell.
+        Returns the JSON value for the stored one, if its class does not determine it.
     """
 
     check: Callable[[Any, str], Any]
@@ -55,11 +55,11 @@ TEXTS = Kind(strings, JsonFields.texts)
 INDEX = Kind(index_number, JsonFields.integer)
 REAL = Kind(real_number, JsonFields.number)
 NUMBER = Kind(not_negative, JsonFields.number)
-"""A number that is not negative."""
+"""Kind of numbers that are not negative."""
 
 
 def array(*shape: int | None) -> Kind:
-    """Return the kind of arrays of a shape; None stands for any length."""
+    """Return the kind of arrays of a shape; None means any length."""
     return Kind(
         lambda value, name: real_array(value, name, shape),
         lambda members, key: members.array(key, shape),
@@ -109,9 +109,9 @@ def member(kind: Kind, key: str | None = None) -> Mapping[str, Any]:
 
 
 class Record(RebuiltByConstructor):
-    """A frozen dataclass whose fields say with `member` what they must be.
+    """A frozen dataclass whose fields declare their kinds by `member`.
 
-    A field whose default is None or ``()`` may have that value; JSON is without it then.
+    A field with the default None or ``()`` may have that value, and is then left out of JSON.
     """
 
     __slots__ = ()
@@ -120,7 +120,7 @@ class Record(RebuiltByConstructor):
         check_members(self)
 
     def members(self) -> dict[str, Any]:
-        """Return it as a JSON object, as all JSON of trisquare has it."""
+        """Return the record as a JSON object, in the form of all JSON of trisquare."""
         return record_members(self)
 
 
@@ -133,9 +133,9 @@ def check_members(record: Record) -> None:
 
 
 def of_core(kind: type[F], /, **members: Any) -> F:
-    """Make a record of what the core computed: nothing is checked or copied.
+    """Create a record from results of the core, without checking or copying.
 
-    The arrays become read-only.
+    The arrays are made read-only.
     """
     made, keep = object.__new__(kind), object.__setattr__
     for name, value in (_defaults_of(kind) | members).items():
@@ -161,7 +161,7 @@ def record_members(record: Record) -> dict[str, Any]:
 
 
 def record_from_members(kind: type[R], members: JsonFields, **others: Any) -> R:
-    """Read a record from a JSON object; `others` are its fields that have no kind."""
+    """Read a record from a JSON object; `others` are its fields without a kind."""
     found = {
         own.name: own_kind.read(members, key)
         for own, own_kind, key in _members_of(kind)
@@ -175,7 +175,7 @@ def _is_optional(own: Field[Any]) -> bool:
 
 
 _MEMBERS: dict[Any, list[tuple[Field[Any], Kind, str]]] = {}
-"""Of every class that was asked about."""
+"""Members by class, cached."""
 
 
 def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
@@ -188,7 +188,7 @@ def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
 
 
 _DEFAULTS: dict[Any, dict[str, Any]] = {}
-"""Of every class that was asked about."""
+"""Defaults by class, cached."""
 
 
 def _defaults_of(kind: Any) -> dict[str, Any]:
@@ -200,7 +200,7 @@ def _defaults_of(kind: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON has it."""
+    """Return a value in the form for JSON."""
     if isinstance(value, Record):
         return record_members(value)
     if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""Rotations of planes: checked, made from angles, and their tilt."""
+"""Rotations of planes: checks, conversion from angles, and tilt."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray, real_array
 
 ROTATION_TOLERANCE = 1e-6
-"""A rotation written with seven digits passes, and nothing that is not one."""
+"""Maximum error of orthonormality: rotations written with seven digits pass."""
 
 
 def rotation_matrix(value: Any) -> FloatArray:
@@ -18,7 +18,7 @@ def rotation_matrix(value: Any) -> FloatArray:
     Raises
     ------
     TypeError, ValueError
-        If it is none.
+        If it is not a rotation.
     """
     rotation = real_array(value, "rotation", (3, 3))
     # The third row of a rotation is the cross product of the others.
@@ -34,8 +34,8 @@ def rotation_matrix(value: Any) -> FloatArray:
 def rotation_vector(rotation: FloatArray) -> FloatArray:
     """Return the axis of a rotation times its angle, shape (3,), radians from 0 to pi.
 
-    By way of the unit quaternion whose largest member is taken from the diagonal, which is exact
-    near 0 and near pi, too (Shepperd, Journal of Guidance and Control 1 (1978) 223-224).
+    It is computed from the unit quaternion, whose largest member comes from the diagonal, which is
+    exact near 0 and near pi (Shepperd, Journal of Guidance and Control 1 (1978) 223-224).
     """
     r = rotation
     trace = np.trace(r)
@@ -59,9 +59,9 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
 
 
 def tilted(tilt: float, direction: float, spin: float) -> FloatArray:
-    """Rotation of a plane turned by `spin` in itself, then tilted away from the image plane.
+    """Return the rotation of a plane turned by `spin` in itself, then tilted by `tilt`.
 
-    The tilt's axis lies in the image plane at the angle `direction`; all in degrees.
+    The axis of the tilt is in the image plane at the angle `direction`; all are in degrees.
     """
     axis = _about_z(direction)
     angle = np.radians(tilt)
@@ -78,5 +78,5 @@ def _about_z(degrees: float) -> FloatArray:
 
 
 def tilt_degrees(rotation: FloatArray) -> float:
-    """Angle between a plane and the image plane."""
+    """Return the angle between a plane and the image plane, degrees."""
     return float(np.degrees(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0))))

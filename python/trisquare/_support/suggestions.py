@@ -1,4 +1,4 @@
-"""What to say of a name that is none of those that there are."""
+"""Errors and advice about unknown names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
 
 LONGEST_NAME = 100
-"""Characters that are shown of a name from a file, which may be anything."""
+"""Maximum number of characters shown of a name, which may come from a file."""
 
 
 def unknown(
@@ -24,22 +24,22 @@ def unknown(
     choose: str | None = None,
     other_names: Mapping[str, str] = NO_OTHERS,
 ) -> TypeError | ValueError:
-    """Return the error for a name that is not known: the nearest of those known, and all of them.
+    """Return the error for an unknown name, with the nearest known name and all known names.
 
-    A TypeError for what is no name.
+    It is a TypeError for a value that is not a string.
 
     Parameters
     ----------
     what : str
-        What the name would be one of.
+        What the name stands for.
     value : str
         The name that was given.
     known : iterable of str
-        The names that there are.
+        The known names.
     choose : str, optional
-        What to choose from, where that is more than the names that are known.
+        Description of the choices, if they are more than the known names.
     other_names : mapping, optional
-        Names that others have for those that are known.
+        Known names by their names in other programs.
     """
     if not isinstance(value, str):
         return TypeError(f"a {what} must be a name, not {type(value).__name__}")
@@ -53,8 +53,8 @@ def unknown(
 
 
 def nearest_name(value: str, known: Iterable[str]) -> str | None:
-    """Return the name that was probably meant, capitals aside; None if none is near."""
-    from difflib import get_close_matches  # needed after a mistake only
+    """Return the name that was probably meant, ignoring case; None if none is near."""
+    from difflib import get_close_matches  # needed only after a mistake
 
     by_lower = {name.lower(): name for name in known}
     found = get_close_matches(value.lower(), by_lower, n=1)
@@ -64,12 +64,12 @@ def nearest_name(value: str, known: Iterable[str]) -> str | None:
 def advising(
     positional: str, keywords: Mapping[str, str] = NO_OTHERS
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Return a decorator that adds advice to the error of a call that does not fit the signature.
+    """Return a decorator that adds advice to the error of a call with wrong arguments.
 
     Parameters
     ----------
     positional : str
-        Advice where the positional arguments are too few or too many.
+        Advice if there are too few or too many positional arguments.
     keywords : mapping of str to str
         Advice by the name of an argument that the function does not have.
     """
@@ -81,7 +81,7 @@ def advising(
                 return function(*arguments, **given)
             except TypeError as error:
                 own = error.__traceback__
-                if own is None or own.tb_next is not None:  # the function was entered
+                if own is None or own.tb_next is not None:  # the error is from inside the function
                     raise
                 names = signature(function).parameters
                 foreign = next((name for name in given if name not in names), None)

@@ -1,4 +1,4 @@
-"""Text from files and their names, as a terminal may be given it."""
+"""Escaping of text from files and their names for output on a terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import unicodedata
 
 
 def printable(text: str) -> str:
-    """Return a text in one line whose control characters are escaped."""
+    """Return a text with escaped control characters, in one line."""
     return "".join(
         letter.encode("unicode_escape").decode("ascii")
         if unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Zl", "Zp")

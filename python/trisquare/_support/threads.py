@@ -11,29 +11,29 @@ from typing import TYPE_CHECKING, TypeVar
 
 from trisquare._support.arrays import whole_number
 
-if TYPE_CHECKING:  # loaded where there are several threads
+if TYPE_CHECKING:  # imported only if there are several threads
     from concurrent.futures import Future
 
 T = TypeVar("T")
 
 AHEAD = 2
-"""Pieces of work begun and not yet taken, for each thread: one that takes long does not stop the
-other threads."""
+"""Number of pieces of work per thread that are started and not yet taken: a slow one does not stop
+the other threads."""
 
 
 def thread_count(threads: int | None, pieces: int) -> int:
-    """Return in how many threads so many pieces of work are done.
+    """Return the number of threads for a number of pieces of work.
 
     Parameters
     ----------
     threads : int or None
-        As a user asks for it; None for all cores that this process may use.
+        The number that the user asks for; None for all cores that this process may use.
     pieces : int
 
     Raises
     ------
     TypeError
-        If `threads` is no whole number.
+        If `threads` is not a whole number.
     ValueError
         If it is below 1.
     """
@@ -44,17 +44,17 @@ def thread_count(threads: int | None, pieces: int) -> int:
 
 
 def usable_cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def in_order(works: Iterable[Callable[[], T]], threads: int) -> Generator[T, None, None]:
-    """Do pieces of work, begun in their order, and yield their results in the same order.
+    """Do pieces of work, started in their order, and yield their results in the same order.
 
-    An error of a piece of work is raised in the place of its result. Close the generator to stop:
-    what has not begun then is not done.
+    An error of a piece of work is raised in place of its result. Close the generator to stop:
+    pieces that have not started are then dropped.
     """
     if threads == 1:
         for work in works:
@@ -76,9 +76,9 @@ def in_order(works: Iterable[Callable[[], T]], threads: int) -> Generator[T, Non
 
 
 def ahead(items: Iterable[T], count: int) -> Generator[T, None, None]:
-    """Iterate in a thread of its own, and yield the items, of which so many are made ahead.
+    """Iterate in a separate thread, `count` items ahead, and yield the items.
 
-    An error of the iteration is raised in the place of the item. Close the generator to stop.
+    An error of the iteration is raised in place of the item. Close the generator to stop.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -88,13 +88,13 @@ def ahead(items: Iterable[T], count: int) -> Generator[T, None, None]:
         begun = deque(pool.submit(next, iterator, end) for _ in range(count))
         while (item := begun.popleft().result()) is not end:
             begun.append(pool.submit(next, iterator, end))
-            yield item  # type: ignore[misc]  # it is not the end
+            yield item  # type: ignore[misc]  # it is not `end`
     finally:
         pool.shutdown(cancel_futures=True)
 
 
 class Turns:
-    """Lets threads pass one after another, by their numbers from 0 on; each number passes once."""
+    """Order of threads by their numbers, from 0 on; each number passes once."""
 
     def __init__(self) -> None:
         self._next = 0
@@ -102,7 +102,7 @@ class Turns:
 
     @contextmanager
     def turn(self, number: int) -> Iterator[None]:
-        """Wait until all lower numbers have passed, and let the next one pass afterwards."""
+        """Wait until all lower numbers have passed, and let the next one pass at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._next == number)
             try:

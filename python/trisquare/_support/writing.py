@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Writing of files, completely or not at all."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ PathLike: TypeAlias = str | os.PathLike[str]
 
 
 class _Terminated(BaseException):
-    """SIGTERM came while a file was being written."""
+    """SIGTERM arrived while a file was being written."""
 
 
 @contextmanager
 def ended_in_order() -> Iterator[None]:
-    """Let SIGTERM end the process only once the block has removed what it has half written.
+    """Delay the end of the process by SIGTERM until the block has removed incomplete files.
 
-    A program that handles it by itself goes on doing so.
+    The handler of a program that handles SIGTERM itself is kept.
     """
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
@@ -34,7 +34,7 @@ def ended_in_order() -> Iterator[None]:
         return
 
     def stop(*_: Any) -> NoReturn:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end the removal
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would interrupt the removal
         raise _Terminated
 
     signal.signal(signal.SIGTERM, stop)
@@ -50,7 +50,7 @@ def ended_in_order() -> Iterator[None]:
 
 @contextmanager
 def writing(path: PathLike) -> Iterator[None]:
-    """Let an OSError of the system about an output begin with the name that the user gave."""
+    """Prefix the message of a system's OSError about an output with the user's name for it."""
     try:
         yield
     except OSError as error:
@@ -63,7 +63,7 @@ def writing(path: PathLike) -> Iterator[None]:
 def check_writable(path: PathLike) -> None:
     """Raise OSError if `write_atomically` could not write to this path.
 
-    So that a long calibration does not run for an answer that cannot be kept.
+    To be called before a long calibration, whose result could otherwise be lost.
     """
     target = Path(os.path.realpath(path))
     with writing(path):
@@ -77,14 +77,14 @@ def check_writable(path: PathLike) -> None:
 
 @contextmanager
 def making_folder(path: PathLike) -> Iterator[None]:
-    """Make a folder, with those above it, for what is written in the block.
+    """Create a folder, and missing parents, for files written in the block.
 
-    If that fails, those that were made are removed again, unless something is in them.
+    If the block fails, the created folders are removed again, unless they are not empty.
 
     Raises
     ------
     OSError
-        If it cannot be made.
+        If it cannot be created.
     """
     folder = Path(path)
     made = [each for each in (folder, *folder.parents) if not each.exists()]
@@ -103,40 +103,40 @@ def making_folder(path: PathLike) -> Iterator[None]:
 def write_atomically(contents: Mapping[PathLike, bytes]) -> None:
     """Write files so that each is either complete or untouched.
 
-    Every content goes to a temporary file beside its target first; only when all of them are on
-    the disk does the first one take its place.
+    Every content is first written to a temporary file in the folder of its target; only when all
+    are on the disk do they replace their targets.
 
     Parameters
     ----------
     contents : mapping of path to bytes
-        What to write where. A symbolic link is followed, an existing file keeps its mode.
+        Content by path. A symbolic link is followed, an existing file keeps its mode.
 
     Raises
     ------
     OSError
-        If a file cannot be written; no target was touched then.
+        If a file cannot be written; no target was changed then.
     """
     write_in_turn(contents.items())
 
 
 def write_text(file: File, text: str) -> None:
-    """Write a text into what is open, as text or binary; a file of a name as `write_atomically`."""
+    """Write a text to an open text or binary file, or to a named one as `write_atomically`."""
     if isinstance(file, str | os.PathLike):
         write_atomically({file: text.encode()})
         return
     check_open(file, "write")
-    # Text files that wrap others are no TextIOBase.
+    # Text files that wrap others are not instances of TextIOBase.
     is_text = isinstance(file, io.TextIOBase) or hasattr(file, "encoding")
     file.write(text if is_text else text.encode())
 
 
 @ended_in_order()
 def write_in_turn(contents: Iterable[tuple[PathLike, bytes | Callable[[Path], object]]]) -> None:
-    """Write files as `write_atomically` does, each content made when its turn has come.
+    """Write files as `write_atomically` does, with each content created only when it is written.
 
-    So that many pictures are never in memory at once; an error while one is made touches no
-    target either. A content may also be what writes a file of the path that it is given, which has
-    the target's extension.
+    Therefore only one of many pictures is in memory at a time; an error while one is created leaves
+    all targets untouched. A content may also be a function that writes the file at a given path,
+    which has the target's extension.
     """
     staged: list[tuple[PathLike, Path, Path]] = []
     try:
@@ -145,7 +145,7 @@ def write_in_turn(contents: Iterable[tuple[PathLike, bytes | Callable[[Path], ob
             target = Path(os.path.realpath(path))
             ending = f".tmp{target.suffix}" if callable(content) else ".tmp"
             temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}{ending}")
-            # Opened, not made by tempfile: the file shall have the mode that the umask gives.
+            # Not created by tempfile, so that the file has the mode of the umask.
             with writing(path):
                 with temporary.open("xb") as file:
                     staged.append((path, temporary, target))
@@ -167,12 +167,12 @@ def write_in_turn(contents: Iterable[tuple[PathLike, bytes | Callable[[Path], ob
 
 @contextmanager
 def replacing(path: PathLike) -> Iterator[BinaryIO]:
-    """Give a file to be written that takes the place of another once it is whole, on the disk.
+    """Yield a file to write, which replaces the target once it is complete and on the disk.
 
     Raises
     ------
     OSError
-        If it cannot be written; the other is untouched then.
+        If it cannot be written; the target is untouched then.
     """
     check_writable(path)
     target = Path(os.path.realpath(path))

@@ -1,1 +1,1 @@
-"""What is asked of a result: measuring, comparing, diagnosing, predicting."""
+"""Analysis of a result: measure, compare, diagnose, predict."""

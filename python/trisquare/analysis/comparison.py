@@ -1,13 +1,13 @@
-"""How far apart two cameras project, and whether their uncertainties explain it.
+"""Distance between the projections of two cameras, and whether their uncertainties explain it.
 
-Two calibrations of one camera never agree to the digit, and their parameters tell little: a longer
-focal length and a stronger distortion may project alike. What counts is where directions are seen.
-But a calibration does not say which way the camera points: a shift of the principal point is all
-but a turn of the camera, which nobody who poses the camera afterwards would notice. So the
-directions seen at pixels of the first camera are turned by the one rotation that brings the second
-camera's projections of them closest (least squares over the picture), and what is left is the
-difference. The idea of comparing after such a rotation is mrcal's (https://mrcal.secretsauce.net,
-"projection difference").
+Two calibrations of one camera are never exactly equal, and a comparison of their parameters is not
+informative: a longer focal length and a stronger distortion may project alike. What matters is the
+pixels at which directions are seen. But a calibration does not determine the direction of the
+camera: a shift of the principal point is nearly equivalent to a rotation of the camera, and has no
+effect if the camera's pose is estimated afterwards. Therefore the directions seen at pixels of the
+first camera are rotated by the one rotation that brings the second camera's projections of them
+closest (least squares over the picture), and the remaining distance is the difference. The idea of
+comparing after such a rotation is mrcal's (https://mrcal.secretsauce.net, "projection difference").
 """
 
 from __future__ import annotations
@@ -34,53 +34,53 @@ __all__ = ["Comparison", "compare"]
 COMPARISON_FORMAT = "trisquare-comparison/1"
 
 SIGNIFICANCE = 0.05
-"""Cameras that are the same are said to differ so often."""
+"""Probability of a significant difference between cameras that are the same."""
 
 AGREEING = 1e-6
-"""Pixels: cameras nowhere farther apart are the same, however well they are said to be known; files
-round as much away."""
+"""Maximum distance (px) of cameras that are taken as equal whatever their uncertainty; the rounding
+of files is of this order."""
 
 REMARKABLE = 2.0
-"""Standard deviations that a single place seldom exceeds."""
+"""Difference, in standard deviations, that a single place seldom exceeds."""
 
 MAX_EXPECTED = 0.01
-"""Of the picture's width: expected rms from which on agreement tells nothing. A focal length wrong
-by 2.8 % moves a picture of 4:3 by no more (rms)."""
+"""Expected rms, as a fraction of the picture's width, above which agreement means nothing. A focal
+length wrong by 2.8 % moves a picture of 4:3 by no more (rms)."""
 
 MIN_STATED = 1e-6
-"""Probabilities below it are not told apart: no noise is normal so far out."""
+"""Smallest probability that is stated: no noise is normal so far out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison(RebuiltByConstructor):
-    """How far apart two cameras project.
+    """Differences between the projections of two cameras.
 
     Parameters
     ----------
     first, second : Camera
-        What was compared; the pixels are the first one's.
+        The cameras that were compared; pixels are those of the first.
     rotation : ndarray, shape (3, 3)
-        ``second_from_first``: turns the first camera's directions into the second's.
+        ``second_from_first``: rotates the first camera's directions into the second's.
     x, y : ndarray, shape (C,) and (R,)
         Columns and rows of the grid, pixels, from border to border.
     difference : ndarray, shape (R, C, 2)
         The second camera's projection of the direction that the first sees at ``(x[j], y[i])``,
-        less that pixel; infinite where one of the two cannot follow.
+        minus that pixel; infinite where the map of one of the two is not valid.
     std : ndarray, shape (R, C), or None
-        Root mean square distance that the stated uncertainties lead to expect between two
-        calibrations of one camera, pixels, infinite likewise; None if neither states one.
+        Expected root mean square distance of two calibrations of one camera, by the stated
+        uncertainties, pixels, infinite likewise; None if neither states one.
     p_value : float or None
-        How often two calibrations of one camera, each from photographs of its own, differ at
-        least so much (chi-squared). Of the same photographs it is too large. Of targets on paper
-        it is too small: paper is not flat, and over sets of photographs of one camera the results
-        spread more than they state (docs/how-exact.md).
+        Probability that two calibrations of one camera, from different photographs, differ at
+        least as much (chi-squared). For calibrations from the same photographs it is too large. For
+        targets on paper it is too small: paper is not flat, and over sets of photographs of one
+        camera the results scatter more than they state (docs/how-exact.md).
     degrees_of_freedom : int
-        Of the chi-squared: independent differences that the uncertainties allow.
+        Degrees of freedom of the chi-squared: independent differences that the uncertainties allow.
     unexplained : float
-        Root mean square, pixels, of the difference of a shape that no change of the uncertain
-        parameters makes; 0 if no uncertainty is stated.
+        Root mean square, pixels, of the part of the difference that no change of the uncertain
+        parameters explains; 0 if no uncertainty is stated.
     targets : sequence of ndarray, shape (N, 2)
-        Corners of the planes that each camera was calibrated from, pixels; of those alone whose
+        Corners of the planes that each camera was calibrated from, pixels; only of cameras whose
         planes are known.
 
     Examples
@@ -152,7 +152,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def distance(self) -> FloatArray:
-        """Length of the difference, shape (R, C), pixels; infinite where it is not known."""
+        """Length of the difference, shape (R, C), pixels; infinite where it is unknown."""
         return np.asarray(np.hypot(self.difference[..., 0], self.difference[..., 1]))
 
     @property
@@ -162,7 +162,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def expected_rms(self) -> float | None:
-        """The rms that the stated uncertainties lead to expect, pixels."""
+        """Expected rms by the stated uncertainties, pixels."""
         return None if self.std is None else _rms(self.std)
 
     @property
@@ -179,7 +179,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def worst_beyond_targets(self) -> bool | None:
-        """Whether the targets of one of the cameras do not reach round the pixel of `worst_at`.
+        """Whether the pixel of `worst_at` is outside the targets of one of the cameras.
 
         The distortion is extrapolated there. None if the planes of neither are known.
         """
@@ -189,15 +189,15 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def rms_among_targets(self) -> float | None:
-        """Root mean square distance where the targets of both cameras reach round, pixels.
+        """Root mean square distance within the targets of both cameras, pixels.
 
-        None if the planes of neither are known, or no place of the grid is among them.
+        None if the planes of neither are known, or no point of the grid is within them.
         """
         return self._rms_among_targets(self.distance)
 
     @property
     def expected_rms_among_targets(self) -> float | None:
-        """The rms among the targets that the stated uncertainties lead to expect, pixels."""
+        """Expected rms within the targets by the stated uncertainties, pixels."""
         return None if self.std is None else self._rms_among_targets(self.std)
 
     def _rms_among_targets(self, values: FloatArray) -> float | None:
@@ -209,7 +209,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def worst_in_stds(self) -> float | None:
-        """The largest distance over what is to be expected there, wherever that is."""
+        """The largest ratio of the distance to its expected value in the picture."""
         if self.std is None:
             return None
         known = np.isfinite(self.distance) & (self.std > 0)
@@ -217,24 +217,24 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def angle(self) -> float:
-        """The rotation between the two, degrees."""
-        # From the antisymmetric part, which is exact for small angles as the trace is not.
+        """The angle of the rotation between the two, degrees."""
+        # From the antisymmetric part, which is exact for small angles; the trace is not.
         skew = self.rotation - self.rotation.T
         sine = 0.5 * math.hypot(skew[2, 1], skew[0, 2], skew[1, 0])
         return math.degrees(math.atan2(sine, 0.5 * (float(np.trace(self.rotation)) - 1.0)))
 
     @property
     def coverage(self) -> float:
-        """Part of the picture's grid that both cameras can follow."""
+        """Fraction of the picture's grid in which the maps of both cameras are valid."""
         return float(np.isfinite(self.distance).mean())
 
     @property
     def same(self) -> bool | None:
         """Whether the uncertainties explain the difference.
 
-        None where that cannot be told: if neither camera states its uncertainty, or if they are so
-        uncertain that more than 1 % of the picture's width (rms) is to be expected, also where
-        their numbers are equal.
+        None if that cannot be decided: if neither camera states its uncertainty, or if more than
+        1 % of the picture's width (rms) is to be expected by the uncertainties, even if the
+        parameters are equal.
         """
         expected = self.expected_rms
         if self.p_value is None or expected is None:
@@ -250,7 +250,7 @@ class Comparison(RebuiltByConstructor):
 
     @property
     def verdict(self) -> str:
-        """What it comes to, in a sentence."""
+        """The result in one sentence."""
         x, y = self.worst_at
         apart = (
             f"{two_digits(self.rms)} px apart (rms over the picture), "
@@ -296,15 +296,15 @@ class Comparison(RebuiltByConstructor):
 
 
 def compare(first: Calibration | Camera, second: Calibration | Camera) -> Comparison:
-    """Tell how far apart two cameras project, after the rotation that fits best.
+    """Compare the projections of two cameras after the rotation that fits best.
 
     Parameters
     ----------
     first, second : Calibration or Camera
-        Of pictures of one size. A `Calibration` brings its uncertainty, in which what was held
-        counts as exact; a `Camera` is taken as exact. They are taken to be from different
-        photographs: from the same ones they share their errors, and differ by less than is said to
-        be expected.
+        Cameras for pictures of the same size. A `Calibration` has an uncertainty, in which fixed
+        parameters count as exact; a `Camera` is taken as exact. They are assumed to be from
+        different photographs: from the same photographs they share errors, and differ by less than
+        is expected.
 
     Returns
     -------
@@ -313,7 +313,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
     Raises
     ------
     TypeError
-        If an argument is neither.
+        If an argument is neither a calibration nor a camera.
     ValueError
         If the pictures' sizes differ, or the cameras have too little of the picture in common.
 
@@ -346,7 +346,10 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
 
 
 def _are_enclosed(pixels: npt.ArrayLike, corners: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether pixels, (..., 2), are within the convex hull of corners: no half plane lacks one."""
+    """Return whether pixels, (..., 2), are inside the convex hull of corners.
+
+    A pixel is outside if there is no corner on one side of some line through it.
+    """
     arms = corners - np.asarray(pixels)[..., None, :]
     angles = np.sort(np.arctan2(arms[..., 1], arms[..., 0]), axis=-1)
     gaps = np.diff(angles, append=angles[..., :1] + 2.0 * np.pi, axis=-1)
@@ -358,5 +361,5 @@ def _rms(values: FloatArray) -> float:
 
 
 def two_digits(value: float) -> str:
-    """Write a number with two significant digits, and never as a power of ten."""
+    """Format a number with two significant digits, without an exponent."""
     return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= AGREEING else "0"

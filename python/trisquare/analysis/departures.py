@@ -1,8 +1,8 @@
-"""How far a photographed sheet departs from a true, flat one: a linear step from its calibration.
+"""Departures of a photographed sheet from a true, flat one, by a linear step from its calibration.
 
-The calibration's residuals are explained once more, by all that it estimated and, besides, by a
-bow of each plane and a stretch of the print along one axis of the paper. So close to the answer one
-Gauss-Newton step does it; its covariance tells what a photograph cannot distinguish.
+The calibration's residuals are fitted again with all of its estimated parameters and, in addition,
+a bow of each plane and a stretch of the print along one axis of the paper. So close to the solution
+one Gauss-Newton step suffices; its covariance shows what a photograph cannot distinguish.
 """
 
 from __future__ import annotations
@@ -23,29 +23,32 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
 PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2), "skew": (0, 1)}
-"""Of parameters in the camera matrix."""
+"""Rows and columns of parameters in the camera matrix."""
 
 STEP = 1e-5
-"""Of the central differences: of the focal length, of coefficients, and of the plane's unit."""
+"""Step of the central differences, relative to the focal length, and absolute for coefficients and
+in units of the plane."""
 
 ROUNDS = 6
-"""Of reweighting; the weights of outliers settle within three."""
+"""Number of iterations of reweighting; the weights of outliers settle within three."""
 
 HUBER = 1.345
-"""Standard deviations from which residuals weigh less; 95 % efficient (Huber 1964)."""
+"""Residual, in standard deviations, above which it weighs less; 95 % efficient (Huber 1964)."""
 
 BLOCK = 8
-"""Samples whose residuals are summed, to see whether neighbours err together."""
+"""Number of neighbouring samples whose residuals are summed to find their correlation."""
 
 LOOSE = 1.0
-"""Standard deviation beforehand of bows (of the side), of the stretch, and of the tone curve in its
-own ones: that of nothing known."""
+"""Prior standard deviation of bows (in sides), of the stretch, and of the tone curve (in its own
+standard deviations): no prior knowledge."""
 
 ONE_STEP = 0.04
-"""Of a bow or a stretch: what one linear step leaves of it (benchmarks/accuracy/sheet_check.py)."""
+"""Error of one linear step, as a fraction of a bow or stretch
+(benchmarks/accuracy/sheet_check.py)."""
 
 EXPLAINS_AS_WELL = 9.0
-"""Of two readings of the sheet the worse is possible up to so much more chi square: 3 std."""
+"""Increase of chi square up to which a worse reading of the sheet is possible: 3 standard
+deviations."""
 
 
 class Estimate(NamedTuple):
@@ -57,17 +60,17 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Departures:
-    """How far planes depart from those of a true sheet.
+    """Departures of planes from those of a true sheet.
 
     Attributes
     ----------
     angles : dict of (int, int) to Estimate
-        Between each two planes, on the side of the camera, degrees.
+        Angle between each two planes, on the side of the camera, degrees.
     bows : tuple of Estimate
-        How high each plane arches over one side of its figure at most, of the side.
+        Maximum height of each plane's arch over one side of its figure, as a fraction of the side.
     stretches : tuple of Estimate
-        How much longer the print is along one axis of the paper than along the other, as a part,
-        by each way in which the figures may lie on it that explains the edges; the best first.
+        Relative excess length of the print along one axis of the paper over the other, for each
+        reading (orientation of the figures on the paper) that explains the edges; the best first.
     """
 
     angles: dict[tuple[int, int], Estimate]
@@ -76,7 +79,7 @@ class Departures:
 
 
 class _Samples(NamedTuple):
-    """The samples of one figure, and what moves them."""
+    """The samples of one figure, and the derivatives of their positions."""
 
     face: int
     is_further: bool
@@ -92,7 +95,7 @@ class _Solution(NamedTuple):
     change: FloatArray
     covariance: FloatArray
     cost: float  # weighted sum of squares
-    variance: float  # of a residual, over what was stated
+    variance: float  # of a residual, relative to the stated one
 
 
 def departures(
@@ -103,14 +106,14 @@ def departures(
     Parameters
     ----------
     calibration : Calibration
-        With its edges, and nothing held.
+        Calibration with edges and without fixed parameters.
     faces : sequence of int
-        Its planes that the sheet's figures are on.
+        Indices of the planes that carry the sheet's figures.
     side : float
-        Of a figure, in the planes' unit.
+        Side of a figure, in the planes' unit.
     is_corner : bool
-        Whether they are the faces of the folded sheet; else they are printed upright each, and
-        turned by any right angle.
+        Whether they are the faces of the folded sheet; else each is printed upright, and may be
+        turned by any multiple of a right angle.
     """
     planes = [calibration.planes[face] for face in faces]
     samples = list(_samples(calibration, faces))
@@ -118,7 +121,7 @@ def departures(
     solutions = [_solve(samples, planes, side, reading) for reading in readings]
     solutions.sort(key=lambda solution: solution.cost)
     best = solutions[0]
-    # The noise is that which the best leaves.
+    # The noise is estimated from the residuals of the best reading.
     most = best.cost + EXPLAINS_AS_WELL * best.variance
     possible = [solution for solution in solutions if solution.cost <= most]
     cameras = len(calibration.parameters)
@@ -138,8 +141,8 @@ def departures(
 def _samples(calibration: Calibration, faces: Sequence[int]) -> Iterator[_Samples]:
     """Yield the samples of the figures on the faces, with the derivatives of their distances.
 
-    The distances are taken anew: where the calibration found a relief, its residuals are
-    without it.
+    The distances are computed anew: where the calibration found a relief, its residuals do not
+    include it.
     """
     camera = calibration.camera
     begun: set[int] = set()
@@ -154,7 +157,7 @@ def _samples(calibration: Calibration, faces: Sequence[int]) -> Iterator[_Sample
         pose = plane.rotation, plane.translation
         points = _core.points_on_plane(camera_for_core(camera), pose, pixels)
         along = np.sum(lines[:, :2] * points, axis=1)
-        # Of a figure within another only the size is open.
+        # Only the size of a figure within another is unknown.
         size = -(along @ lines[:, 2]) / (lines[:, 2] @ lines[:, 2]) if is_further else 1.0
         feet = points - (along + size * lines[:, 2])[:, None] * lines[:, :2]
         seen = feet @ plane.rotation[:, :2].T + plane.translation
@@ -201,7 +204,7 @@ def _solve(
 ) -> _Solution:
     """Explain the distances by camera, poses, sizes, tone curve, bows and stretch, in this order.
 
-    `reading` tells for each plane whether the paper's stretched axis is its X (1) or its Y (-1).
+    `reading` is 1 for a plane whose X axis is the stretched axis of the paper, -1 for its Y axis.
     """
     cameras, count = samples[0].by_camera.shape[1], len(planes)
     sizes = sum(it.is_further for it in samples)
@@ -227,7 +230,7 @@ def _solve(
         heights = np.stack([1.0 - u * u, -2.0 * u * v, 1.0 - v * v], axis=1)
         bow = bows + 3 * it.face
         block[:, bow : bow + 3] = side * away[:, None] * heights
-        # Half along the one axis and half, the other way, along the other; the pose takes the size.
+        # Half of the stretch along each axis, with opposite signs; the pose takes up the size.
         block[:, -1] = 0.5 * reading[it.face] * (along_x * x - along_y * y)
         blocks.append(it.weights[:, None] * block)
     jacobian = np.concatenate(blocks)
@@ -250,7 +253,7 @@ def _solve(
 
 
 def _together(residuals: FloatArray) -> float:
-    """Return the variance of the sum of neighbouring residuals over that of independent ones."""
+    """Return the variance of sums of neighbouring residuals over that of independent ones."""
     blocks = residuals[: len(residuals) // BLOCK * BLOCK].reshape(-1, BLOCK)
     return max(1.0, float(np.mean(blocks.sum(axis=1) ** 2) / (BLOCK * np.mean(blocks**2))))
 
@@ -262,7 +265,7 @@ def _angle(
     first, second = (planes[face].rotation[:, 2] for face in (one, other))
     across = np.cross(first, second)
     sine = float(np.linalg.norm(across))
-    # A turn by w changes a normal n by w x n, and so their cosine by w . (n x n').
+    # A rotation by w changes a normal n by w x n, and the cosine of two by w . (n x n').
     slope = np.zeros(len(solution.change))
     for face, sign in ((one, 1.0), (other, -1.0)):
         pose = cameras + 6 * face
@@ -285,12 +288,12 @@ def _bow(face: int, count: int, solution: _Solution) -> Estimate:
 
 
 def _with_step_error(value: float, variance: float) -> Estimate:
-    """Return a size with a standard deviation that holds the error of the linear step as well."""
+    """Return a size with a standard deviation that includes the error of the linear step."""
     return Estimate(abs(value), float(np.hypot(np.sqrt(variance), ONE_STEP * value)))
 
 
 def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:
-    """Return which axes of the planes the paper's first one is, whichever face is the first."""
+    """Return, for each order of the faces, which axis of each plane is the paper's first one."""
     readings = []
     for order in permutations(range(len(planes))):
         # The normals of the folded faces are the axes z, x and y of the corner's frame.
@@ -307,5 +310,5 @@ def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:
 
 
 def _readings_of_flat(count: int) -> list[list[int]]:
-    """Return them for figures that may each be turned by a right angle."""
+    """Return the readings of figures that may each be turned by a right angle."""
     return [[1, *others] for others in product((1, -1), repeat=count - 1)]

@@ -1,7 +1,7 @@
-"""What limits each number of a calibration, and what would help.
+"""Limits of the precision of each parameter, and changes that would improve it.
 
-Every piece of advice is computed: the planes, as they were found, are changed, the standard
-deviations predicted before and after, and their ratio applied to the stated ones.
+All advice is computed: the planes are changed, the standard deviations are predicted before and
+after the change, and their ratio is applied to the stated ones.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from trisquare._support.number_text import plus_minus
 from trisquare.analysis.what_if import WhatIf, contradicted_aspect, gains
 from trisquare.results.calibration import Calibration
 
-# Correlations and gains that are worth a word.
+# Thresholds of correlations and gains that are reported.
 STRONG_CORRELATION = 0.8
 WORTHWHILE_GAIN = 0.95
 MAX_REMEDIES = 2
@@ -36,12 +36,12 @@ CAUSES = {
     UNCHECKED: "the targets cannot be checked",
     "no_tone_curve": "the edge profiles fit no tone curve",
 }
-"""Warnings of what limits every parameter beyond the noise, by code."""
+"""What limits every parameter in addition to noise, by the code of the warning about it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterDiagnosis(RebuiltByConstructor):
-    """How well one parameter is known, why not better, and what would help.
+    """Precision of one parameter, what limits it, and what would improve it.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class ParameterDiagnosis(RebuiltByConstructor):
     correlation : mapping of str to float
         Its correlation with each other free parameter.
     limits : str
-        What limits it, in words.
+        Description of what limits it.
     remedy : str
-        What would help most, with the predicted standard deviation.
+        The most effective improvements, with the predicted standard deviations.
     """
 
     std: float
@@ -68,7 +68,7 @@ class ParameterDiagnosis(RebuiltByConstructor):
 
 
 class Diagnosis(Mapping[str, ParameterDiagnosis]):
-    """The diagnoses of a calibration's free parameters, by name; printed as a table.
+    """Diagnoses of a calibration's free parameters, by name; printed as a table.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
         return len(self._parameters)
 
     def members(self) -> dict[str, dict[str, str]]:
-        """Return what limits each parameter and what would help, as a JSON object.
+        """Return the limits and remedies of all parameters as a JSON object.
 
         Examples
         --------
@@ -115,22 +115,22 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
 
 
 def diagnose(calibration: Calibration) -> Diagnosis:
-    """Say of every free parameter what limits it and what would help.
+    """Diagnose for every free parameter what limits its precision and what would improve it.
 
     Parameters
     ----------
     calibration : Calibration
-        Any, also one that was read from JSON.
+        Any calibration, also one that was read from JSON.
 
     Returns
     -------
     Diagnosis
-        By the names in ``calibration.parameters``.
+        Diagnoses by the names in ``calibration.parameters``.
 
     Raises
     ------
     TypeError
-        If it is no calibration: a `Camera` alone has no uncertainty.
+        If it is not a calibration: a `Camera` alone has no uncertainty.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def _diagnose(
     better = "lower noise" if off is None else "flatter targets"
     nothing = f"no single change of the set-up would help much; {better} would"
     if cause is not None:
-        # The changes are predicted for noise alone, which is not what limits it.
+        # The predictions are for noise alone, which is not what limits the precision here.
         remedies = [f"first resolve the warning {cause}", *remedies[:1]]
     remedies = remedies or [nothing]
     contradicted = contradicted_aspect(calibration)

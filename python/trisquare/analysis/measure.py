@@ -1,10 +1,10 @@
 """Lengths, angles and areas on the plane of a square.
 
-A pixel's ray meets the plane in a point, and lengths between such points follow the side that the
-square is said to have. This is the paper's own test of a calibration (Zhou, Cui, Gao & Wang,
-Optics and Lasers in Engineering 51 (2013) 1332-1343, section 4). The standard deviations hold what
-the pixels, the pose and the camera contribute, jointly: a length beside the square is known better
-than the focal length, since the pose follows the camera.
+A pixel's ray meets the plane in a point, and lengths between such points are relative to the stated
+side of the square. This is the paper's own test of a calibration (Zhou, Cui, Gao & Wang, Optics and
+Lasers in Engineering 51 (2013) 1332-1343, section 4). The standard deviations include the
+contributions of the pixels, the pose and the camera, jointly: a length beside the square has a
+smaller relative error than the focal length, since the errors of pose and camera are correlated.
 """
 
 from __future__ import annotations
@@ -40,44 +40,44 @@ __all__ = ["Measurement", "measure"]
 MEASUREMENT_FORMAT = "trisquare-measurement/1"
 
 CLICKED_STD = 0.5
-"""Pixels: how well somebody points at a place in a picture."""
+"""Standard deviation (px) of a position clicked in a picture."""
 
 RELATIVE_STEP = 1e-6
-"""Of the points' extent, for derivatives by differences: six digits of them are right."""
+"""Step of numerical derivatives, relative to the extent of the points: six digits are right."""
 
 SMALLEST = 1e-9
-"""Extent of points that coincide, lest a step vanish."""
+"""Smallest extent of the points in that step, so that it is not zero for coinciding points."""
 
 LARGEST = 1e100
-"""Sides and deviations from here on: their squares would soon be more than a number holds."""
+"""Upper limit of sides and standard deviations, whose squares must not overflow."""
 
 FAR = 2.0
-"""Extrapolation from which on a user should be told."""
+"""Extrapolation above which a warning is given."""
 
 FULL_TURN = 360.0
-"""Degrees."""
+"""A full turn, degrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement(RebuiltByConstructor):
     """Points on a plane, and the lengths, angles and area between them.
 
-    Lengths are in the unit of `measure`: metres where the side is a text such as ``"84mm"`` or the
-    plane's own, that of the side where it is a number, and sides where none is known. Angles are in
-    degrees.
+    Lengths are in the unit of `measure`: metres if the side is a text such as ``"84mm"`` or the
+    plane's own, the unit of the side if it is a number, and sides if no side is known. Angles are
+    in degrees.
 
     Parameters
     ----------
     points : array_like, shape (N, 2)
-        On the plane: its origin at the square's centre, X along its side 0.
+        Coordinates on the plane: origin at the square's centre, X along its side 0.
     covariance : array_like, shape (2 N, 2 N)
-        Of ``x0, y0, x1, y1, ...``.
+        Covariance of ``x0, y0, x1, y1, ...``.
     extrapolation : float, optional
-        How far the farthest point is from the middle of the plane's figure, over the distance of
-        its corners; None where these are not known. Far beyond 1, lengths hold only if the plane
-        is flat up to there and the point is on it.
+        Distance of the farthest point from the centre of the plane's figure, over that of the
+        figure's corners; None if these are unknown. For values far above 1, lengths are right only
+        if the plane is flat up to the point and the point is on it.
     unit : str
-        Of lengths: ``"m"``, ``"sides"``, or nothing where the side is a number of any unit.
+        Unit of lengths: ``"m"``, ``"sides"``, or empty if the side is a number of any unit.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Measurement(RebuiltByConstructor):
     97 degrees, 1878 square millimetres
     """
 
-    # Without an annotation, lest it be among `__dataclass_fields__`.
+    # No annotation, which would add it to `__dataclass_fields__`.
     other_names = MappingProxyType(
         {"length": "lengths", "std": "lengths_std", "warnings": "extrapolation"}
     )
@@ -107,7 +107,7 @@ class Measurement(RebuiltByConstructor):
 
     @property
     def lengths(self) -> FloatArray:
-        """From each point to the next, shape (N - 1,)."""
+        """Distances from each point to the next, shape (N - 1,)."""
         return _lengths(self.points)
 
     @property
@@ -117,7 +117,7 @@ class Measurement(RebuiltByConstructor):
 
     @property
     def angles(self) -> FloatArray:
-        """At each point but the first and the last, degrees from 0 to 180, shape (N - 2,)."""
+        """Angles at all points but the first and the last, degrees, 0 to 180, shape (N - 2,)."""
         return np.asarray(np.abs(_turns(self.points)))
 
     @property
@@ -127,7 +127,7 @@ class Measurement(RebuiltByConstructor):
 
     @property
     def area(self) -> float | None:
-        """Of the polygon with these corners; None for fewer than three, or if its sides cross."""
+        """Area of the polygon of the points; None for fewer than three, or if its sides cross."""
         return abs(float(_signed_area(self.points)[0])) if _is_polygon(self.points) else None
 
     @property
@@ -136,7 +136,9 @@ class Measurement(RebuiltByConstructor):
         return float(self._std(_signed_area)[0]) if _is_polygon(self.points) else None
 
     def members(self) -> dict[str, Any]:
-        """Return it as a JSON object; `trisquare measure --json` adds plane and warnings.
+        """Return the measurement as a JSON object.
+
+        `trisquare measure --json` adds plane and warnings.
 
         Examples
         --------
@@ -173,7 +175,7 @@ class Measurement(RebuiltByConstructor):
     def _std(
         self, of_points: Callable[[FloatArray], FloatArray], period: float | None = None
     ) -> FloatArray:
-        """Carry the covariance over to a smooth function of the points, which may have a period."""
+        """Propagate the covariance to a smooth function of the points, which may be periodic."""
         step = RELATIVE_STEP * max(float(np.ptp(self.points, axis=0).max()), SMALLEST)
         columns = []
         for shift in step * np.eye(self.points.size):
@@ -201,43 +203,44 @@ def measure(
     side: str | float | None = None,
     point_std: float = CLICKED_STD,
 ) -> Measurement:
-    """Measure lengths, angles and the area between points seen on the plane.
+    """Measure lengths, angles and the area between points on the plane.
 
     Parameters
     ----------
     plane : Plane
-        Of a `Calibration`, or what `locate` returned.
+        Plane of a `Calibration`, or from `locate`.
     points : array_like, shape (N, 2)
         Pixels of the photograph, two or more; in order round a polygon for its area.
     camera : Calibration or Camera
-        That took it: the calibration that the plane belongs to, or the camera that it was
-        located with. A `Camera` is taken as exact.
+        The calibration that the plane belongs to, or the camera that it was located with. A
+        `Camera` is taken as exact.
     side : str or float, optional
         Length of the square's side (of a board: of a cell; of "a4" and the like: the shorter one,
-        see `Plane`): a text such as ``"84mm"``, and lengths are in metres; or a number in any unit,
-        and lengths are in that. By default the plane's own `side` in metres, or 1 where that is
-        not known.
+        see `Plane`): a text such as ``"84mm"``, with lengths in metres, or a number in any unit,
+        with lengths in that unit. By default the plane's own `side` in metres, or 1 if it is
+        unknown.
     point_std : float
-        One standard deviation of each pixel's coordinates; half a pixel is what one points
-        at by hand. `cv2.cornerSubPix` is better at crossings of a chessboard alone: at the corner
-        of a square or frame it is off by half a pixel. The squares' own corners need none of it:
+        One standard deviation of each pixel's coordinates; half a pixel is typical of pointing by
+        hand. `cv2.cornerSubPix` is better only at crossings of a chessboard: at the corner of a
+        square or frame it is off by half a pixel. The squares' own corners are known:
         ``plane.corners``.
 
     Returns
     -------
     Measurement
-        With ``lengths``, ``angles`` and ``area``, and their standard deviations, which hold
-        the pixels', the pose's and the camera's uncertainty. Where the sides of the plane
-        are bent, each point is taken to lie off as far as they do (the pose's `side_error`): of
-        95 % intervals between crossings of real boards 87 to 92 % then hold. What the plane is bent
-        by beyond its sides is not in them, nor is what a camera's held parameters are wrong by.
+        Has ``lengths``, ``angles`` and ``area``, and their standard deviations, which include
+        the uncertainty of the pixels, the pose and the camera. If the sides of the plane are bent,
+        the deviation of the sides (the pose's `side_error`) is added in quadrature to each point's
+        standard deviation: 87 to 92 % of the 95 % intervals between crossings of real boards then
+        contain the true length. A bend of the plane beyond that of its sides, and errors of a
+        camera's fixed parameters, are not included.
 
     Raises
     ------
     TypeError, ValueError
         For bad arguments; if a point is outside the picture or the valid radius, beyond the
         plane's horizon, or the same as the one before (messages count points from 1); if the
-        result of an older version does not say how well its poses are known.
+        result of an older version does not state the uncertainty of its poses.
 
     Examples
     --------
@@ -284,19 +287,19 @@ def measure(
 
 
 def _unit(side: str | float | None, plane: Plane) -> str:
-    """Return the unit of lengths on a plane, as a `Measurement` has it."""
+    """Return the unit of lengths on a plane, as in `Measurement`."""
     if side is None:
         return "sides" if plane.side is None else "m"
     return "m" if isinstance(side, str) else ""
 
 
 def check_inside(points: FloatArray, image_size: tuple[int, int]) -> None:
-    """Refuse pixels, shape (N, 2), that are outside the picture.
+    """Refuse pixels, shape (N, 2), outside the picture.
 
     Raises
     ------
     ValueError
-        With the number of the first, counted from 1.
+        With the number, counted from 1, of the first one.
     """
     width, height = image_size
     outside = np.any((points < -0.5) | (points > np.array([width, height]) - 0.5), axis=1)
@@ -311,7 +314,7 @@ def _point_named(index: int, points: FloatArray) -> str:
 
 
 def _name_unmet_point(pixels: FloatArray, plane: Plane, camera: Camera, cause: ValueError) -> None:
-    """Raise an error that names the first point whose ray does not meet the plane, if one is so."""
+    """Raise an error that names the first point, if any, whose ray does not meet the plane."""
     lens, pose = camera_for_core(camera), (plane.rotation, plane.translation)
     for index, pixel in enumerate(pixels):
         try:
@@ -329,7 +332,7 @@ def _name_unmet_point(pixels: FloatArray, plane: Plane, camera: Camera, cause: V
 
 
 def extrapolation_on(plane: Plane, pixels: FloatArray, camera: Camera) -> float:
-    """Return the `extrapolation` of pixels if they are on a plane; infinity if they cannot be."""
+    """Return the `extrapolation` of pixels on a plane; infinity if they cannot be on it."""
     try:
         pose = plane.rotation, plane.translation
         points = _core.points_on_plane(camera_for_core(camera), pose, pixels)
@@ -340,12 +343,12 @@ def extrapolation_on(plane: Plane, pixels: FloatArray, camera: Camera) -> float:
 
 
 def _extrapolation(points: FloatArray, plane: Plane, camera: Camera) -> float | None:
-    """Compare the distances of points and of the corners from the middle of a plane's figure."""
+    """Return the maximum distance of points from the figure's centre, over that of its corners."""
     pose = plane.rotation, plane.translation
     try:
         corners = _core.points_on_plane(camera_for_core(camera), pose, plane.corners)
     except ValueError:
-        return None  # a plane made by hand, whose corners are elsewhere
+        return None  # a plane made by hand, whose corners are not consistent with it
     middle = corners.mean(axis=0)
     reach = float(np.linalg.norm(corners - middle, axis=1).max())
     return float(np.linalg.norm(points - middle, axis=1).max()) / reach if reach > 0 else None
@@ -356,15 +359,15 @@ def _lengths(points: FloatArray) -> FloatArray:
 
 
 def _turns(points: FloatArray) -> FloatArray:
-    """Return the angles with their sense: smooth where the three points are in line, too."""
+    """Return the angles with their signs, which are smooth also where three points are in line."""
     before, after = points[:-2] - points[1:-1], points[2:] - points[1:-1]
     return np.asarray(np.degrees(np.arctan2(_cross(before, after), (before * after).sum(axis=1))))
 
 
 def _is_polygon(points: FloatArray) -> bool:
-    """Whether these are the corners of a polygon none of whose sides cross each other."""
+    """Return whether the points are the corners of a polygon whose sides do not cross."""
     ends = np.roll(points, -1, axis=0)
-    # From where each side begins (rows) the other sides' beginnings lie to its left or right.
+    # Row i: the starts of all sides lie to the left (+) or right (-) of side i.
     sides = np.sign(_cross((ends - points)[:, None], points[None] - points[:, None]))
     parts = sides * np.roll(sides, -1, axis=1) < 0.0
     return len(points) > 2 and not (parts & parts.T).any()

@@ -1,4 +1,4 @@
-"""Planes that stand before a camera, and squares that are to be photographed."""
+"""Poses of planes before a camera, and squares that are to be photographed."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from trisquare.results.calibration import Calibration
 UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 OUTLINED = ("square", "tag", "frame")
-"""Kinds of targets that a prediction can be made of."""
+"""Kinds of targets from which a calibration can be predicted."""
 
 ANY_SIGMA = 0.01
-"""Pixels, where only ratios of predicted standard deviations are used."""
+"""Standard deviation of a sample (px), where only ratios of predictions are used."""
 
 FRAME_HOLE = 0.6
-"""Side of a frame's hole over its own, where it is not known."""
+"""Side of a frame's hole over that of the frame, if unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class PlannedSquare(RebuiltByConstructor):
     Raises
     ------
     TypeError, ValueError
-        If a value has the wrong type or shape, or is no rotation or no hole.
+        If a value has the wrong type or shape, or is not a rotation or not a hole.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class PlannedSquare(RebuiltByConstructor):
     translation: FloatArray
     inner: float | None = None
 
-    if TYPE_CHECKING:  # more is taken than is held
+    if TYPE_CHECKING:  # the constructor accepts more types than the attributes have
 
         def __init__(
             self, rotation: npt.ArrayLike, translation: npt.ArrayLike, inner: float | None = None
@@ -83,25 +83,25 @@ class PlannedSquare(RebuiltByConstructor):
         spin: float = 0.0,
         inner: float | None = None,
     ) -> PlannedSquare:
-        """Place a square by what it will look like.
+        """Place a square by its appearance.
 
         Parameters
         ----------
         camera : Calibration or Camera
-            The camera, or a guess.
+            The camera, or an estimate of it.
         centre : (float, float)
-            Where its centre will be seen, pixels.
+            Position of its centre in the picture, pixels.
         side : float
-            How long its side would be seen if it faced the camera, pixels.
+            Length of its side in the picture if it faced the camera, pixels.
         tilt : float
             Angle between its plane and the image plane, degrees.
         direction : float
-            Angle of the axis that it is tilted about, in the image plane from x toward y,
-            degrees: at 0 its upper edge leans toward the camera, at 90 its right one does.
+            Angle of the axis of the tilt, in the image plane from x toward y, degrees: at 0 the
+            upper edge leans toward the camera, at 90 the right one.
         spin : float
-            Angle by which it is turned in its own plane beforehand, degrees.
+            Angle by which the square is turned in its own plane before the tilt, degrees.
         inner : float, optional
-            Makes it a frame, see the class.
+            Side of a hole, which makes the square a frame; see the class.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class PlannedSquare(RebuiltByConstructor):
 
 
 class StandingPlane(Protocol):
-    """A plane that stands somewhere: `PlannedSquare`, `Plane`, `simulate.Target`."""
+    """A plane with a pose: `PlannedSquare`, `Plane`, `simulate.Target`."""
 
     @property
     def rotation(self) -> FloatArray:
@@ -151,12 +151,12 @@ class PosedPlane(NamedTuple):
 
 
 def posed(plane: StandingPlane) -> PosedPlane:
-    """Return where a square or a frame stands.
+    """Return the pose and the outlines of a square or a frame.
 
     Raises
     ------
     TypeError, ValueError
-        If it is neither, or as `PlannedSquare`.
+        If it is neither, or for the reasons of `PlannedSquare`.
     """
     if not hasattr(plane, "rotation"):
         raise TypeError(f"planes must hold PlannedSquare, Plane or Target, not {plane!r:.80}")
@@ -179,14 +179,14 @@ def predicted(
 ) -> _core.Prediction:
     """Predict a calibration from planes, as `predict` does; refuse a bad one only if `judged`.
 
-    Without `sigma`, only ratios of standard deviations mean something.
+    Without `sigma`, only ratios of standard deviations are meaningful.
 
     Raises
     ------
     ValueError
-        If a plane is not wholly in the picture.
+        If a plane is not completely in the picture.
     TrisquareError
-        If nothing is determined.
+        If the planes do not determine the camera.
     """
     return _core.predict(
         camera_for_core(camera),
@@ -218,7 +218,7 @@ def ray_at(camera: Camera, pixel: FloatArray) -> FloatArray:
 
 
 def onto_plane(pixels: FloatArray, camera: Camera, plane: StandingPlane) -> FloatArray:
-    """Intersect the rays of pixels, shape (N, 2), with a plane: in its own coordinates and unit.
+    """Intersect the rays of pixels, shape (N, 2), with a plane; return plane coordinates.
 
     Raises
     ------
@@ -230,9 +230,9 @@ def onto_plane(pixels: FloatArray, camera: Camera, plane: StandingPlane) -> Floa
 
 
 def outlines_of(kind: str, inner: float | None = None) -> list[FloatArray]:
-    """Corners, each of shape (4, 2) in plane units, of the outlines of a square or frame.
+    """Return the outlines of a square or frame: corners, shape (4, 2) each, in plane units.
 
-    A frame whose hole is not known is taken to have one of 0.6 of its side.
+    A frame of unknown hole is assumed to have a hole of 0.6 of its side.
 
     Raises
     ------

@@ -24,12 +24,12 @@ class PlaneAngle(NamedTuple):
     Attributes
     ----------
     degrees : float
-        Between the normals of the sides that the camera sees, 0 to 180: 90 of two walls of a
-        right-angled room, near 0 of parallel planes.
+        Angle between the normals of the sides that the camera sees, 0 to 180: 90 for two walls of a
+        right-angled room, near 0 for parallel planes.
     std : float
-        One standard deviation, degrees. Of parallel planes, whose angle is never negative, it is
-        that of their tilt: within some of them of 0, planes may be parallel. Of planes that were
-        held ``orthogonal`` or ``parallel`` it is 0.
+        One standard deviation, degrees. For nearly parallel planes, whose angle is never negative,
+        it is that of their tilt: if the angle is a few of them or less, the planes may be parallel.
+        It is 0 for planes whose angle was fixed by ``orthogonal`` or ``parallel``.
 
     Examples
     --------
@@ -48,29 +48,28 @@ class PlaneAngle(NamedTuple):
 
 @advising("plane_angle(result.planes[0], result.planes[1], result)")
 def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> PlaneAngle:
-    """Return the angle between two planes of one picture, and how well it is known.
+    """Return the angle between two planes of one picture, and its standard deviation.
 
     Parameters
     ----------
     one, other : Plane
-        Of a `Calibration`, seen in the same picture, or what `locate` returned of one picture.
+        Planes of a `Calibration`, seen in the same picture, or results of `locate` for one picture.
     camera : Calibration or Camera
-        That took it: the calibration that the planes belong to, or the camera that they were
-        located with. A `Camera` is taken as exact.
+        The calibration that the planes belong to, or the camera that they were located with. A
+        `Camera` is taken as exact.
 
     Returns
     -------
     PlaneAngle
-        The standard deviation holds the uncertainty of the poses and of the camera, jointly, as
-        far as the planes are flat. Where other pairs of planes were held ``orthogonal`` or
-        ``parallel``, it does not know of that, and is too large.
+        The standard deviation includes the uncertainty of the poses and of the camera, jointly,
+        and assumes flat planes. If other pairs of planes were fixed by ``orthogonal`` or
+        ``parallel``, this is not taken into account, and it is too large.
 
     Raises
     ------
     TypeError, ValueError
-        For bad arguments; if the planes are of different pictures, in which the camera may have
-        stood elsewhere; if the result of an older version does not say how well its poses are
-        known.
+        For bad arguments; if the planes are of different pictures, between which the camera may
+        have moved; if the result of an older version does not state the uncertainty of its poses.
 
     Examples
     --------
@@ -102,7 +101,7 @@ def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> Plane
 
 
 def _are_held(one: Plane, other: Plane, calibration: Calibration) -> bool:
-    """Whether the angle between two planes of a calibration was held."""
+    """Return whether the angle between two planes of a calibration was fixed."""
     planes = calibration.planes
     return any(
         _is_same(planes[first], a) and _is_same(planes[second], b)
@@ -112,6 +111,6 @@ def _are_held(one: Plane, other: Plane, calibration: Calibration) -> bool:
 
 
 def _is_same(plane: Plane, other: Plane) -> bool:
-    """Whether one stands where the other does: it may be read from another copy of a result."""
+    """Return whether two planes have the same pose: they may come from copies of one result."""
     is_turned = np.array_equal(plane.rotation, other.rotation)
     return is_turned and np.array_equal(plane.translation, other.translation)

@@ -1,4 +1,4 @@
-"""How well a camera will be known from a photograph that is still to be taken."""
+"""Prediction of a camera's standard deviations from a photograph still to be taken."""
 
 from __future__ import annotations
 
@@ -33,43 +33,45 @@ __all__ = ["PlannedSquare", "Prediction", "predict"]
 
 
 PRINTED_SIGMA = 2.0
-"""Pixels, per pixel of edge. Of 38 photographs of boards printed on paper (OpenCV's chessboard, a
-wooden corner, a ChArUco cube) the residuals' rms, times the square root of the edge's length per
-independent sample, is 1.5 to 3.8, median 2.1; with 640 x 480 pixels 3.3, with 1920 x 1080 1.8."""
+"""Standard deviation of an edge sample per pixel of edge, pixels. In 38 photographs of boards
+printed on paper (OpenCV's chessboard, a wooden corner, a ChArUco cube) the residuals' rms, times
+the square root of the edge's length per independent sample, is 1.5 to 3.8, median 2.1; with
+640 x 480 pixels 3.3, with 1920 x 1080 1.8."""
 
 WIDEST_MEASURED = 1920
-"""Of these photographs, pixels."""
+"""Largest width of these photographs, pixels."""
 
 
 def printed_sigma(image_size: tuple[int, int]) -> float:
-    """Return what a pixel of edge is known to of targets printed on paper.
+    """Return the standard deviation of a pixel of edge of targets printed on paper.
 
-    In larger pictures than were measured their paper bends by as many times more pixels, over as
-    many times longer parts of an edge: a pixel is known less by that to the power of 1.5, so that
-    the standard deviations stay the same part of the focal length.
+    In larger pictures than those measured, the paper's bend is larger in pixels by the ratio of the
+    sizes, over parts of an edge that are longer by the same ratio: the standard deviation of a
+    pixel grows as this ratio to the power of 1.5, so that the standard deviations of the parameters
+    remain the same fraction of the focal length.
     """
     return PRINTED_SIGMA * math.pow(max(1.0, max(image_size) / WIDEST_MEASURED), 1.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction(RebuiltByConstructor):
-    """The standard deviations that a planned photograph will have.
+    """Predicted standard deviations for a planned photograph.
 
     Parameters
     ----------
     camera : Camera
-        The camera it was predicted for.
+        The camera of the prediction.
     std : mapping of str to float
-        One standard deviation of each free parameter, by name; with the aspect ratio held,
+        One standard deviation of each free parameter, by name; with a fixed aspect ratio,
         ``std["fy"]`` is ``std["fx"]`` times ``fy / fx``, although ``fy`` is not among
         `parameters`.
     covariance : array_like, shape (n, n)
-        Of the free parameters, in the order of `parameters`.
+        Covariance of the free parameters, in the order of `parameters`.
     parameters : sequence of str
         Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
-        sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it will be freed.
+        sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it is to be free.
     sigma, spacing : float
-        Standard deviation of one edge sample and the edge length it stands for, pixels.
+        Standard deviation of one edge sample, and the length of edge per sample, pixels.
 
     Examples
     --------
@@ -125,37 +127,36 @@ def predict(
     fix: str | Iterable[str] = (),
     free: str | Iterable[str] = (),
 ) -> Prediction:
-    """Predict how well a camera will be known from squares that are to be photographed.
+    """Predict the uncertainty of a camera calibrated from squares that are to be photographed.
 
-    The Cramer-Rao bound of all samples along the squares' edges, from the very normal equations,
-    covariance and judgement that a calibration uses: a plan is refused where its photograph
-    would be.
+    It is the Cramer-Rao bound of all samples along the squares' edges, from the normal equations,
+    the covariance and the tests of a calibration: a plan is refused if its photograph would be.
 
     Parameters
     ----------
     camera : Calibration or Camera
-        A guess of the camera: the standard deviations depend on it but weakly.
+        An estimate of the camera: the standard deviations depend on it only weakly.
     planes : iterable of PlannedSquare, Plane or simulate.Target
-        Where the squares will stand: squares, tags and frames, no boards. Squares of several
-        photographs simply add up, as if each had errors of its own.
+        Poses of the squares: squares, tags and frames, no boards. Squares of several photographs
+        are added as if the errors of all were independent.
     sigma : float, optional
-        Standard deviation of one edge sample across its edge, pixels. By default what targets
-        printed on paper have, 2: they are not quite flat, so that neighbouring samples err
-        together. In pictures wider than 1920 pixels that is more (11 of 6000): paper bends by more
-        of the smaller pixels, which are therefore no help. Straight edges of flat things are known
-        to 0.01 to 0.03 in sharp pictures; `simulate.pixel_sigma` gives it for known noise, contrast
-        and blur. The tone curve is taken as known: where it is estimated (the default of
-        `calibrate`) a rendered picture's `fx` is known some per cent worse, under a fisheye up to
-        2.4 times.
+        Standard deviation of one edge sample across its edge, pixels. By default 2, the value for
+        targets printed on paper: they are not quite flat, so that the errors of neighbouring
+        samples are correlated. It is larger in pictures wider than 1920 pixels (11 for 6000):
+        paper bends by more of the smaller pixels, which therefore do not improve the result. For
+        straight edges of flat objects it is 0.01 to 0.03 in sharp pictures; `simulate.pixel_sigma`
+        gives it for known noise, contrast and blur. The tone curve is taken as known: if it is
+        estimated (the default of `calibrate`) the standard deviation of a rendered picture's `fx`
+        is some per cent larger, and with a fisheye up to 2.4 times.
     spacing : float
         Pixels of edge per sample.
     model : str, optional
-        The distortion coefficients that will be estimated, by one of the models of the camera's
+        The distortion coefficients to be estimated, by one of the models of the camera's
         family (see `Camera`); by default the camera's own.
     fix : names among "aspect", "principal_point", "focal", "distortion"
-        What will be held, at the camera's values.
+        What is to be fixed, at the camera's values.
     free : "skew", optional
-        What will be estimated although it is held otherwise.
+        What is to be estimated although it is otherwise fixed.
 
     Returns
     -------
@@ -164,10 +165,10 @@ def predict(
     Raises
     ------
     ValueError
-        If a square is not wholly in the picture (the message numbers it), a plane is of another
-        kind, or for other bad arguments.
+        If a square is not completely in the picture (the message gives its number), if a plane is
+        of another kind, or for other bad arguments.
     NotEnoughPlanesError, DegenerateGeometryError
-        If the squares would not determine the camera; the message says why and what would help.
+        If the squares would not determine the camera; the message gives the reason and a remedy.
 
     Examples
     --------

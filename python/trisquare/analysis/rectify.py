@@ -1,4 +1,4 @@
-"""A plane as it would look from straight above, lens and perspective undone."""
+"""View of a plane from straight above, without distortion and perspective."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from trisquare.results.plane import Plane
 __all__ = ["TopView", "rectify"]
 
 LARGEST = 4096
-"""Pixels of the longer side, where no resolution is asked for."""
+"""Maximum default length of the longer side, pixels."""
 
 MOST = 16384
-"""Pixels of the longer side that may be asked for: 0.8 GB in colour."""
+"""Maximum length of the longer side, pixels: 0.8 GB in colour."""
 
 BAND = 64
-"""Rows mapped at a time, so that the maps take next to no memory."""
+"""Number of rows mapped at a time, to limit the memory of the maps."""
 
 UNSEEN = -2.0
-"""A pixel outside every picture."""
+"""Coordinate of a pixel outside every picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TopView(Frozen):
-    """A picture of a plane to scale.
+    """A picture of a plane, to scale.
 
     Attributes
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        Of the photograph's type; X of the plane to the right, Y down, black where the photograph
-        shows nothing.
+        Same type as the photograph; X of the plane to the right, Y down, black outside the
+        photograph.
     origin : (float, float)
-        Where the centre of the top-left pixel lies on the plane, in units of the side.
+        Position of the centre of the top-left pixel on the plane, in units of the side.
     resolution : float
-        Pixels to a side.
+        Pixels per side.
 
     Examples
     --------
@@ -77,14 +77,14 @@ def rectify(
     image : path or ndarray
         The photograph: uint8, uint16 or float32, shape (H, W) or (H, W, 3).
     plane : Plane
-        Of a calibration, or from `locate`.
+        Plane of a calibration, or from `locate`.
     camera : Calibration or Camera
-        That took it.
+        The camera that took it.
     margin : float
-        What is shown around the plane's figure, over the figure's own width and height.
+        Margin around the plane's figure, relative to the figure's width and height.
     resolution : float, optional
-        Pixels to a side of the square; by default what the photograph has where it is sharpest, at
-        most `LARGEST` pixels in all.
+        Pixels per side of the square; by default the photograph's highest resolution of the figure,
+        limited to `LARGEST` pixels for the longer side.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def rectify(
     ImageError
         If the picture cannot be read.
     TypeError, ValueError
-        For bad arguments; if the picture is of another size than the camera's; if the view would
+        For bad arguments; if the size of the picture is not that of the camera; if the view would
         be larger than `MOST` pixels.
 
     Examples
@@ -126,7 +126,7 @@ def rectify(
     around = margin * (high - low)
     low, high = low - around, high + around
     if resolution is None:
-        # That of the photograph along the figure's best resolved side.
+        # The photograph's resolution along the best resolved side of the figure.
         sides, seen = (np.roll(quad, -1, axis=0) - quad for quad in (figure, plane.corners))
         sharpest = np.max(np.linalg.norm(seen, axis=1) / np.linalg.norm(sides, axis=1))
         scale = min(float(sharpest), (LARGEST - 1) / longest)
@@ -150,7 +150,7 @@ def rectify(
 
 def _remapped(picture: Image, plane: Plane, camera: Camera, x: FloatArray, y: FloatArray) -> Image:
     """Interpolate the photograph at the points of a grid on the plane."""
-    import cv2  # as all of the package, only once there is a picture
+    import cv2  # loaded only once there is a picture, as in all of the package
 
     on_plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     points = on_plane @ plane.rotation[:, :2].T + plane.translation

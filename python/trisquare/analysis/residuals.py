@@ -24,7 +24,7 @@ class MeasuredSide:
     normals : ndarray, shape (N, 2)
         Unit normal of the line's image at each sample.
     plane : int
-        Which of the calibration's planes it lies on.
+        Index of the calibration's plane that it lies on.
     """
 
     points: FloatArray
@@ -34,7 +34,7 @@ class MeasuredSide:
 
     @property
     def curve(self) -> FloatArray:
-        """The line's image where it was measured, in order along it, shape (N, 2)."""
+        """Points of the line's image at the samples, in order along it, shape (N, 2)."""
         feet = self.points - self.residuals[:, None] * self.normals
         centred = feet - feet.mean(axis=0)
         direction = np.linalg.eigh(centred.T @ centred)[1][:, 1]
@@ -42,7 +42,7 @@ class MeasuredSide:
 
 
 def measured_sides(calibration: Calibration, image: int = 0) -> Iterator[MeasuredSide]:
-    """Yield the measured sides of one picture; none if the result came without its edges."""
+    """Yield the measured sides of one picture; none if the result has no edges."""
     for figure, own in zip(calibration.edges, calibration.residuals, strict=True):
         if figure.image == image:
             for points, distances, normals in zip(

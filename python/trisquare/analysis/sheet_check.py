@@ -1,4 +1,4 @@
-"""Whether a printed sheet is printed to scale, folded square and flat enough, by its photograph."""
+"""Check, by its photograph, whether a sheet is printed to scale, folded square and flat enough."""
 
 from __future__ import annotations
 
@@ -19,65 +19,68 @@ from trisquare.results.calibration import Calibration
 Verdict: TypeAlias = Literal["ok", "not ok", "cannot tell"]
 
 SURE = 3.0
-"""Standard deviations by which a number has to be on one side of its limit."""
+"""Standard deviations that a number must be away from its limit for a verdict."""
 
 MAX_FOLD_ERROR = 2.0
-"""Degrees. A calibration assumes no right angles: folded 20 degrees off, its focal lengths are as
-good. But three square faces that are closed at the cut and the tab can only stand at right angles:
-2 degrees are a gap of 3.7 mm at the cut's end on A4, so that nothing holds the faces flat. And
-``orthogonal=`` takes them for right."""
+"""Maximum error of a fold, degrees. A calibration assumes no right angles: folded 20 degrees off,
+its focal lengths are as good. But three square faces that are closed at the cut and the tab fit
+together only at right angles: 2 degrees are a gap of 3.7 mm at the cut's end on A4, and nothing
+keeps the faces flat. Besides, ``orthogonal=`` assumes right angles."""
 
 MAX_BOW = 0.001
-"""Of a frame's side: on one face of three it shifts fx by 0.3 % and fy by 0.4 % (rms, 30 views)."""
+"""Maximum bow, as a fraction of a frame's side: on one face of three it shifts fx by 0.3 % and fy
+by 0.4 % (rms, 30 views)."""
 
 MAX_BOW_OF_BOARD = 0.01
-"""Of a board's side. A board's many lines tell its bow from the lens, and the calibration takes it
-out: on one face of three it shifts fx and fy by 0.04 % at most (rms, 5 views). Beyond, what is
-second order in the bow is left."""
+"""Maximum bow, as a fraction of a board's side. A board's many lines distinguish its bow from the
+lens, and the calibration corrects it: on one face of three it shifts fx and fy by 0.04 % at most
+(rms, 5 views). A larger bow leaves errors of second order."""
 
 BENT = 0.01
-"""Bow, of the side, from which angles and stretch are not judged: they then err by what is second
-order in the bow (at 2 %, by up to 1.3 degrees and 0.4 %)."""
+"""Bow, as a fraction of the side, above which angles and stretch are not judged: they have errors
+of second order in the bow (at 2 %, up to 1.3 degrees and 0.4 %)."""
 
 MAX_STRETCH = 0.003
-"""Of one axis of the paper against the other: it shifts fx or fy by up to 0.3 % (30 views)."""
+"""Maximum stretch of one axis of the paper relative to the other: it shifts fx or fy by up to 0.3 %
+(30 views)."""
 
 MAX_SCALE_ERROR = 0.01
-"""Printers that print at 100 % are nearer, those that fit the page to their margins are 3 % and
-more off. The camera does not depend on it; lengths by the nominal side are off by as much."""
+"""Maximum relative error of the scale. Printers that print at 100 % have smaller errors, those that
+fit the page to their margins are 3 % and more off. The camera does not depend on the scale; lengths
+computed from the nominal side have the same relative error."""
 
 RULER_STD = 0.1
-"""Millimetres that a reading of the printed ruler is off."""
+"""Standard deviation of a reading of the printed ruler, millimetres."""
 
 MAX_HIDDEN = 2
-"""Rows or columns of cells that even the board that shows best may lack, at the edge of the picture
-or behind something. What has fewer cells is another board."""
+"""Maximum number of rows or columns of cells, outside the picture or hidden, that the board found
+most completely may lack. A board with fewer cells is another one."""
 
 FIGURES = ("frame", "square")
-"""Kinds of planes that printed frames are found as: the second where the outline alone is
-measured, or the hole alone."""
+"""Kinds of planes that printed frames are found as: a square if only the outline, or only the hole,
+is measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was checked.
+    """The result of one check.
 
     Attributes
     ----------
     check : {"folded", "flat", "stretched", "size"}
     faces : tuple of int
-        The planes of the calibration that it is about.
+        The planes of the calibration that were checked.
     verdict : {"ok", "not ok", "cannot tell"}
     value, std : float, optional
-        In `unit`; None where nothing tells it.
+        Value and standard deviation in `unit`; None if they cannot be determined.
     limit : float
-        How far off it may be.
+        Maximum deviation.
     unit : str
         ``"degrees"``, ``"mm"`` or ``"%"``.
     text : str
-        What was found.
+        Description of the finding.
     advice : str
-        What to do about it; empty where there is nothing to do.
+        What to do about it; empty if nothing needs to be done.
     """
 
     check: str
@@ -93,18 +96,18 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class SheetCheck:
-    """What a photograph, and a reading of the ruler, say of a printed sheet.
+    """Result of checking a printed sheet by a photograph and a reading of its ruler.
 
     Attributes
     ----------
     kind : {"corner", "boards", "flat"}
-        What it was taken for.
+        Kind of sheet that was assumed.
     side : float
         Nominal side of its figures, millimetres.
     true_side : float, optional
-        The same by the ruler.
+        Side according to the ruler, millimetres.
     faces : tuple of int
-        The planes of the calibration that the sheet's figures are on.
+        Indices of the planes that carry the sheet's figures.
     findings : tuple of Finding
     """
 
@@ -116,7 +119,7 @@ class SheetCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all."""
+        """The worst verdict of all findings."""
         verdicts = [finding.verdict for finding in self.findings]
         return next((it for it in ("not ok", "cannot tell") if it in verdicts), "ok")
 
@@ -134,17 +137,17 @@ def check_sheet(
     Parameters
     ----------
     calibration : Calibration
-        From one photograph, with its edges, and nothing held.
+        From one photograph, with edges and without fixed parameters.
     kind, page, side
-        As for `printed_target`; "both" is the folded corner, of boards where there are boards.
+        As in `printed_target`; "both" is the folded corner, of boards if three boards were found.
     ruler : float, optional
-        What the sheet's ruler of 100 mm measures, millimetres.
+        Measured length of the sheet's ruler of 100 mm, millimetres.
 
     Raises
     ------
     NotEnoughPlanesError
         If the photograph does not show three of the sheet's figures; chessboards with other
-        numbers of cells are not the sheet's.
+        numbers of cells do not count.
     TypeError, ValueError
         As `printed_target`.
     """
@@ -184,7 +187,7 @@ def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...
 def _measured_sides(
     calibration: Calibration, faces: Sequence[int], figure: PrintedFrame | PrintedBoard
 ) -> list[float]:
-    """Return the side (mm) of each face's unit: of a hole alone the hole's."""
+    """Return the side (mm) of each face's unit; if only a hole was measured, that of the hole."""
     if isinstance(figure, PrintedBoard):
         return [figure.side for _ in faces]
     figures = zip(calibration.edges, calibration.residuals, strict=True)
@@ -193,10 +196,10 @@ def _measured_sides(
 
 
 def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
-    """Return how many cells across and down a plane's board was found with."""
+    """Return the numbers of cells, across and down, of a plane's board as found."""
     figures = zip(calibration.edges, calibration.residuals, strict=True)
     lines = np.concatenate([own.lines for own, residuals in figures if residuals.plane == face])
-    # Between the outer lines, and beyond each the cell that it ends.
+    # The cells between the outermost lines, and one more beyond each of these two.
     across, down = (
         round(float(np.ptp(lines[is_along, 2] * lines[is_along, axis]))) + 2
         for axis, is_along in enumerate(np.abs(lines[:, :2]).T > 0.5)
@@ -205,7 +208,7 @@ def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
 
 
 def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
-    """Refuse boards that are none of the sheet's, of which some may be found in part."""
+    """Refuse boards that are not the sheet's; some of the sheet's boards may be found in part."""
     most = max(max(cells) for cells in found)
     if not expected - MAX_HIDDEN <= most <= expected:
         shown = listed([f"{across} x {down}" for across, down in found])
@@ -216,7 +219,7 @@ def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
 
 
 def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
-    """Judge how far something is off; of several estimates any may be right."""
+    """Judge a deviation; if there are several estimates, any of them may be right."""
     if all(own.value + SURE * own.std <= limit for own in off):
         return "ok"
     if all(own.value - SURE * own.std > limit for own in off):
@@ -225,7 +228,7 @@ def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
 
 
 def _bent_faces(found: Departures, faces: Sequence[int]) -> list[int]:
-    """Return the faces that are bent so far that angles and stretch are not judged."""
+    """Return the faces whose bend is too large to judge angles and stretch."""
     return [face for face, bow in zip(faces, found.bows, strict=True) if bow.value > BENT]
 
 

@@ -1,4 +1,4 @@
-"""The standard deviations to expect if one thing were changed: planes tilted, closer, added."""
+"""Predicted standard deviations after one change: planes tilted, closer or added."""
 
 from __future__ import annotations
 
@@ -29,29 +29,30 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
 MORE_TILT = 10.0  # degrees
-# Squares tilted by these angles (degrees) are tilted enough: less is little, and none is tilted
-# beyond.
+# Range of angles (degrees) between tilts that are small and the maximum tilt that is advised.
 ENOUGH_TILT = (25.0, 50.0)
 LARGER = 1.25
-# Figures whose sides span this part of the picture's height are large enough (docs/photograph.md).
+# Side of a figure, as a fraction of the picture's height, above which it is large enough
+# (docs/photograph.md).
 ENOUGH_SPAN = 1.0 / 3.0
-NEARER = 0.1  # of the picture's size
-# A plane tilted less than this (degrees) shows no direction to tilt it further in.
+NEARER = 0.1  # displacement, as a fraction of the picture's size
+# Tilt (degrees) below which a plane has no definite direction of tilt.
 MIN_TILT = 1.0
-ADDED_TILT = 35.0  # degrees, of a square that is added
-# Places for a square that is added, parts of the picture.
+ADDED_TILT = 35.0  # degrees, of an added square
+# Positions of an added square, as fractions of the picture's width and height.
 ADDED_PLACES = {
     "upper left": (0.25, 0.25),
     "upper right": (0.75, 0.25),
     "lower left": (0.25, 0.75),
     "lower right": (0.75, 0.75),
 }
-# Standard deviations from what nearly every camera has, beyond which an estimate contradicts it.
+# Deviation, in standard deviations, from the usual value of cameras, above which an estimate
+# contradicts that value.
 CONTRADICTING = 3.0
 
 
 class WhatIf(NamedTuple):
-    """A change of the set-up, as a noun phrase, and what its lack is called, if it is one."""
+    """A change of the set-up, as a noun phrase, and the deficiency that it removes, if any."""
 
     change: str
     lack: str
@@ -60,19 +61,19 @@ class WhatIf(NamedTuple):
 
 
 def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
-    """Ratio of the predicted standard deviations after and before each change, by parameter."""
+    """Return the ratios of predicted standard deviations after and before each change."""
     camera = calibration.camera
     free = [name for name in FREEABLE if name in calibration.parameters]
     try:
         planes = planes_of(calibration)
         before = predicted(camera, planes, calibration.fixed, free=free).std
-        # Planes of several pictures may well lie over one another.
+        # Planes of several pictures may overlap in the image plane.
         apart = not _collide(camera, planes)
     except (TrisquareError, ValueError):
-        return []  # what was photographed is no plan that could be compared with
+        return []  # the photographed planes allow no prediction to compare with
     found: list[tuple[WhatIf, Mapping[str, float]]] = []
     for what_if in changes_of(calibration, planes):
-        # One that would leave the picture is no plan either.
+        # A change that moves a plane out of the picture is skipped.
         with suppress(TrisquareError, ValueError):
             if apart and _collide(camera, what_if.planes):
                 continue
@@ -82,7 +83,7 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
-    """Return the planes that are used; a lattice by the rectangle of its outermost corners."""
+    """Return the planes that are used; a lattice as the rectangle of its outermost corners."""
     return tuple(
         posed(plane)
         if plane.kind in OUTLINED
@@ -96,12 +97,12 @@ def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
 
 
 def _used(calibration: Calibration) -> dict[int, Plane]:
-    """Return the planes that the camera follows, by their indices."""
+    """Return the planes that the camera is estimated from, by index."""
     return {at: plane for at, plane in enumerate(calibration.planes) if plane.is_used}
 
 
 def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iterator[WhatIf]:
-    """Yield the set-ups worth comparing with the one that was photographed."""
+    """Yield the changed set-ups to compare with the photographed one."""
     camera, fixed = calibration.camera, calibration.fixed
     cosines = np.abs([plane.rotation[2, 2] for plane in planes])
     tilts = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
@@ -149,7 +150,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
 
 
 def _smallness(calibration: Calibration) -> str:
-    """Return how much of the picture the squares span, if that is little."""
+    """Return a description of the size of the squares in the picture, if it is small."""
     corners = [plane.corners for plane in _used(calibration).values()]
     sides = [np.roll(own, -1, axis=0) - own for own in corners]
     spans = np.array([np.linalg.norm(own, axis=1).max() for own in sides])
@@ -165,7 +166,7 @@ def _range_of(values: FloatArray) -> str:
 
 
 def _known_of_cameras(calibration: Calibration) -> dict[str, str]:
-    """Return what may be held of a camera, in words; not what its own estimate contradicts."""
+    """Return what may be fixed, with its description, unless the estimate contradicts it."""
     camera, known = calibration.camera, {}
     if contradicted_aspect(calibration) is None:
         known["aspect"] = "the aspect, since nearly every camera's pixels are square,"
@@ -178,7 +179,7 @@ def _known_of_cameras(calibration: Calibration) -> dict[str, str]:
 
 
 def contradicted_aspect(calibration: Calibration) -> tuple[float, float] | None:
-    """Return ``fy / fx`` and its standard deviation where they contradict square pixels."""
+    """Return ``fy / fx`` and its standard deviation if they contradict square pixels."""
     covariance = _covariance_of(calibration, "fx", "fy")
     if covariance is None:
         return None
@@ -189,7 +190,7 @@ def contradicted_aspect(calibration: Calibration) -> tuple[float, float] | None:
 
 
 def _covariance_of(calibration: Calibration, *names: str) -> FloatArray | None:
-    """Return the covariance of some parameters, None unless all of them are free."""
+    """Return the covariance of some parameters; None unless all of them are free."""
     if not set(names) <= set(calibration.parameters):
         return None
     places = [calibration.parameters.index(name) for name in names]
@@ -197,13 +198,19 @@ def _covariance_of(calibration: Calibration, *names: str) -> FloatArray | None:
 
 
 def _collide(camera: Camera, planes: tuple[PosedPlane, ...]) -> bool:
-    """Whether two planes' outlines would meet in the picture; ValueError if one leaves the lens."""
+    """Return whether outlines of two planes meet in the picture.
+
+    Raises
+    ------
+    ValueError
+        If an outline is beyond the valid radius.
+    """
     points = [plane.outlines[0] @ plane.rotation[:, :2].T + plane.translation for plane in planes]
     return any_meet([camera.project(corners) for corners in points])
 
 
 def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
-    """Tilt a plane further in its own direction, or, if it has none, in the given one."""
+    """Tilt a plane further in its own direction or, if it has none, in the given one."""
     x, y, z = plane.rotation[:, 2]
     if np.hypot(x, y) >= np.sin(np.radians(MIN_TILT)) * abs(z):
         direction = float(np.degrees(np.arctan2(x, -y)))
@@ -211,7 +218,7 @@ def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
 
 
 def _added_square(planes: tuple[PosedPlane, ...], ray: FloatArray) -> PosedPlane:
-    """Add a square of the others' size; its tilt's direction is away from all of theirs."""
+    """Add a square of the others' size, tilted away from the mean direction of their tilts."""
     depth = float(np.median([plane.translation[2] for plane in planes]))
     normals = sum((plane.rotation[:, 2] for plane in planes), np.zeros(3))
     direction = float(np.degrees(np.arctan2(-normals[0], normals[1])))

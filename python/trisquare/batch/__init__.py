@@ -1,1 +1,1 @@
-"""Many cameras, each from its own photographs: found, calibrated, stored and summed up."""
+"""Calibration of many cameras, each from its own photographs: jobs, results and summaries."""

@@ -1,4 +1,4 @@
-"""What many cameras are together: the spread of each number, and those that stand out."""
+"""Statistics of many cameras: the spread of each parameter, and outliers."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from trisquare._support.arrays import FloatArray
 from trisquare.batch.requirements import AnyRequirement
 
 FEWEST = 8
-"""Cameras of a kind whose spread is known well enough to call one of them an outlier."""
+"""Minimum number of cameras of a kind for reporting outliers among them."""
 
 CHANCE = 0.05
-"""Of fleets in which nobody stands out, those that have an outlier all the same."""
+"""Probability that a fleet without outliers has one reported."""
 
 MAD_EFFICIENCY = 0.37
-"""Of the median absolute deviation of normal values (Rousseeuw and Croux, 1993)."""
+"""Efficiency of the median absolute deviation for normal values (Rousseeuw and Croux, 1993)."""
 
 GAUSSIAN_MAD = 1.4826
 """Standard deviation of normal values over their median absolute deviation."""
 
 UNCERTAIN = 4.0
-"""Times the fleet's median standard deviation from which a camera is badly known."""
+"""Standard deviation, relative to the fleet's median one, above which a camera is badly known."""
 
 CURES = {
     "ImageError": "no picture can be read from the file",
@@ -36,7 +36,7 @@ CURES = {
     "take the photographs of one camera together, by a folder below the one that is named or by "
     "--camera",
     "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
-    # Of several causes, parallel targets and a rich lens model among them: the error's text tells.
+    # Several causes are possible, such as parallel targets and a rich lens model: see the text.
     "DegenerateGeometryError": "the photographs do not determine the camera",
     "ConvergenceError": "the targets do not fit one camera: are they flat squares?",
     "TimeLimitError": "the picture takes too long: a hostile file, or --max-seconds is too little",
@@ -53,12 +53,12 @@ class Distribution:
     ----------
     kind, parameter : str
     values, stds : ndarray, shape (N,)
-        Of every camera, the latter zero where it is held.
+        Values of all cameras, and their standard deviations, zero if the parameter is fixed.
     median, spread : float
-        The fleet's, the latter the cameras' own standard deviation: by the median absolute
-        deviation, less what their uncertainty explains.
+        Median of the fleet, and the standard deviation of the cameras themselves: from the median
+        absolute deviation, without the part that the uncertainty explains.
     median_std : float
-        The median of what the cameras state.
+        Median of the stated standard deviations.
     """
 
     kind: str
@@ -71,17 +71,17 @@ class Distribution:
 
     @classmethod
     def of(cls, kind: str, parameter: str, values: FloatArray, stds: FloatArray) -> Distribution:
-        """Sum up the values."""
+        """Return the distribution of the values."""
         median, median_std = float(np.median(values)), float(np.median(stds))
         scatter = GAUSSIAN_MAD * float(np.median(np.abs(values - median)))
         spread = float(np.sqrt(max(0.0, scatter**2 - median_std**2)))
         return cls(kind, parameter, values, stds, median, spread, median_std)
 
     def deviation(self, value: float, std: float) -> float:
-        """Return how far a camera is from the median, in standard deviations of that distance.
+        """Return a camera's distance from the median, in standard deviations of that distance.
 
-        One that is known better than most counts as known like the median one: how far cameras
-        really differ is known no better. Zero where nothing is known.
+        A camera with a smaller standard deviation than the median counts as having the median one,
+        since the spread of the cameras is not known better. Zero if all of these are zero.
         """
         scale = float(np.hypot(self.spread, max(std, self.median_std)))
         return (value - self.median) / scale if scale > 0.0 else 0.0
@@ -89,7 +89,7 @@ class Distribution:
 
 @dataclass(slots=True)
 class Fleet:
-    """The distributions of all parameters, by kind and name."""
+    """Distributions of all parameters, by kind and name."""
 
     distributions: dict[tuple[str, str], Distribution] = field(default_factory=dict)
 
@@ -112,7 +112,7 @@ class Fleet:
         return fleet
 
     def outlying(self, record: Mapping[str, Any]) -> list[str]:
-        """Say in which parameters a camera stands out of its kind."""
+        """Return descriptions of the parameters in which a camera is an outlier of its kind."""
         found = []
         of_kind = [key for key in self.distributions if key[0] == kind_of(record)]
         for name, value in record["values"].items():
@@ -129,7 +129,7 @@ class Fleet:
         return found
 
     def uncertain(self, record: Mapping[str, Any]) -> list[str]:
-        """Say which parameters of a camera are known much less well than those of its kind."""
+        """Return descriptions of a camera's parameters with a far larger std than its kind's."""
         found = []
         for name, std in record["std"].items():
             own = self.distributions.get((kind_of(record), name))
@@ -141,11 +141,11 @@ class Fleet:
 
 
 def most_by_chance(cameras: int, parameters: int) -> float:
-    """Return the largest deviation that `CHANCE` of fleets of so many cameras have by chance.
+    """Return the largest deviation that a fraction `CHANCE` of such fleets exceeds by chance.
 
-    That is a quantile of Student's distribution, by the approximation of Gaver and Kafadar (A
+    It is a quantile of Student's distribution, by the approximation of Gaver and Kafadar (A
     retrievable recipe for inverse t, The American Statistician, 1984). Its degrees of freedom are
-    those of the median absolute deviation; the 1 beside them is a simulation's.
+    those of the median absolute deviation; the added 1 comes from a simulation.
     """
     normal = NormalDist().inv_cdf(1.0 - CHANCE / (2.0 * cameras * parameters))
     freedom = MAD_EFFICIENCY * cameras + 1.0
@@ -155,21 +155,22 @@ def most_by_chance(cameras: int, parameters: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is to be said of one camera.
+    """Judgement on one camera.
 
     Attributes
     ----------
     status : {"passed", "beyond limits", "failed", "earlier"}
-        The last of a camera that an earlier run did and this one was not given: of it nothing
-        else is said.
+        ``"earlier"`` is a camera of an earlier run that this run was not given; the other members
+        are empty then.
     violations : sequence of str
-        Of the limits for production.
+        Violated limits for production.
     outlying : sequence of str
+        Parameters in which it is an outlier.
     retake : sequence of str
-        Why its photographs should be taken again; empty if they need not.
+        Reasons to take its photographs again; empty if there are none.
     failure : str
-        Why it failed; empty if it did not. What other photographs would not cure, as a wrong
-        option or a missing file, stands here alone.
+        Reason of a failure; empty without one. Failures that other photographs would not cure, such
+        as a wrong option or a missing file, are given only here.
     """
 
     status: str
@@ -201,6 +202,6 @@ def verdict(
 
 
 def kind_of(record: Mapping[str, Any]) -> str:
-    """Return what cameras must share to be compared."""
+    """Return the properties that cameras must share to be compared."""
     width, height = record["image_size"]
     return f"{record['model']}, {width} x {height}"

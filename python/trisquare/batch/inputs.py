@@ -1,4 +1,4 @@
-"""Jobs from what a user names: photographs, folders, patterns and manifests."""
+"""Jobs from the user's arguments: photographs, folders, patterns and manifests."""
 
 from __future__ import annotations
 
@@ -30,31 +30,30 @@ def find_jobs(
     Parameters
     ----------
     inputs : path, or iterable of path
-        A photograph is a camera of its own, and so is each one directly in a folder that is named
-        here; a folder below that one is a camera with all its photographs, named by its path.
-        With the option ``frames`` the videos of folders count among them.
-        Patterns such as ``line?/*.jpg`` stand for what they match. Of a manifest, ``.csv`` or
-        ``.jsonl``, each record is a camera.
+        A photograph is a camera of its own, and so is each photograph directly in a folder that is
+        given; a folder below a given one is a camera with all its photographs, named by its path.
+        With the option ``frames`` the videos of folders are included. Patterns such as
+        ``line?/*.jpg`` are replaced by the matching paths. Each record of a manifest, ``.csv`` or
+        ``.jsonl``, is a camera.
     camera : str, optional
-        Groups the photographs by their names instead, as ``{serial}_*.jpg``: those that agree in
-        what the braces stand for are of one camera. With a slash it is compared with the end of
-        the path, below the folder that is named.
+        Pattern that groups the photographs by their names instead, such as ``{serial}_*.jpg``:
+        photographs with the same text in place of the braces are of one camera. A pattern with a
+        slash is compared with the end of the path, below the given folder.
     options : mapping, optional
-        Arguments of `calibrate` for all jobs; a manifest's own come first.
+        Arguments of `calibrate` for all jobs; a manifest's own take precedence.
 
     Yields
     ------
     Job
-        In the order of the inputs, within folders by name, in which numbers count: ``2.jpg`` comes
-        before ``10.jpg``. What is wrong with one item is a job
-        with a `fault`.
+        In the order of the inputs, within folders by name, with numbers in numerical order:
+        ``2.jpg`` comes before ``10.jpg``. An error in one item is a job with a `fault`.
 
     Raises
     ------
     FileNotFoundError
-        If an input is not there.
+        If an input does not exist.
     ValueError
-        If `camera` is no pattern, or no photograph matches it; if a manifest has wrong columns.
+        If `camera` is not a pattern, or no photograph matches it; if a manifest has wrong columns.
 
     Examples
     --------
@@ -77,17 +76,17 @@ def find_jobs(
 
 
 def is_manifest(path: str) -> bool:
-    """Whether a path names a manifest."""
+    """Return whether a path is that of a manifest."""
     return Path(path).suffix.lower() in MANIFESTS
 
 
 def camera_pattern(text: str) -> re.Pattern[str]:
-    """Return the pattern for names that ``{serial}_*.jpg`` and its like stand for.
+    """Return the regular expression of a pattern such as ``{serial}_*.jpg``.
 
     Raises
     ------
     ValueError
-        If nothing is in braces, or one name is twice.
+        If nothing is in braces, or a name in braces occurs twice.
     """
 
     def regular(found: re.Match[str]) -> str:
@@ -114,7 +113,7 @@ def _matching(given: str) -> list[str]:
 
 
 def _of_pattern(given: str) -> list[str]:
-    import glob  # needed for patterns alone
+    import glob  # needed only for patterns
 
     matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
     if not matching:
@@ -128,8 +127,8 @@ def _photographs(
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield a folder and those below it, each with the photographs directly in it.
 
-    Videos are among them where the options ask for frames: else they would be failures. What
-    trisquare has drawn on is not. Why a folder cannot be read is added to `unread`.
+    Videos are included only if the options ask for frames: else they would fail. Pictures that
+    trisquare drew on are not included. Errors of folders that cannot be read are added to `unread`.
     """
     failed = None if unread is None else unread.append
     suffixes = PICTURE_SUFFIXES
@@ -190,7 +189,7 @@ def _grouped(
     names = Counter("_".join(groups) for groups in cameras)
     for groups, pictures in cameras.items():
         name = "_".join(groups)
-        if names[name] > 1:  # the parts of one hold what joins those of another
+        if names[name] > 1:  # different groups give the same joined name
             name = "_".join(f"({part})" for part in groups)
         yield Job(name, tuple(pictures), options, text)
     if others:

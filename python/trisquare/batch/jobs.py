@@ -1,4 +1,4 @@
-"""One camera of many: its name, its photographs and how they are calibrated."""
+"""One camera of a batch: its name, its photographs and its options."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ FILE_OPTIONS = ("initial", "outlines", "targets")
 """Options that may name a file."""
 
 LONGEST_FILE_NAME = 200
-"""Bytes: file systems allow 255, and a temporary file's name is longer."""
+"""Maximum length of a file's name, bytes: file systems allow 255, and temporary files have longer
+names."""
 
 KEPT_IN_FILE_NAMES = frozenset(" -_.,+@()[]#=")
 RESERVED = {
@@ -48,18 +49,18 @@ class Job(Frozen):
     Parameters
     ----------
     name : str
-        Of the camera; no other job of the batch may have it.
+        Name of the camera, unique in the batch.
     photographs : iterable of str or path
-        Files, or one; videos as well, with the option ``frames``. Kept as a tuple of str.
+        One or more files; videos as well, with the option ``frames``. Stored as a tuple of str.
     options : mapping of str to object
         Arguments of `calibrate` by their names: ``method``, ``model``, ``fix``, ``free``,
         ``initial`` (a `Calibration`, a `Camera`, or a camera file), ``orthogonal``, ``parallel``,
         ``tone``, ``targets``, ``outlines`` (a file, or its content), ``lines``, ``side`` and
-        ``frames`` (of each video among the photographs; without one it says nothing).
+        ``frames`` (of each video among the photographs; without videos it has no effect).
     origin : str
-        Where it was read, as messages say it.
+        Where it was read, for messages.
     fault : str, optional
-        Why it cannot be calibrated: what was read is no job.
+        Why it cannot be calibrated: an error in what was read.
 
     Raises
     ------
@@ -110,9 +111,9 @@ class Job(Frozen):
 
     @property
     def key(self) -> str:
-        """What the result depends on, digested: photographs and files by name, size and time.
+        """Digest of all that the result depends on: files count by name, size and time.
 
-        The version of trisquare is part of it, so that all results of a folder are of one version.
+        The version of trisquare is included, so that all results of a folder are of one version.
         """
         options = {name: _plain(value) for name, value in self.options.items()}
         named = [
@@ -127,25 +128,25 @@ class Job(Frozen):
 
     @property
     def file_name(self) -> str:
-        """The name of the camera's file."""
+        """Name of the camera's result file."""
         return f"{safe_file_name(self.name)}.json"
 
     @property
     def identity(self) -> str:
-        """The same for two names whose files some file systems take for one."""
-        # Interned: whoever keeps one for each job, keeps the same.
+        """Text that is equal for names whose files are the same on some file systems."""
+        # Interned, so that several containers with it share the memory.
         return sys.intern(unicodedata.normalize("NFC", self.file_name).casefold())
 
 
 def faulty_job(name: str, fault: str, origin: str = "") -> Job:
-    """Return a job that only records why it is none."""
+    """Return a job that only records an error."""
     return Job(name, (), {}, origin, fault)
 
 
 def safe_file_name(name: str) -> str:
-    """Return a name as a file's: what no file name may hold is written as in URLs.
+    """Return a name for a file: characters that file names cannot have are escaped as in URLs.
 
-    Letters and digits of any script stay. ``../x`` becomes ``%2E.%2Fx``.
+    Letters and digits of any script are kept. ``../x`` becomes ``%2E.%2Fx``.
     """
     text = "".join(letter if _is_plain(letter) else _escaped(letter) for letter in name)
     if text[0] in ". " or text.split(".")[0].casefold() in RESERVED:
@@ -168,16 +169,16 @@ def _escaped(letter: str) -> str:
 
 
 def _stamp(path: str) -> list[Any]:
-    """Tell a file from what it may become: name, bytes, and time of its last change."""
+    """Return the name, the size and the time of the last change of a file."""
     try:
         found = os.stat(path)
-    except (OSError, ValueError):  # a name with a NUL is no name
+    except (OSError, ValueError):  # ValueError: the name has a NUL
         return [Path(path).name, None, None]
     return [Path(path).name, found.st_size, found.st_mtime_ns]
 
 
 def _plain(value: Any) -> Any:
-    """Return an option's value as JSON has it."""
+    """Return an option's value in a form for JSON."""
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     camera = getattr(value, "camera", value)  # of a calibration

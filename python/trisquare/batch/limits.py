@@ -1,4 +1,4 @@
-"""What one job may take before it is given up."""
+"""Limits of time, memory and size of one job."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from trisquare.images.limits import (
 )
 
 MAX_SECONDS = 300.0
-"""Of a job: a hundred photographs of 24 megapixels take half of it on a slow machine."""
+"""Maximum time of a job, seconds: a hundred photographs of 24 megapixels take half of it on a slow
+machine."""
 
 MAX_MEMORY = 4e9
-"""Bytes that a job may take beside the program: a colour picture of 350 megapixels."""
+"""Maximum memory of a job in addition to the program, bytes: a colour picture of 350 megapixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +29,17 @@ class JobLimits:
     Attributes
     ----------
     max_pixels : int
-        Of a picture, by its header.
+        Maximum number of pixels of a picture, by its header.
     max_bytes : int
-        Of a picture's file.
+        Maximum size of a picture's file, bytes.
     max_seconds : float
-        Of a job.
+        Maximum time of a job, seconds.
     max_memory : float
-        Bytes of a job, beside the program itself; on Linux alone.
+        Maximum memory of a job in bytes, in addition to the program; only on Linux.
     max_scans : int
-        Of a progressive JPEG.
+        Maximum number of scans of a progressive JPEG.
     max_frames : int
-        Of a video that frames are chosen from.
+        Maximum number of frames of a video that frames are chosen from.
     """
 
     max_pixels: int
@@ -58,9 +59,9 @@ class JobLimits:
         *,
         defaults: JobLimits | None = None,
     ) -> JobLimits:
-        """Return the limits given, where None those of the environment, or else the defaults.
+        """Return the given limits; None is replaced by the environment's, or by the default.
 
-        Scans and frames are limited by the environment alone.
+        Limits of scans and frames come only from the environment.
 
         Raises
         ------
@@ -79,7 +80,7 @@ class JobLimits:
 
     @property
     def of_pictures(self) -> PictureLimits:
-        """Those of each picture or video."""
+        """Limits of each picture or video."""
         return PictureLimits(self.max_pixels, self.max_bytes, self.max_scans, self.max_frames)
 
 

@@ -1,4 +1,4 @@
-"""Manifests: files with a camera in each record, read record by record."""
+"""Manifests: files with a camera in each record, which are read one by one."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from trisquare.batch.jobs import FILE_OPTIONS, OPTIONS, Job, faulty_job
 MANIFESTS = (".csv", ".jsonl", ".ndjson")
 
 SEVERAL = ("fix", "free", "orthogonal", "parallel")
-"""Options with several values; in CSV these stand between semicolons, a pair as ``0-1``."""
+"""Options with several values; in CSV they are separated by semicolons, a pair is ``0-1``."""
 
 LONGEST_LINE = 1 << 20
-"""Characters: a longer line is no record."""
+"""Maximum number of characters of a line."""
 
 MAX_FAULTS = 10_000
-"""Wrong records after which the rest of a manifest is not read: each becomes a record of the batch,
-and a small file may hold hundreds of thousands."""
+"""Maximum number of wrong records that are read of a manifest: each becomes a record of the batch,
+and a small file may have hundreds of thousands."""
 
 
 def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
-    """Read the jobs of a manifest one after another; a wrong record is a job with a fault.
+    """Read the jobs of a manifest one by one; a wrong record is a job with a fault.
 
-    After `MAX_FAULTS` of these the rest is one more.
+    After `MAX_FAULTS` wrong records the rest is one more such job.
 
     Parameters
     ----------
     path : str
-        ``.jsonl``: an object a line, with ``name``, ``photographs`` (one, or a list) and options of
-        `calibrate`. ``.csv``: these are the columns, photographs are separated by semicolons, and
-        an empty cell says nothing. Files are relative to the manifest's folder.
+        ``.jsonl``: one object per line, with ``name``, ``photographs`` (one, or a list) and options
+        of `calibrate`. ``.csv``: these are the columns, photographs are separated by semicolons,
+        and empty cells are ignored. Files are relative to the manifest's folder.
     options : mapping
-        For records that do not have them.
+        Defaults for records that do not have them.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> J
     for option in FILE_OPTIONS:
         if isinstance(own.get(option), str):
             beside = os.path.join(folder, own[option])
-            # A target may be a name as well as a layout's file.
+            # A target may also be a name, not a layout's file.
             if option != "targets" or own[option].lower().endswith(".json"):
                 own[option] = beside
     return Job(
@@ -117,7 +117,7 @@ def _json_records(path: str) -> Iterator[tuple[int, Any]]:
 
 
 def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
-    import csv  # needed for these alone
+    import csv  # needed only here
 
     with _opened(path, newline="") as file:
         rows = csv.reader(file, strict=True)

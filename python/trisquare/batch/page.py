@@ -17,20 +17,20 @@ from trisquare.batch.requirements import PARAMETERS, AnyRequirement
 from trisquare.batch.summary import Counts
 
 MAX_SHOWN = 200
-"""Cameras in each list: a page of thousands would not open. The table has all."""
+"""Maximum number of cameras in each list: a page of thousands would not open. The table has all."""
 
 BARS = 31
 REACH = 5.0
-"""Of a histogram from the median, in standard deviations of the fleet; what is beyond is counted
-in the outermost bars."""
+"""Half the range of a histogram about the median, in standard deviations of the fleet; values
+outside are counted in the outermost bars."""
 
 WIDTH, HEIGHT = 310, 60
-"""Of a histogram, in units of its own."""
+"""Size of a histogram, in units of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A distribution as the page shows it."""
+    """A distribution in the form shown on the page."""
 
     kind: str
     name: str
@@ -49,7 +49,7 @@ def summary_page(
     counts: Counts,
     requirements: Sequence[AnyRequirement],
 ) -> bytes:
-    """Lay out the page, in UTF-8; the same for the same arguments."""
+    """Return the page in UTF-8; it depends only on the arguments."""
     beyond: list[Mapping[str, Any]] = []
     outlying: list[Mapping[str, Any]] = []
     retake: list[Mapping[str, Any]] = []

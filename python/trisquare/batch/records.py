@@ -1,4 +1,4 @@
-"""The lines of ``results.jsonl``, checked: a run may have been killed, or a disk may be damaged."""
+"""Validation of the lines of ``results.jsonl``: a run may have been killed, or a disk damaged."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from trisquare.batch.worker import RECORD_FORMAT
 from trisquare.results.calibration_warning import SEVERITIES
 
 LARGEST = 1e100
-"""Of a camera's numbers: those of a damaged line are not to overflow in the summary."""
+"""Largest number of a camera: larger ones, from a damaged line, could overflow in the summary."""
 
 
 def record_in(line: bytes) -> dict[str, Any]:
-    """Return the record that a line is.
+    """Return the record in a line.
 
     Raises
     ------
     ValueError
-        If it is none, or what the summary needs of it is missing or of another type.
+        If it is not a record, or lacks what the summary needs, or has it with another type.
     """
     record = parse_json(line)
     fields = JsonFields(record)
-    if fields.has("format"):  # which older lines lack
+    if fields.has("format"):  # missing in older lines
         fields.check_format(RECORD_FORMAT)
     for name in ("name", "key", "status"):
         fields.text(name)
@@ -64,13 +64,13 @@ def _check_camera(fields: JsonFields) -> None:
 
 
 def _check_number(value: Any, least: float) -> None:
-    """Raise ValueError if a value is none that a camera has."""
+    """Raise ValueError if a value is not possible for a camera."""
     if type(value) not in (int, float) or not least <= value <= LARGEST:
         raise ValueError(f"no camera has {value!r}")
 
 
 def identity_in(line: bytes) -> str | None:
-    """Return whose record a line is; None if it is none."""
+    """Return the identity of the job of a record; None if the line is not a record."""
     try:
         return _identity(record_in(line)["name"])
     except ValueError:
@@ -78,9 +78,9 @@ def identity_in(line: bytes) -> str | None:
 
 
 def stated_identity(line: bytes) -> str | None:
-    """Return whose record a line states to be, whatever else it holds; None if it states nobody's.
+    """Return the identity that a line states, whatever else it has; None if it states none.
 
-    Another version may have written it.
+    The line may be written by another version.
     """
     try:
         return _identity(JsonFields(parse_json(line)).text("name"))

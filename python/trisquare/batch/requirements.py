@@ -1,4 +1,4 @@
-"""Limits for production: what a camera must keep to pass."""
+"""Limits for production, which a camera must meet to pass."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ NO_WARNING = "none"
 SEVERITIES_ALLOWED = (*SEVERITIES, NO_WARNING)
 
 MAX_CHARACTERS = 10_000
-"""Of a file. Limits for all numbers take a fifth of it; a key of many parts takes time and memory
-by the square of its length."""
+"""Maximum length of a file. Limits for all numbers take a fifth of it; the time and memory of a key
+with many parts grow with the square of its length."""
 
 PER_CENT = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*%\s*")
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One number of a camera and its bounds, each of which may be None.
+    """Bounds of one number of a camera, each of which may be None.
 
     Attributes
     ----------
     name : str
-        As `quantity` has it.
+        Name of the number, as in `quantity`.
     least, most : float or None
     unit : {"", " %"}
-        Of the bounds: per cent of a standard deviation's parameter.
+        Unit of the bounds: per cent of the parameter, for a standard deviation.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Requirement:
     unit: str = ""
 
     def violation(self, record: Mapping[str, Any]) -> str | None:
-        """Say how a camera's record is beyond the bounds; None if it is not."""
+        """Return how a camera's record violates the bounds; None if it does not."""
         value = quantity(record, self.name)
         if value is not None and self.unit:
             parameter = quantity(record, self.name.removeprefix("std."))
@@ -70,7 +70,7 @@ class Requirement:
 
     @property
     def bounds(self) -> tuple[str, str]:
-        """The least and the most as texts, empty where there is none."""
+        """The lower and upper bound as texts, empty if there is none."""
         least, most = (
             "" if bound is None else f"{bound:.6g}{self.unit}" for bound in (self.least, self.most)
         )
@@ -91,7 +91,7 @@ class WarningRequirement:
     name: str = WARNINGS
 
     def violation(self, record: Mapping[str, Any]) -> str | None:
-        """Say which warnings are more severe; None if none is."""
+        """Return the warnings that are more severe; None if there are none."""
         allowed = SEVERITIES_ALLOWED.index(self.most)
         beyond = dict.fromkeys(
             f"{own['code']} is {own['severity']}"
@@ -102,7 +102,7 @@ class WarningRequirement:
 
     @property
     def bounds(self) -> tuple[str, str]:
-        """As of a `Requirement`."""
+        """Bounds as in `Requirement`."""
         return "", self.most
 
     def __str__(self) -> str:
@@ -123,18 +123,18 @@ def quantity(record: Mapping[str, Any], name: str) -> float | None:
 def read_requirements(path: PathLike) -> list[AnyRequirement]:
     """Read limits for production from a TOML file.
 
-    A table for each number: ``[fx]``, ``[std.cx]``, ``[rms_px]``, ``[noise_scale]``, ``[planes]``,
-    with ``least`` and ``most``, or ``nominal`` and ``within`` (a number, or ``"1 %"``). Of a
-    standard deviation ``least`` and ``most`` may be in per cent of its parameter. ``[warnings]``
-    has the highest severity allowed, ``most = "medium"``.
+    There is a table for each number: ``[fx]``, ``[std.cx]``, ``[rms_px]``, ``[noise_scale]``,
+    ``[planes]``, with ``least`` and ``most``, or ``nominal`` and ``within`` (a number, or
+    ``"1 %"``). For a standard deviation ``least`` and ``most`` may be in per cent of its
+    parameter. ``[warnings]`` has the highest severity allowed, ``most = "medium"``.
 
     Raises
     ------
     OSError
         If it cannot be read.
     ValueError
-        If it is no TOML, too long, or names a number that no camera has; the message begins with
-        the file.
+        If it is not TOML, too long, or has a number that no camera has; the message begins with
+        the file's name.
     """
     try:
         import tomllib

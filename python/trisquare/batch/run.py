@@ -1,4 +1,4 @@
-"""Running jobs on an executor: a bounded number of them at a time, each with an answer."""
+"""Execution of jobs on an executor: a bounded number at a time, each with a result."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from trisquare.batch.worker import Answer
 
 WINDOW = 256
-"""Jobs that are submitted at a time: enough for a hundred processes, and no memory to speak of."""
+"""Number of jobs submitted at a time: enough for a hundred processes, with little memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JobResult(Frozen):
-    """What came of a job.
+    """Result of a job.
 
     Attributes
     ----------
@@ -41,10 +41,10 @@ class JobResult(Frozen):
         The line of ``results.jsonl``: ``format``, ``name``, ``status`` (``"done"`` or
         ``"failed"``), ``photographs``, ``software``, and either ``image_size``, ``model``,
         ``values``, ``std``, ``rms_px``, ``noise_scale``, ``planes`` and ``warnings``, or ``error``
-        as `error_members` has it. With `output` also ``key``, which tells whether the job has
-        changed; one that is done has ``file``, the camera's within `output`, and ``bytes``, how
-        long that is; one that failed has ``limits``, and ``removed`` where the file of an earlier
-        photograph was there.
+        as in `error_members`. With `output` also ``key``, which identifies the job's inputs and
+        options; a job that is done has ``file``, the path of the camera's file in `output`, and
+        ``bytes``, its size; a job that failed has ``limits``, and ``removed`` if the file of an
+        earlier result was removed.
     json : str or None
         The calibration as JSON; None if it failed.
 
@@ -71,7 +71,7 @@ class JobResult(Frozen):
         Raises
         ------
         ValueError
-            If there is none: the message is that of the record.
+            If the job failed: with the error of the record.
         """
         if self.json is None:
             error = self.record["error"]
@@ -92,52 +92,51 @@ def calibrate_many(
     max_seconds: float | None = None,
     max_memory: float | None = None,
 ) -> Iterator[JobResult]:
-    """Calibrate many cameras at a time, each in a process that may die without the others.
+    """Calibrate many cameras in parallel, in processes that may crash without affecting others.
 
     Parameters
     ----------
     jobs : iterable of Job
-        Read as they are needed, so that there may be any number of them. Those of a name that an
-        earlier one has fail. Up to `window` of them are read ahead, and nothing is yielded while
-        they keep the next one waiting: of jobs that come one by one, as of a queue, call this for
-        each, ``calibrate_many([job], executor)``, from threads of your own. Names then need not
-        differ.
+        Read as they are needed, so that their number is not limited. A job with the name of an
+        earlier one fails. Up to `window` jobs are read ahead, and nothing is yielded while the next
+        one is waited for: for jobs that arrive one by one, as from a queue, call this for each,
+        ``calibrate_many([job], executor)``, from threads of your own. Names need not differ then.
     executor : concurrent.futures.Executor, optional
-        Whose workers run the jobs: of processes, of threads, Dask's (``Client.get_executor()``) or
+        Executor that runs the jobs: of processes, of threads, Dask's (``Client.get_executor()``) or
         MPI's (``mpi4py.futures.MPIPoolExecutor()``). By default threads of this process. Each
-        worker keeps a process beside itself that does the jobs, in one thread, and ends with it.
+        worker has a separate process that does the jobs, in one thread, and ends with the worker.
     output : path, optional
-        A folder that holds what is done, as `trisquare batch` has it: jobs that it holds are not
-        done again, and not yielded. It gets no summaries: `trisquare batch` with the same inputs
-        and options, ``-o`` the folder and ``--limits`` a file, makes them without calibrating
+        Folder of results, as in `trisquare batch`: jobs whose results it has are not done again,
+        and not yielded. Summaries are not written: `trisquare batch` with the same inputs
+        and options, ``-o`` the folder and ``--limits`` a file, writes them without calibrating
         again.
     workers : int, optional
-        Jobs done at a time without an `executor`, by default one for each processor.
+        Number of jobs at a time without an `executor`, by default one for each processor.
     window : int
-        Jobs that are submitted and not yet answered, at most.
+        Maximum number of jobs that are submitted and not yet finished.
     retry : bool
         Whether jobs that failed, by the records in `output`, are done again.
     max_pixels, max_bytes : int, optional
-        Of a picture and of its file: larger ones are refused by the header.
+        Limits of a picture and of its file: larger ones are refused by the header.
     max_seconds : float, optional
-        Of a job; then its process is killed.
+        Time limit of a job, after which its process is killed.
     max_memory : float, optional
-        Bytes that a job may take beside the program; on Linux alone. What is not given here, is by
-        ``TRISQUARE_MAX_PIXELS``, ``_MAX_BYTES``, ``_MAX_SECONDS`` and ``_MAX_MEMORY`` of the
-        environment, or else 500 million, 2 GB, 300 s and 4 GB.
+        Bytes that a job may take in addition to the program; only on Linux. Limits that are not
+        given are those of ``TRISQUARE_MAX_PIXELS``, ``_MAX_BYTES``, ``_MAX_SECONDS`` and
+        ``_MAX_MEMORY`` of the environment, or else 500 million, 2 GB, 300 s and 4 GB.
 
     Yields
     ------
     JobResult
-        As they are done, in any order. Whatever goes wrong with a job is in its result. The logger
-        ``trisquare`` has a line for each, of the level INFO, or WARNING if it failed.
+        In the order in which they finish. Every error of a job is in its result. The logger
+        ``trisquare`` has an entry for each, of the level INFO, or WARNING if it failed.
 
     Raises
     ------
     OSError
-        If `output` cannot be written to, or another run writes there.
+        If `output` cannot be written to, or another run writes to it.
     BrokenExecutor
-        If the `executor` itself has failed; what was done is in `output`.
+        If the `executor` itself has failed; finished results are in `output`.
     TypeError, ValueError
         For bad arguments.
 
@@ -175,7 +174,7 @@ def _calibrated(
         if output is not None:
             store = stack.enter_context(Store(output, limits, retry=retry))
         submit = stack.enter_context(Submission(executor, workers, limits))
-        # Closed before the executor is, so that what waits is not begun.
+        # Closed before the executor is, so that waiting jobs are not started.
         for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
             error, name = own.record.get("error"), printable(own.job.name)
             if error is None:
@@ -188,16 +187,16 @@ def _calibrated(
 
 
 class Submission:
-    """Hands jobs to an executor, or to threads of its own; a context manager.
+    """Submits jobs to an executor, or to threads of its own; a context manager.
 
     Parameters
     ----------
     executor : Executor or None
     workers : int or None
-        Threads, without an executor; by default one for each processor.
+        Number of threads, without an executor; by default one for each processor.
     limits : JobLimits
     work : callable, optional
-        What is done in place of calibrating; see `Workers`.
+        Function to run in place of the calibration; see `Workers`.
     """
 
     def __init__(
@@ -233,7 +232,7 @@ class Submission:
     def __exit__(self, *error: object) -> None:
         if self._workers is not None and self._own is not None:
             if any(error):
-                self._workers.close()  # so that nobody waits for jobs that run
+                self._workers.close()  # so that running jobs are not waited for
             self._own.shutdown(cancel_futures=True)
             self._workers.close()
 
@@ -244,9 +243,9 @@ def finished(
     store: Store | None = None,
     window: int = WINDOW,
 ) -> Generator[JobResult, None, None]:
-    """Yield the results of jobs as they are done, at most `window` of them submitted at a time.
+    """Yield the results of jobs as they finish, at most `window` of them submitted at a time.
 
-    What is in the store is not done again, and what is done is in the store before it is yielded.
+    Jobs with results in the store are not done again, and results are stored before being yielded.
     """
     from queue import SimpleQueue
 
@@ -272,7 +271,7 @@ def finished(
 
 
 def _to_do(jobs: Iterable[Job], store: Store | None) -> Iterator[tuple[Job, str]]:
-    """Yield the jobs that are not done, and for the store what their results depend on."""
+    """Yield the jobs to do and, for the store, the digests of what their results depend on."""
     seen: set[str] = set()
     for number, given in enumerate(jobs, 1):
         job = given
@@ -295,7 +294,7 @@ def _fault(job: Job) -> Answer:
 
 
 def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> JobResult:
-    """Return what came of a job, also if its executor could not do it."""
+    """Return the result of a job, also if its executor could not do it."""
     from concurrent.futures import BrokenExecutor, CancelledError
 
     from trisquare.batch.worker import failure
@@ -306,7 +305,7 @@ def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> 
         raise
     except CancelledError as error:
         raise BrokenExecutor("the executor gave jobs up: run again to go on") from error
-    except Exception as error:  # such as Dask's, where workers died of the job
+    except Exception as error:  # such as Dask's, whose workers died of the job
         answer = failure(job, "WorkerDiedError", f"{type(error).__name__}: {error}"), None
     return _stored(job, key, answer, store)
 

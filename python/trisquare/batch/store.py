@@ -1,4 +1,4 @@
-"""A folder of results: whole files only, one run at a time, and nothing done twice."""
+"""Folder of results, with complete files only, one run at a time, and no job done twice."""
 
 from __future__ import annotations
 
@@ -19,29 +19,28 @@ from trisquare.batch.worker import Answer
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
 
 HALF_FILE = re.compile(r"\..*\.[0-9a-f]{8}\.tmp", re.DOTALL)
-"""Names that `write_atomically` and `replacing` give to files that are not whole."""
+"""Names that `write_atomically` and `replacing` give to incomplete files."""
 
 BY_LIMITS = ("TimeLimitError", "WorkerDiedError", "MemoryError", "ImageError")
-"""Errors that other limits may spare."""
+"""Errors that may not occur with other limits."""
 
 
 class Store:
     """The results of a batch in a folder; a context manager.
 
     A record is a line of ``results.jsonl``, appended as soon as the camera's own file is on the
-    disk, or that of a job that failed is removed. `finish` puts the lines into the jobs' order,
-    and keeps what cannot be read as a record until its job is done again: another version may have
-    written it.
-    In memory there is a name and a number for each record.
+    disk or, for a job that failed, removed. `finish` puts the lines into the jobs' order.
+    Lines that cannot be read as records, perhaps of another version, are kept until their jobs are
+    done again. In memory there is a name and a number for each record.
 
     Parameters
     ----------
     folder : path
-        Made if it is not there.
+        Created if it does not exist.
     limits : JobLimits
-        Of the jobs: those that failed by other limits are done again.
+        Limits of the jobs: those that failed because of other limits are done again.
     retry : bool
-        Whether all that failed are done again.
+        Whether all failed jobs are done again.
 
     Raises
     ------
@@ -71,10 +70,10 @@ class Store:
 
     def __exit__(self, *error: object) -> None:
         self._close()
-        os.close(self._lock)  # which releases it
+        os.close(self._lock)  # releases the lock
 
     def is_done(self, job: Job, key: str) -> bool:
-        """Note that a job belongs to this run, and tell whether its record need not change."""
+        """Record that a job belongs to this run, and return whether its record remains valid."""
         self._order.append(job.identity)
         place = self._places.get(job.identity)
         if place is None:
@@ -84,7 +83,7 @@ class Store:
             return False
         if record["status"] == "done":
             file = self._file_of(job)
-            # Records of older versions do not say how long it was.
+            # Records of older versions do not state the size.
             return file.is_file() and record.get("bytes") in (None, file.stat().st_size)
         by_limits = record["error"]["code"] in BY_LIMITS and record["limits"] != self._limits
         return not (self._retry or by_limits)
@@ -93,21 +92,21 @@ class Store:
         return self.folder / CAMERAS / job.file_name
 
     def add(self, job: Job, key: str, answer: Answer) -> dict[str, Any]:
-        """Write what came of a job, and return its record.
+        """Write the result of a job, and return its record.
 
         Raises
         ------
         OSError
-            If that cannot be written, as when the disk is full: no part of it is left.
+            If it cannot be written, as when the disk is full: no part of it remains.
         """
         record, calibration = answer
         record = {**record, "key": key}
         file = self._file_of(job)
         if calibration is None:
             record["limits"] = self._limits
-            if file.is_file():  # of photographs that are others now
+            if file.is_file():  # of an earlier result, from other photographs
                 record["removed"] = f"{CAMERAS}/{job.file_name}"
-                # Before the record: of a run that is killed between both the job is done again.
+                # Before the record: if the run is killed in between, the job is done again.
                 with writing(file):
                     file.unlink()
         else:
@@ -118,7 +117,7 @@ class Store:
         return record
 
     def finish(self) -> None:
-        """Put the records into the jobs' order, those of earlier runs' cameras after them."""
+        """Put the records into the jobs' order, with those of earlier runs' cameras at the end."""
         given = set(self._order)
         order = list(dict.fromkeys([*self._order, *self._places, *self._unread]))
         places = {**self._unread, **self._places}
@@ -129,7 +128,7 @@ class Store:
                 is_given = identity in given or identity in self._unread
                 if place is not None and (is_given or _is_of_camera(self._record_at(place))):
                     file.write(self._line_at(place))
-            self._close()  # which some systems ask of a file that is replaced
+            self._close()  # some systems cannot replace an open file
         self._places.clear()
         self._unread.clear()
         self._open()
@@ -137,7 +136,7 @@ class Store:
     def records(self) -> Iterator[dict[str, Any]]:
         """Yield the records, in the order of their lines.
 
-        Those of earlier runs, which are not of this run's jobs, have ``earlier``.
+        Records of earlier runs that are not of this run's jobs have ``earlier``.
         """
         current = set(self._order)
         for identity, place in sorted(self._places.items(), key=itemgetter(1)):
@@ -162,7 +161,7 @@ class Store:
         self._end += len(line)
 
     def _remove_half_files(self) -> None:
-        """Remove what a run was writing when it was killed: nobody else writes here."""
+        """Remove incomplete files of a run that was killed: no other run writes here."""
         for folder in (self.folder, self.folder / CAMERAS):
             with os.scandir(folder) as entries:
                 for entry in entries:
@@ -170,13 +169,13 @@ class Store:
                         os.unlink(entry.path)
 
     def _open(self) -> None:
-        """Note where the records are, the last of each name; cut off what is not whole."""
+        """Index the records, the last one of each name; cut off an incomplete line."""
         path, end = self.folder / RECORDS, 0
         self._file = path.open("ab", buffering=0)
         self._lines = path.open("rb")
         for line in self._lines:
             if not line.endswith(b"\n"):
-                break  # a run was killed while it wrote
+                break  # a run was killed while it wrote the line
             identity = identity_in(line)
             if identity is not None:
                 self._places[identity] = end
@@ -200,20 +199,20 @@ class Store:
 
 
 def _is_of_camera(record: Mapping[str, Any]) -> bool:
-    """Tell whether a record is of a job, not of a wrong line or an empty folder."""
+    """Return whether a record is that of a job, not of a wrong line or an empty folder."""
     return bool(record["photographs"])
 
 
 def vars_of(limits: JobLimits) -> dict[str, float]:
-    """Return limits as a record has them."""
+    """Return limits in the form of a record."""
     return {name: getattr(limits, name) for name in limits.__slots__}
 
 
 def _lock(descriptor: int, folder: Path) -> None:
-    """Keep other runs out as long as the file is open, however this one ends."""
+    """Lock the folder against other runs until the file is closed or the process ends."""
     try:
         import fcntl
-    except ImportError:  # Windows: nothing keeps two runs apart
+    except ImportError:  # Windows: no lock against a second run
         return
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

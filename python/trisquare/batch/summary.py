@@ -1,4 +1,4 @@
-"""What came of a batch, summed up: a page, a table for programs, and numbers."""
+"""Summary of a batch: a page, a table for programs, and counts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trisquare.results.calibration_warning import SEVERITIES
 TABLE_FORMAT = "trisquare-batch-table/1"
 
 CHUNK = 5_000
-"""Rows of a Parquet file that are in memory at a time."""
+"""Number of rows of a Parquet file that are in memory at a time."""
 
 TEXTS = (
     "name",
@@ -39,10 +39,10 @@ WHOLE = ("width", "height", "planes")
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """How many cameras of a batch there are of each status.
+    """Numbers of cameras of a batch, by status.
 
-    Those of earlier runs that this one was not given count nowhere else. Those that passed with a
-    warning of high severity are among those that passed.
+    Cameras of earlier runs that this run was not given count only as `earlier`. Cameras that passed
+    with a warning of high severity are included in `passed`.
     """
 
     passed: int
@@ -55,7 +55,7 @@ class Counts:
 
     @property
     def total(self) -> int:
-        """All cameras of this run."""
+        """Number of cameras of this run."""
         return self.passed + self.beyond_limits + self.failed
 
     @property
@@ -67,10 +67,9 @@ class Counts:
 def rows(
     records: Iterable[Mapping[str, Any]], fleet: Fleet, requirements: Sequence[AnyRequirement]
 ) -> Iterator[dict[str, Any]]:
-    """Yield a row for each camera: the columns of `columns`, those that do not apply left out.
+    """Yield a row for each camera, with those of `columns` that apply.
 
-    Rows of failed cameras also have ``removed``: the file of an earlier photograph, if there was
-    one.
+    Rows of failed cameras also have ``removed``: the file of an earlier result, if there was one.
     """
     limits = "; ".join(map(str, requirements))
     for record in records:
@@ -100,7 +99,7 @@ def rows(
 
 
 def columns(fleet: Fleet) -> list[str]:
-    """Return the columns of a table: those of parameters that some camera estimates."""
+    """Return the columns of a table, with the parameters that some camera estimates."""
     estimated = {name for _, name in fleet.distributions}
     numbers = [
         column for name in PARAMETERS if name in estimated for column in (name, f"std_{name}")
@@ -123,7 +122,7 @@ def columns(fleet: Fleet) -> list[str]:
 
 
 def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Counts:
-    """Write a table as CSV, whole or not at all, and count its cameras.
+    """Write a table as CSV, completely or not at all, and count its cameras.
 
     Raises
     ------
@@ -155,7 +154,7 @@ def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequen
 def write_parquet(
     path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]
 ) -> None:
-    """Write a table as Parquet, whole or not at all.
+    """Write a table as Parquet, completely or not at all.
 
     Raises
     ------
@@ -183,7 +182,7 @@ def write_parquet(
 
 
 def check_parquet() -> None:
-    """Raise ImportError, which says what to install, unless Parquet can be written."""
+    """Raise ImportError, with what to install, unless Parquet can be written."""
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
@@ -191,13 +190,13 @@ def check_parquet() -> None:
 
 
 def _text(value: Any) -> Any:
-    """Return a value whose text is UTF-8: a file's name may hold bytes that are none."""
+    """Return a value as valid UTF-8: a file's name may contain bytes that are not text."""
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode()
     return [_text(own) for own in value] if isinstance(value, list) else value
 
 
 def _highest_severity(record: Mapping[str, Any]) -> str:
-    """Return that of a camera's warnings, empty without any."""
+    """Return the highest severity of a camera's warnings, empty without warnings."""
     found = {warning["severity"] for warning in record["warnings"]}
     return next((severity for severity in SEVERITIES if severity in found), "")

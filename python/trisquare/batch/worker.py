@@ -1,7 +1,7 @@
-"""What runs in a process of its own: one job after another, within limits.
+"""Main loop of a separate process that does one job after another, within limits.
 
-The process may die of a job, be killed for it, or run out of memory without anybody else suffering
-for it. It computes in one thread, since there is a process for every core.
+The process may crash, be killed, or run out of memory without affecting others. It computes in one
+thread, since there is a process for every core.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ READY = "ready"
 
 RECORD_FORMAT = "trisquare-batch-record/1"
 
-# Jobs come as pickles, for a lens may be among their options. Answers are lines of JSON: what has
-# read the files of strangers is not to be unpickled.
+# Jobs are sent as pickles, since a lens may be among their options. Answers are lines of JSON: data
+# from a process that has read untrusted files must not be unpickled.
 
 
 def calibrated(job: Job, limits: JobLimits) -> Answer:
@@ -81,11 +81,11 @@ def success(job: Job, result: Any) -> dict[str, Any]:
 
 
 class AnyJob(Protocol):
-    """What processes do: a `Job`, or a task of another room."""
+    """A job of the processes: a `Job`, or a task of another room."""
 
     @property
     def name(self) -> str:
-        """What records call it."""
+        """Name in records."""
 
     @property
     def photographs(self) -> tuple[str, ...]:
@@ -93,12 +93,12 @@ class AnyJob(Protocol):
 
 
 def failure(job: AnyJob, code: str, text: str) -> dict[str, Any]:
-    """Return the record of a job that failed without an error of its own."""
+    """Return the record of a job that failed without an exception."""
     return failed_with(job, code_members(code, text))
 
 
 def failed_with(job: AnyJob, error: dict[str, Any]) -> dict[str, Any]:
-    """Return the record of a job that failed with an error, as `error_members` has it."""
+    """Return the record of a job that failed with an error, given as in `error_members`."""
     return {**_heading(job, "failed"), "error": error}
 
 
@@ -113,12 +113,12 @@ def _heading(job: AnyJob, status: str) -> dict[str, Any]:
 
 
 def serve() -> None:
-    """Do the jobs that come on standard input until it ends; answers go to standard output.
+    """Do the jobs from standard input until it ends, and write answers to standard output.
 
-    What else is printed there, goes to standard error.
+    Anything else that is printed there goes to standard error.
     """
     with suppress(ValueError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who started this
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent process
     jobs = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -129,7 +129,7 @@ def serve() -> None:
         try:
             job, folder = pickle.load(jobs)
         except EOFError:
-            return  # who started this has ended
+            return  # the parent process has ended
         with suppress(OSError):
             os.chdir(folder)
         try:
@@ -139,7 +139,7 @@ def serve() -> None:
 
 
 def prepare(limits: JobLimits) -> None:
-    """Load what jobs need, in one thread, and bound the memory that they may take."""
+    """Load what jobs need, in one thread, and limit their memory."""
     import cv2
     import numpy as np
 
@@ -147,14 +147,14 @@ def prepare(limits: JobLimits) -> None:
     import trisquare.measurement.find
     import trisquare.measurement.measure  # noqa: F401
 
-    np.linalg.inv(np.eye(100))  # so OpenBLAS has its buffer: it ends a process where it gets none
+    np.linalg.inv(np.eye(100))  # OpenBLAS allocates its buffer now; it ends a process if it cannot
     try:
         import resource
 
         with open("/proc/self/statm") as account:
             loaded = int(account.read().split()[0]) * resource.getpagesize()
     except (ImportError, OSError):
-        return  # only Linux says how much there is already, and only Unix bounds it
+        return  # only Linux states the memory in use, and only Unix limits it
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     bound = loaded + int(limits.max_memory)
     with suppress(ValueError, OSError, OverflowError):
@@ -165,18 +165,18 @@ def prepare(limits: JobLimits) -> None:
 
 
 def attempted(work: Callable[..., Answer], job: AnyJob, limits: JobLimits) -> Answer:
-    """Do a job: every failure is a record.
+    """Do a job; every failure is a record.
 
-    A watchdog that waits for nobody ends the process if it takes too long.
+    A watchdog thread ends the process if it takes too long.
     """
     seconds = min(limits.max_seconds, threading.TIMEOUT_MAX)
     try:
         try:
             faulthandler.dump_traceback_later(seconds, exit=True, file=sys.stderr)
-        except RuntimeError as error:  # its thread has no room
+        except RuntimeError as error:  # no memory for the watchdog's thread
             raise MemoryError from error
         return work(job, limits)
-    except BaseException as error:  # a panic of the core is no Exception
+    except BaseException as error:  # a panic of the core is not an Exception
         members = error_members(error)
         if members["code"] == MemoryError.__name__:
             members["text"] += f" (max_memory allows {limits.max_memory / 1e9:.3g} GB)"

@@ -1,4 +1,4 @@
-"""Processes that jobs may kill, for whichever thread or process has a job to be done."""
+"""Processes that jobs may crash, for any thread or process that has jobs."""
 
 from __future__ import annotations
 
@@ -18,29 +18,30 @@ from trisquare.batch.limits import JobLimits
 from trisquare.batch.worker import READY, Answer, AnyJob, calibrated, failure
 
 ATTEMPTS = 2
-"""A process that dies may have been killed for another's sake: the job has a second chance."""
+"""Number of attempts at a job: its process may have been killed because of another one."""
 
 LARGEST_SIZE = 2**62
-"""Of what OpenCV reads from the environment."""
+"""Upper limit of numbers that OpenCV reads from the environment."""
 
 ENDING = 5.0
-"""Seconds that a process that closed its output has to end by itself: how it ends is told."""
+"""Seconds for a process that closed its output to end by itself, so that its exit is known."""
 
 ALLOCATION_FAILED = "SIGABRT"
-"""How a process ends itself where compiled code lacks memory, or fails: what Python asks for and
-does not get is a ``MemoryError`` there."""
+"""Signal by which a process ends itself if compiled code fails or cannot allocate memory; Python's
+own allocations raise ``MemoryError`` instead."""
 
 KILLED = "SIGKILL"
-"""How the system ends a process where it lacks memory."""
+"""Signal by which the system ends a process if memory runs out."""
 
 ONE_THREAD = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "RAYON")},
     "OPENCV_FFMPEG_THREADS": "1",
 }
-"""Read by the libraries when they are loaded, or a video is opened."""
+"""Environment variables that the libraries read when they are loaded, or a video is opened."""
 
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**26)}
-"""Read by glibc: what a job frees is kept for the next one. New pages take 4 % of a job's time."""
+"""Environment variables for glibc: memory that a job frees is kept for the next one. New pages take
+4 % of a job's time."""
 
 START = "import sys; sys.path[:] = {path!r}; from trisquare.batch.worker import serve; serve()"
 
@@ -50,14 +51,14 @@ class ProcessDiedError(Exception):
 
 
 class Workers:
-    """Processes that do jobs, started when they are needed and used again.
+    """Processes that do jobs, started when they are needed and reused.
 
     Parameters
     ----------
     limits : JobLimits
     work : callable
-        Takes a job and the limits and returns a record, and the calibration as JSON or None. It is
-        pickled.
+        Function of a job and the limits that returns a record, and the calibration as JSON or None.
+        It is pickled.
     """
 
     def __init__(self, limits: JobLimits, work: Any = calibrated) -> None:
@@ -70,10 +71,10 @@ class Workers:
         self.owner = os.getpid()
 
     def do(self, job: AnyJob, folder: str) -> Answer:
-        """Do a job in one of the processes, and in a new one if that one dies of it.
+        """Do a job in one of the processes, and in a new one if that one dies.
 
-        Files are relative to the folder. It may be called by many threads at a time, each of which
-        has a process then.
+        Files are relative to the folder. Many threads may call this at a time; each then has its
+        own process.
         """
         try:
             return self._attempts(job, folder)
@@ -82,7 +83,7 @@ class Workers:
                 self._doing.pop(id(job), None)
 
     def abandon(self, job: AnyJob) -> None:
-        """End the process that does a job; its answer is a failure then."""
+        """End the process that does a job, which then fails."""
         with self._lock:
             process = self._doing.get(id(job))
             if process is not None:
@@ -136,7 +137,7 @@ class Workers:
             process.end()
 
     def _take(self, *, is_new: bool) -> _Process:
-        """Return a process that runs; one that died while it was idle is no attempt at a job."""
+        """Return a running process; the death of an idle one does not count as an attempt."""
         with self._lock:
             while self._idle and not is_new:
                 process = self._idle.pop()
@@ -152,14 +153,14 @@ class Workers:
 
 
 class _Process:
-    """One process, spoken to over its standard input and output."""
+    """One process, with communication over its standard input and output."""
 
     def __init__(self, setup: bytes, limits: JobLimits) -> None:
         environment = {
             **os.environ,
             **ONE_THREAD,
             **KEEPS_MEMORY,
-            # For the formats whose headers only OpenCV reads; by it a picture is then no picture.
+            # For formats whose headers only OpenCV reads; it then refuses to read the picture.
             "OPENCV_IO_MAX_IMAGE_PIXELS": str(min(limits.max_pixels, LARGEST_SIZE)),
             "OPENCV_LOG_LEVEL": "SILENT",
         }
@@ -196,11 +197,11 @@ class _Process:
         return self._process.poll() is None
 
     def kill(self) -> None:
-        """End the process at once; whoever waits for its answer is told."""
+        """End the process at once; waiting for its answer then raises an error."""
         self._process.kill()
 
     def end(self, patience: float = 0.0) -> str:
-        """End the process and say how it ended."""
+        """End the process and return how it ended."""
         try:
             self._process.wait(patience)
         except subprocess.TimeoutExpired:
@@ -209,7 +210,7 @@ class _Process:
             try:
                 if stream is not None:
                     stream.close()
-            except OSError:  # what was still to be sent
+            except OSError:  # unsent data
                 pass
         code = self._process.wait()
         if code >= 0:
@@ -233,7 +234,7 @@ class _Process:
 
 
 class _Beside:
-    """The process beside a thread; it ends when that thread does, or the interpreter."""
+    """The process of a thread; it ends with the thread, or the interpreter."""
 
     def __init__(self, limits: JobLimits, work: Any) -> None:
         self.workers = Workers(limits, work)
@@ -244,10 +245,10 @@ _threads = threading.local()
 
 
 def do_beside(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
-    """Do a job in a process beside this thread, whichever executor's worker it is."""
+    """Do a job in the process of this thread, whichever executor the thread belongs to."""
     kept: dict[tuple[JobLimits, Any], _Beside] = vars(_threads).setdefault("kept", {})
     beside = kept.get((limits, work))
-    # After a fork the processes are those of the other.
+    # After a fork the inherited processes belong to the parent.
     if beside is None or beside.workers.owner != os.getpid():
         beside = kept[limits, work] = _Beside(limits, work)
     return beside.workers.do(job, folder)

@@ -1,1 +1,1 @@
-"""Calibrating: gathering edges, choosing, solving, explaining a failure."""
+"""Calibration: gather edges, choose planes, solve, explain a failure."""

@@ -1,4 +1,4 @@
-"""The result of a calibration, from what the core found and what the pictures showed."""
+"""Assembly of a `Calibration` from the core's solution and what the pictures showed."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ UNFIT = {
     "plane_rejected",
     "planes_contradict",
 }
-"""Codes of the warnings of targets that do not look as one camera would have seen them."""
+"""Codes of warnings about targets that are not consistent with one camera."""
 
 OUTLIER = "it disagrees with all others"
-"""Why a plane is not used that the warning ``plane_rejected`` names."""
+"""Reason for leaving out a plane that a warning ``plane_rejected`` names."""
 
 
 def assemble(
@@ -52,7 +52,7 @@ def assemble(
     side: float | None,
     pictures: tuple[str, ...] = (),
 ) -> Calibration:
-    """Return what the core found as a result; `pictures` are the names of their files."""
+    """Return the core's solution as a `Calibration`; `pictures` are the names of the files."""
     figures = gathered.edges
     tones = _tones(found, gathered.tones)
     tone, tone_std = pooled(tones)
@@ -97,13 +97,13 @@ def assemble(
 
 
 def _causes(gathered: Gathered, solution: Sequence[CalibrationWarning]) -> list[CalibrationWarning]:
-    """Warn of what is looked for only where planes do not fit together, and may be why."""
+    """Warn of interlaced pictures, which are looked for only after a warning of `UNFIT`."""
     codes = {warning.code for warning in (*gathered.warnings, *solution)}
     return [] if "interlaced" in codes or codes.isdisjoint(UNFIT) else interlaced(gathered)
 
 
 def _tones(found: _core.Solution, by_edges: Sequence[PictureTone]) -> Sequence[PictureTone]:
-    """Return the tone curves: the fit to the pixels knows more of them than the edges' profiles."""
+    """Return the tone curves of the edges, refined by the fit to the pixels if there is one."""
     if not found.tones:
         return by_edges
     return [tone.refined(fit) for tone, fit in zip(by_edges, found.tones, strict=True)]
@@ -144,7 +144,7 @@ def _planes(
     sides: Sequence[float | None],
     coherence: ResidualCorrelation,
 ) -> tuple[Plane, ...]:
-    """Return the planes in order, `sides` being the lengths of their units."""
+    """Return the planes in order; `sides` are the lengths of their units."""
     figures = gathered.edges
     images = gathered.images
     outliers = {own.plane for own in found.warnings if own.code == "plane_rejected"}
@@ -163,7 +163,7 @@ def _planes(
 
 
 def _plane(found: _core.SolvedPlane, side_error: float | None, **members: Any) -> Plane:
-    """Return a plane that the core found, with what else is told of it."""
+    """Return a plane that the core found; `members` are its further attributes."""
     if found.uncertainty is not None:
         given_camera, by_camera = found.uncertainty
         members["uncertainty"] = of_core(
@@ -187,7 +187,7 @@ def _plane(found: _core.SolvedPlane, side_error: float | None, **members: Any) -
 def _sides(
     found: _core.Solution, figures: Sequence[PlaneEdges], side: float | None
 ) -> list[float | None]:
-    """Return the length of every plane's unit: what is stated of frames is not their holes'."""
+    """Return the length of every plane's unit: `side`, or None for a lone hole of a frame."""
     holes = lone_holes(figures)
     return [None if figures[plane.figure].plane in holes else side for plane in found.planes]
 
@@ -212,7 +212,7 @@ def _holes_of_unknown_side(
 def _disagreeing_pictures(
     planes: Sequence[Plane], gathered: Gathered, coherence: ResidualCorrelation
 ) -> list[CalibrationWarning]:
-    """Warn of pictures of another camera, which may be why other warnings are given."""
+    """Warn of pictures of another camera, a possible cause of other warnings."""
     unexplained = unexplained_pictures(planes, gathered.rejected, coherence.displacements)
     if not unexplained:
         return []

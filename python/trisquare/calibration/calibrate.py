@@ -1,4 +1,4 @@
-"""Calibrating: from pictures, or from edges measured elsewhere."""
+"""Calibration from pictures, or from edges measured elsewhere."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected, is_reported
 
 LARGE_SIDE = 10.0
-"""Metres from which on a side that is a number alone is doubted: it may be of millimetres."""
+"""Smallest side in metres, given as a plain number, for which a warning says that it may be in
+millimetres."""
 
 OF_MANY = dict.fromkeys(
     ("max_seconds", "max_memory", "timeout"),
     "calibrate_many bounds time and memory, max_seconds= and max_memory=, in processes of its own",
 )
-"""What to do where `calibrate` is asked for limits that only a process of its own can have."""
+"""Advice for arguments of `calibrate` that set limits, which need a separate process."""
 
 
 @advising("several photographs are one argument, calibrate([first, second])", OF_MANY)
@@ -68,10 +69,11 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera from one photograph of three squares, or from several photographs.
 
-    Of all shapes that may be squares (or rectangles of a named shape), the largest set is used that
-    one camera sees as such. The others are in the result's ``rejected``. A warning says where the
-    choice is uncertain. Where fewer than three squares are used, ``rejected`` has also those that
-    the picture's border cuts, or of which a side or the inside cannot be measured, with the reason.
+    Among the shapes that may be squares (or rectangles of a named shape), the largest set that is
+    consistent with one camera is used. The others are in the result's ``rejected``. A warning is
+    given if the choice is uncertain. If fewer than three squares are used, ``rejected`` also has
+    the shapes that the picture's border cuts, and those with a side or an inside that cannot be
+    measured, with the reason.
 
     Parameters
     ----------
@@ -80,77 +82,78 @@ def calibrate(
         BGRA, whose alpha is dropped. A folder stands for the pictures in it, a pattern such as
         ``"frames/*.png"`` for the files that match, in the order of their names (``2.jpg`` before
         ``10.jpg``); pictures that trisquare drew on are skipped in both. Bytes are a file's
-        content. Several photographs must be of one camera and size; their planes are pooled. One in
-        which nothing is found is named in `warnings` and left out, as is one that is given twice. A
+        content. Several photographs must be of one camera and size; their planes are pooled. A
+        photograph that shows no target, or is given twice, is named in `warnings` and left out. A
         file's orientation tag is ignored, with a warning: the result refers to the picture as it
         is stored.
     method : {"ml", "linear"}
-        Joint maximum likelihood, or the three linear steps of Zhou et al. (2013) alone, whose
-        stated standard deviations are those that maximum likelihood would have with residuals of
-        that size: they leave out what the steps themselves lose.
+        Joint maximum likelihood, or only the three linear steps of Zhou et al. (2013). The standard
+        deviations of the linear steps are those of maximum likelihood with residuals of the same
+        size: they do not include the loss of precision in the steps themselves.
     model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
 "fisheye2", "fisheye", "rational", "brown_prism", "thin_prism", "auto"}
         The distortion coefficients that are estimated: see `Camera`. The fisheye models are for
         lenses that see more than about 90 degrees. Three squares seldom determine all
-        coefficients beyond ``k1`` and ``k2``: a prior holds ``k3``, ``p1`` and ``p2`` of "radial3"
-        and "brown", and the further ones of the rational and the prism models, to what lenses are
-        like (docs/method.md, "Which lens"); nothing else has a prior. Prism and
-        tangential terms together do what another axis of the camera does: with the prism models
-        the principal point may have to be fixed. ``"auto"`` takes the model of "none" to
-        "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
-        fit. It also tries a fisheye where under these models the samples of a side err
-        together, or a wide field looks as a fisheye shows it, and takes it where it explains the
-        edges clearly better by Schwarz's criterion (1978). The models not taken are in
-        ``alternatives``; by their probabilities they add to the covariance. It needs
-        ``method="ml"`` and a free distortion.
+        coefficients beyond ``k1`` and ``k2``: a prior keeps ``k3``, ``p1`` and ``p2`` of "radial3"
+        and "brown", and the further ones of the rational and the prism models, within the values
+        that are usual for lenses (docs/method.md, "Which lens"); no other parameter has a prior.
+        Prism and tangential terms together have the effect of another axis of the camera: with the
+        prism models the principal point may have to be fixed. ``"auto"`` takes the model of "none"
+        to "brown" with the largest evidence, by the density ratio of Dickey (1971) from the richest
+        fit. It also tries a fisheye if, under these models, the samples of a side have correlated
+        residuals or a wide field looks like a fisheye's, and takes it if it explains the edges
+        clearly better by Schwarz's criterion (1978). The models not taken are in ``alternatives``;
+        they add to the covariance according to their probabilities. It needs ``method="ml"`` and a
+        free distortion.
     fix : names among "aspect", "principal_point", "focal", "distortion"
-        One, several joined by commas, or a sequence: held at the values of `initial`, or else at
-        aspect 1, the image centre, and zero. The model of a distortion that is held is that of
-        `initial`; without one the lens is taken for one without distortion, whatever `model` is.
+        One, several joined by commas, or a sequence: fixed at the values of `initial`, or else at
+        aspect 1, the image centre, and zero. A fixed distortion has the model of `initial`; without
+        `initial` the lens has no distortion, whatever `model` is.
     free : "skew", optional
-        What is estimated although it is held otherwise, at the value of `initial` or zero: the
-        skew, ``K[0, 1]``. It needs ``method="ml"`` and, with nothing else held, three planes.
+        Parameter to estimate that is otherwise fixed at the value of `initial` or zero: the skew,
+        ``K[0, 1]``. It needs ``method="ml"`` and, if nothing else is fixed, three planes.
     initial : Calibration or Camera, optional
-        Values for what is fixed; "focal" needs them. What is free starts from them as well, where
-        the planes alone give no start.
+        Values of the fixed parameters; "focal" needs them. They are also the start of the free
+        parameters if the planes alone give no start.
     orthogonal, parallel : sequence of (int, int)
         Pairs of planes of one picture that are known to be at right angles to each other, or
-        parallel, as walls and the faces of a box are: indices of ``planes`` of the result, which
-        are in the same order without. Their rotations are held so exactly. A warning tells where
-        the edges contradict it.
+        parallel, as walls and the faces of a box are: indices of ``planes`` of the result, whose
+        order does not depend on these pairs. The estimated rotations meet the condition exactly. A
+        warning is given if the edges contradict it.
     tone : {"auto", "srgb", "linear"} or float, optional
-        How light was coded; a number is a gamma, and "auto" estimates the curve of each picture
-        along with the camera. By default "auto" for 8 and 16 bits, also where floats hold their
-        values; linear for all other floats.
+        Tone curve, from light to pixel value; a number is a gamma, and "auto" estimates the curve
+        of each picture along with the camera. By default "auto" for 8 and 16 bits, also for floats
+        that hold 8- or 16-bit values; linear for all other floats.
     targets : str
         See `detect`.
     outlines : path, mapping or sequence, optional
         Coarse outlines of the squares, drawn by hand, in place of a search: see `detect`. A file
         or its content may be for several photographs, by name or index.
     lines : bool
-        Whether the scene's own straight edges join the fit where they are consistent with the
-        squares: that they are straight tells of the distortion and its centre, out to where no
-        square is. They are in the result's ``lines``, used or rejected. Needs ``method="ml"``.
+        Whether straight edges of the scene are used in the fit if they are consistent with the
+        squares: their straightness determines the distortion and its centre, also in parts of the
+        picture without squares. They are in the result's ``lines``, used or rejected. Needs
+        ``method="ml"``.
     side : str or float, optional
         Length of the squares' sides (of a board: of a cell; of "a4" and the like: the shorter one,
         see `Plane`), such as ``"84mm"``, or in metres. The planes of the result then have it as
         `side`, and their poses are metric. All targets must be of this size. A number of 10 or more
         raises a warning: it is probably in millimetres.
     frames : int, optional
-        How many frames to take of each video among the paths and in the folders: sharp ones that
-        differ from one another, each one photograph of the camera. They are held in memory.
-        Without it a video is refused, and those in folders are left out.
+        Number of frames to take of each video among the paths and in the folders: sharp frames that
+        differ from one another, each used as one photograph of the camera. They are kept in memory.
+        Without `frames` a video is refused, and videos in folders are left out.
     threads : int, optional
-        In how many threads several photographs are read, measured and fitted; each holds one of
-        them in memory. By default as many as there are cores that this process may use. The result
-        is the same with any number. OpenCV's own threads are a setting of OpenCV's.
+        Number of threads in which several photographs are read, measured and fitted; each thread
+        keeps one photograph in memory. By default the number of cores that this process may use.
+        The result does not depend on it. OpenCV's own threads are set in OpenCV.
     max_pixels, max_bytes : int, optional
-        A picture with more pixels is refused by its header, before it is decoded, and a larger file
-        before it is read; by default ``TRISQUARE_MAX_PIXELS`` and ``TRISQUARE_MAX_BYTES`` of the
-        environment, or 500 million and 2 GB.
+        Limits: a picture with more pixels is refused by its header, before it is decoded, and a
+        larger file before it is read; by default ``TRISQUARE_MAX_PIXELS`` and
+        ``TRISQUARE_MAX_BYTES`` of the environment, or 500 million and 2 GB.
     progress : callable, optional
-        Called with (pictures measured, pictures in all); the fit follows the last one, and of many
-        planes takes longer.
+        Called with (pictures measured, pictures in all); the fit follows the last picture, and its
+        time grows with the number of planes.
 
     Returns
     -------
@@ -159,14 +162,14 @@ def calibrate(
     Raises
     ------
     ImageError
-        If a file cannot be read whole or has too many pixels or bytes, also if it is one of many:
-        it is named.
+        If a file, which the message names, cannot be read completely or has too many pixels or
+        bytes, also if it is one of many.
     DetectionError
         If no picture shows a target.
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
-        If the planes cannot answer; the message says why and what would help. These and
-        `DetectionError` say what was found and what was not used, and hold it as their `found`
-        and `rejected`.
+        If the planes do not determine the camera; the message gives the reason and a remedy. These
+        errors and `DetectionError` list what was found and what was rejected in the message and in
+        their attributes `found` and `rejected`.
     TypeError, ValueError
         For bad arguments.
 
@@ -201,7 +204,7 @@ def calibrate(
 
 
 class Calibrated(NamedTuple):
-    """A calibration, and the shapes in its photographs that are no targets, with the reasons."""
+    """A calibration, and the rejected shapes of its photographs, with the reasons."""
 
     calibration: Calibration
     rejected_shapes: Sequence[Rejected]
@@ -229,8 +232,8 @@ def calibrate_photographs(
 ) -> Calibrated:
     """Calibrate as `calibrate` does, from photographs that the caller may go on using.
 
-    With `explain`, the answer has the shapes that are no targets: of many photographs those of the
-    few with the fewest targets, as an error has them; with `explain_all` of every one.
+    With `explain`, the result includes the rejected shapes: of many photographs, those of the few
+    with the fewest targets, as in an error; with `explain_all`, those of every photograph.
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     kinds = TargetKinds.parse(targets)
@@ -256,7 +259,7 @@ def calibrate_photographs(
     try:
         if not gathered.figures:
             raise _nothing_to_fit(kinds, gathered, by_hand)
-        # Of layouts that are named, and of outlines drawn by hand, nothing is to be chosen.
+        # Targets of named layouts and outlines drawn by hand are all used: there is no choice.
         choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
         edges = gathered.edges
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
@@ -285,11 +288,11 @@ def calibrate_photographs(
 
 def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:
     if not by_hand:
-        # Of one picture among others it is no reason.
+        # Lack of contrast is the reason only if all searched pictures lack it.
         lacks = [own.lack_of_contrast() for own in gathered.searches.values()]
         lack = lacks[0] if lacks and all(lacks) else ""
         return DetectionError(nothing_found(kinds, gathered.image_size, lack=lack))
-    # The reasons against the outlines are added to every error, with their places.
+    # The reasons against the outlines are added to every error, with their positions.
     others = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
     return DetectionError("; ".join(others))
 
@@ -313,7 +316,7 @@ def calibrate_edges(
     ----------
     edges : sequence of PlaneEdges
         Figures on three or more planes; fewer planes if enough parameters are fixed. Lines of the
-        scene (`PlaneEdges.line`) beside them are used where they are consistent with the planes.
+        scene (`PlaneEdges.line`) are used if they are consistent with the planes.
     image_size : (int, int)
         Width and height in pixels.
     method, model, fix, free, initial, orthogonal, parallel, side
@@ -326,7 +329,7 @@ def calibrate_edges(
     Raises
     ------
     NotEnoughPlanesError, NotEnoughDataError, DegenerateGeometryError, ConvergenceError
-        If the planes cannot answer; the message says why and what would help.
+        If the planes do not determine the camera; the message gives the reason and a remedy.
     TypeError, ValueError
         For bad arguments.
 
@@ -346,7 +349,7 @@ def calibrate_edges(
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
             raise TypeError(f"{wanted}, not of {type(figure).__name__}")
-    # Any whole number may name a plane; the core counts from zero.
+    # A plane may have any whole number as its name; the core counts planes from zero.
     names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
     number = {name: count for count, name in enumerate(names)}
     counted = [
@@ -359,7 +362,7 @@ def calibrate_edges(
 
 
 def _doubts_of_side(side: str | float | None) -> list[CalibrationWarning]:
-    """Return a warning of a number that is hardly one of metres; a text states its unit."""
+    """Warn of a side given as a number that is too large for metres; a text states its unit."""
     if side is None or isinstance(side, str) or side < LARGE_SIDE:
         return []
     text = (
@@ -377,7 +380,7 @@ def _ask_core(
 ) -> _core.Outcome:
     place = {image: count for count, image in enumerate(gathered.images)}
     if any(image != count for image, count in place.items()):
-        # The core numbers the pictures that it has.
+        # The core numbers only the pictures that are used.
         figures = [changed_edges(figure, image=place[figure.image]) for figure in figures]
     return _core.calibrate(
         figures,

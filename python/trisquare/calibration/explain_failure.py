@@ -1,4 +1,4 @@
-"""The errors of a calibration state what was found in the pictures, and what was rejected."""
+"""Texts that add what was found, and what was rejected, to the errors of a calibration."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ INTERLACED = (
 )
 
 MAX_NAMED = 3
-"""Groups, and places in each, that a message names; the error's attributes hold all."""
+"""Maximum number of groups, and of positions in each, in a message; the error's attributes have
+all."""
 
 
 def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
-    """Add what was found and what was rejected to an error: to its text and attributes."""
+    """Add what was found and what was rejected to an error's text and attributes."""
     error.found = tuple(partial_detections(gathered.figures))
     error.rejected = (*gathered.rejected, *rejected_shapes(gathered))
     texts = [str(error)]
@@ -41,7 +42,7 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
 
 
 def interlaced(gathered: Gathered) -> list[CalibrationWarning]:
-    """Warn of pictures of two moments so far apart that hardly anything is measured well."""
+    """Warn of pictures whose two fields are so far apart that hardly anything is measured well."""
     searches = sorted(gathered.searches.items())
     names = [gathered.names[index] for index, search in searches if search.is_interlaced()]
     if not names:
@@ -50,7 +51,7 @@ def interlaced(gathered: Gathered) -> list[CalibrationWarning]:
 
 
 def rejected_shapes(gathered: Gathered) -> list[Rejected]:
-    """Return the four-sided shapes of searched pictures that are no targets, with the reasons."""
+    """Return the four-sided shapes of searched pictures that are not targets, with the reasons."""
     from trisquare.measurement.rejection_reasons import rejection_reasons
 
     return [
@@ -61,9 +62,9 @@ def rejected_shapes(gathered: Gathered) -> list[Rejected]:
 
 
 def _named(candidates: Sequence[PartialDetection | Rejected], pictures: Sequence[str]) -> str:
-    """Name targets by their places, those of one kind and reason together.
+    """Name targets by their positions, grouped by kind, reason and picture.
 
-    `pictures` is what messages call every picture.
+    `pictures` are the names of all pictures in messages.
     """
     groups: dict[tuple[str, str, int], list[str]] = {}
     for candidate in candidates:

@@ -1,4 +1,4 @@
-"""Warnings of faults of pictures that their edges' profiles show."""
+"""Warnings of faults of pictures, which the edge profiles show."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 
 WARNED_COLOUR_SHIFT = 0.4
-"""Pixels by which a colour is displaced in the picture's corners, from which a warning says so:
-most lenses have some of it, and the core measures green alone from less on."""
+"""Displacement of a colour in the picture's corners (px) above which a warning is given: most
+lenses displace colours somewhat, and the core measures green alone from a smaller value on."""
 
 WARNED_MOTION = 3.0
-"""Length of a motion in pixels from which a warning says so."""
+"""Length of a motion (px) above which a warning is given."""
 
 WARNED_BLUR = 2.5
-"""Blur in pixels, one standard deviation, from which a warning says so where no motion explains it:
-among scattered things, of 24 scenes with 1 and 2 px none was wrong beyond 3 standard deviations, of
-52 with 2.5 to 4 px 8 were."""
+"""Blur, as a standard deviation (px), above which a warning is given if no motion explains it:
+among cluttered scenes, none of 24 with 1 and 2 px was wrong by more than 3 standard deviations, and
+8 of 52 with 2.5 to 4 px were."""
 
 MUCH_LOST = 0.02
-"""Pixels of each side's place that clipped light leaves unknown, from which on it is likely to be
-what other warnings are about."""
+"""Uncertainty of each side's position due to clipped light (px) above which clipping is a likely
+cause of other warnings."""
 
 
 def fault_warnings(
     faults: Mapping[int, PictureFaults], tones: Mapping[int, PictureTone], names: Sequence[str]
 ) -> list[CalibrationWarning]:
-    """Warn of what is wrong with the pictures, by index.
+    """Warn of the pictures' faults, which are given by picture index.
 
-    `names` is what messages call each of all pictures.
+    `names` are the names of all pictures in messages.
     """
     texts: dict[str, list[str]] = {}
     for image, own in faults.items():
         for code, text in _texts(own, tones[image]).items():
             texts.setdefault(code, []).append(f"{names[image]}: {text}")
-    # A pattern, or what reaches into blurred edges, may be why sides are blamed.
+    # A pattern, or things within reach of blurred edges, may be the reason for rejected sides.
     medium = {"periodic_pattern", "out_of_focus"}
     if any(own.colour_shift is not None and not own.is_green for own in faults.values()):
         medium.add("chromatic_aberration")
@@ -57,7 +57,7 @@ SPOILT = {
     "motion_blurred": "blurred by motion",
     "out_of_focus": "out of focus",
 }
-"""What a picture is that has these warnings, which may move edges unevenly."""
+"""Description of a picture with such a warning, whose edges may be shifted unevenly."""
 
 
 _ADVICE = {

@@ -1,4 +1,4 @@
-"""Gathering what the photographs of a calibration show."""
+"""Collection of what the photographs of a calibration show."""
 
 from __future__ import annotations
 
@@ -29,47 +29,48 @@ from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
-if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
+if TYPE_CHECKING:  # the import loads OpenCV, which is delayed until a picture is searched
     from trisquare.measurement.find import Search
 
 MAX_EXPLAINED = 4
-"""Pictures of which a failure reports the rejected shapes, those with the fewest targets: with a
-hundred pictures it must not take twice as long."""
+"""Maximum number of pictures whose rejected shapes a failure reports, those with the fewest
+targets: with a hundred pictures, reporting all of them would double the time."""
 
 TO_HEED = {"orientation_ignored"}
-"""Remarks on photographs that ask for an action: whoever loads one turned has another camera."""
+"""Remarks on photographs that require an action: a picture loaded turned has another camera."""
 
 LEAVE_OUT = "to calibrate without it, name the others, or move it out of the folder"
 
 
 @dataclass(slots=True)
 class Gathered:
-    """What has been found and measured in the photographs so far.
+    """What was found and measured in the photographs so far.
 
     Attributes
     ----------
     image_size : (int, int)
         Width and height of every photograph that is used, in pixels.
     names : list of str
-        Of every photograph.
+        Names of all photographs.
     sizes : list of (int, int)
-        Of every photograph.
+        Width and height of all photographs, in pixels.
     figures : list of PlaneEdges
-        Each with the index of its photograph and the number of its plane, counted over all.
+        Measured figures, each with the index of its photograph and the number of its plane, which
+        is counted over all photographs.
     lines : list of PlaneEdges
-        Lines of the scene beside the figures, each with the index of its photograph.
+        Lines of the scene, each with the index of its photograph.
     quads : dict of int to ndarray, shape (4, 2)
-        Four points that enclose each plane, by its number.
+        Four points that enclose each plane, by the plane's number.
     rejected : list of Rejected
     warnings : list of CalibrationWarning
     pictures : list of KeptPixels
         The pixels of every photograph near the outlines that were measured.
     tones : list of PictureTone
-        Of every photograph.
+        Tone curves of all photographs.
     faults : list of PictureFaults
-        Of every photograph.
+        Faults of all photographs.
     searches : dict of int to Search
-        What was searched for in the photographs whose rejected shapes may be asked for.
+        Searches of the photographs whose rejected shapes may be asked for.
     """
 
     image_size: tuple[int, int] = (0, 0)
@@ -86,7 +87,7 @@ class Gathered:
     searches: dict[int, Search] = field(default_factory=dict)
 
     def add(self, one: MeasuredPhotograph) -> None:
-        """Add what was measured in the next photograph, and remark on it."""
+        """Add what was measured in the next photograph, and its warnings."""
         measured, annotated, index = one.measured, one.annotated, len(self.names)
         self.names.append(one.name)
         self.sizes.append(one.size)
@@ -118,7 +119,7 @@ class Gathered:
         Raises
         ------
         ValueError
-            If no size is that of most photographs.
+            If no size is shared by most photographs.
         """
         counts = Counter(self.sizes).most_common()
         self.image_size, count = counts[0]
@@ -143,7 +144,7 @@ class Gathered:
         self.faults = list(compress(self.faults, kept))
 
     def leave_out_repeated_views(self) -> None:
-        """Leave out what was measured in photographs that show the same, with the same noise."""
+        """Leave out figures and lines of photographs that repeat another, with the same noise."""
         repeated = repeated_views(self.figures)
         for index, twin in repeated.items():
             shown = f"{self.names[index]} shows the same as {self.names[twin]}, with the same noise"
@@ -154,12 +155,12 @@ class Gathered:
 
     @property
     def edges(self) -> list[PlaneEdges]:
-        """The figures, and then the lines: as the core is given them, and counts them."""
+        """The figures, followed by the lines: the order and numbering of the core's input."""
         return [*self.figures, *self.lines]
 
     @property
     def images(self) -> list[int]:
-        """The photographs that are used, by their indices."""
+        """Indices of the photographs that are used."""
         return [i for i, size in enumerate(self.sizes) if size == self.image_size]
 
     def _described(self, index: int) -> str:
@@ -167,7 +168,7 @@ class Gathered:
         return f"{self.names[index]} is {width} x {height} pixels"
 
     def forget_richest_search(self) -> None:
-        """Forget the search of the photograph with the most targets, of as many the last."""
+        """Forget the search of the photograph with the most targets, the last one of several."""
         if len(self.searches) > MAX_EXPLAINED:
             counts = {index: len(search.targets) for index, search in self.searches.items()}
             del self.searches[max(counts, key=lambda index: (counts[index], index))]
@@ -175,7 +176,7 @@ class Gathered:
 
 @contextmanager
 def _leave_out_advised(count: int) -> Iterator[None]:
-    """Add to the error of a picture that is one of several how to calibrate without it."""
+    """Add advice to the error of one of several pictures: how to calibrate without it."""
     try:
         yield
     except ImageError as error:
@@ -192,7 +193,7 @@ def gather(
     threads: int,
     explain_all: bool,
 ) -> Gathered:
-    """Find and measure the targets of several photographs, in so many threads.
+    """Find and measure the targets of several photographs, in `threads` threads.
 
     `explain_all` is whether the rejected shapes of every photograph may be asked for; `progress` is
     as in `calibrate`.
@@ -200,9 +201,9 @@ def gather(
     Raises
     ------
     ImageError
-        If a file cannot be read whole.
+        If a file cannot be read completely.
     TypeError, ValueError
-        For bad arguments, and if no size is that of most photographs.
+        For bad arguments, and if no size is shared by most photographs.
     """
     gathered = Gathered()
     measure = partial(measured_photograph, sought=sought, is_alone=len(photographs) == 1)

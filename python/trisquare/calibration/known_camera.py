@@ -1,4 +1,4 @@
-"""The camera of a file, with its uncertainty where the file states one."""
+"""The camera of a file, with its uncertainty if the file states one."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from trisquare.results.calibration import Calibration
 
 
 def known_camera(path: PathLike) -> Calibration | Camera:
-    """Read a calibration, or the camera that a file of any format holds.
+    """Read a calibration, or the camera of a file of any format.
 
     Raises
     ------
     ValueError
-        If it is no camera file, or damaged.
+        If it is not a camera file, or damaged.
     OSError
         If it cannot be read.
     """

@@ -103,8 +103,8 @@ def fit_distortion(
 ) -> Straightening:
     """Find the radial distortion that makes all curves straight at once (step 1).
 
-    Minimised is the distance of the samples to the straight lines that fit them best, measured
-    back in the distorted picture.
+    It minimises the distances of the samples to the straight lines that fit them best, measured in
+    the distorted picture.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def fit_distortion(
     image_size : (int, int)
         Width and height in pixels.
     coefficients : int
-        How many, 1 to 3.
+        Number of coefficients, 1 to 3.
     centre : array_like, shape (2,), optional
         Centre of distortion. By default the image centre, or estimated where the curves
         determine it to better than 5 % of the width.
@@ -123,7 +123,7 @@ def fit_distortion(
     NotEnoughDataError
         If there are too few samples.
     ConvergenceError
-        If the iteration does not settle.
+        If the iteration does not converge.
     TypeError, ValueError
         For bad arguments.
 
@@ -167,14 +167,14 @@ def homography_from_lines(plane_lines: npt.ArrayLike, image_lines: npt.ArrayLike
     Returns
     -------
     ndarray, shape (3, 3)
-        Of unit Frobenius norm.
+        Unit Frobenius norm.
 
     Raises
     ------
     NotEnoughDataError
         For fewer than four lines.
     DegenerateGeometryError
-        If the lines leave the homography open.
+        If the lines do not determine the homography.
     ValueError
         For unequal numbers, wrong shapes, or values that are not finite.
 
@@ -193,7 +193,7 @@ def homography_from_lines(plane_lines: npt.ArrayLike, image_lines: npt.ArrayLike
 
 
 def camera_matrix_from_homographies(homographies: npt.ArrayLike) -> FloatArray:
-    """Return K from planes, by the image of the absolute conic, without skew (step 3).
+    """Return K, without skew, from planes by the image of the absolute conic (step 3).
 
     Every plane gives ``h1^T omega h2 = 0`` and ``h1^T omega h1 = h2^T omega h2`` (Hartley &
     Zisserman, 2nd ed., section 8.5).
@@ -236,7 +236,7 @@ def camera_matrix_from_homographies(homographies: npt.ArrayLike) -> FloatArray:
 def pose_from_homography(
     K: npt.ArrayLike, homography: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ``cam_from_plane`` of a plane seen in front of the camera.
+    """Return ``cam_from_plane`` of a plane in front of the camera.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where squares stand that a known camera sees."""
+"""Poses of squares before a known camera."""
 
 from __future__ import annotations
 
@@ -20,21 +20,23 @@ from trisquare.results.plane import Plane
 __all__ = ["locate"]
 
 LARGEST_MISFIT = 4.0
-"""Residuals over their noise, and over what they were at calibration, from which on a user is told.
+"""Ratio of residuals to their noise, relative to that at calibration, above which a warning is
+given.
 
-Paper that is not flat gives up to 1.5 times what another sheet of it gave at calibration. A picture
-that was undistorted gives 3 times in the corners of a weak lens, and 100 times of a strong one.
+The ratio is up to 1.5 for paper that is not flat, compared with another sheet of it at calibration.
+For a picture that was undistorted it is 3 in the corners of a weak lens, and 100 for a strong one.
 """
 
 SMALLEST_MISFIT = 0.3
-"""Pixels, below which a user is not told: a tone curve other than sRGB displaces edges by 0.1."""
+"""Residuals (px) below which no warning is given: a tone curve other than sRGB displaces edges by
+0.1 px."""
 
 
 HOLE = f"{LONE_HOLE}: its side is that of the hole, not of the frame"
 
 
 class Located(NamedTuple):
-    """The planes that a known camera sees, of each what speaks against it, and holes of frames."""
+    """Planes that a known camera sees, a doubt about each, and indices of lone holes of frames."""
 
     planes: tuple[Plane, ...]
     doubts: tuple[str | None, ...]
@@ -50,37 +52,37 @@ def locate(
     outlines: Outlines | None = None,
     side: str | float | None = None,
 ) -> tuple[Plane, ...]:
-    """Find the squares in a photograph, and where they stand before the camera that took it.
+    """Find the squares in a photograph, and their poses before the camera that took it.
 
-    As `calibrate`, with the camera held: one square is enough. The photograph may be one of those
+    As `calibrate`, with a fixed camera: one square is enough. The photograph may be one of those
     that the camera was calibrated from, or another of the same camera. The logger ``trisquare``
-    warns of squares that this camera cannot have seen so, as in a picture that was undistorted, and
-    of holes of frames whose outer outlines are hidden: a frame's side is not that of its hole.
+    warns of squares that are not consistent with this camera, as in a picture that was undistorted,
+    and of holes of frames whose outer outlines are hidden: a frame's side is not that of its hole.
 
     Parameters
     ----------
     image : path or ndarray
         As in `calibrate`.
     camera : Calibration or Camera
-        That took it.
+        The camera that took it.
     targets, tone, outlines
         As in `calibrate`; but 8-bit pictures are taken as sRGB and 16-bit ones as linear unless
-        `tone` says otherwise: one square tells too little of the curve.
+        `tone` is given: one square does not determine the curve.
     side : str or float, optional
-        As in `calibrate`: with it lengths are metric. Not taken from a calibration, whose targets
-        may be others.
+        As in `calibrate`: with it, lengths are metric. It is not taken from a calibration, whose
+        targets may be others.
 
     Returns
     -------
     tuple of Plane
-        With poses whose ``uncertainty`` tells what `measure` needs.
+        Planes whose poses have the ``uncertainty`` that `measure` needs.
 
     Raises
     ------
     ImageError, DetectionError, NotEnoughDataError, ConvergenceError
         As `calibrate`.
     TypeError, ValueError
-        For bad arguments; if the picture is of another size than the camera's.
+        For bad arguments; if the size of the picture is not that of the camera.
 
     Examples
     --------
@@ -106,7 +108,7 @@ def located(
     outlines: Outlines | None = None,
     side: str | float | None = None,
 ) -> Located:
-    """Find what `locate` finds, and say which squares the camera does not explain."""
+    """Find what `locate` finds, and which squares the camera does not explain."""
     held = camera_of(camera)
     found = calibrate(
         image,
@@ -129,10 +131,10 @@ def located(
 
 
 def _misfits(found: Calibration) -> Iterator[float]:
-    """Yield how large each plane's residuals are over their noise, but for hidden parts."""
+    """Yield the ratio of each plane's residuals to their noise, by medians."""
     over_noise: list[list[FloatArray]] = [[] for _ in found.planes]
     for edges, residuals in zip(found.edges, found.residuals, strict=True):
-        assert edges.std is not None  # of measured edges it is known
+        assert edges.std is not None  # measured edges have standard deviations
         sides = zip(residuals.distances, edges.std, strict=True)
         over_noise[residuals.plane] += [own / std for own, std in sides]
     for own in over_noise:

@@ -1,4 +1,4 @@
-"""Holes of frames whose outer outlines were not measured: squares, but smaller ones."""
+"""Holes of frames whose outer outlines were not measured; they look like squares."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from trisquare.edges import PlaneEdges
 OUTLINED = ("square", "frame")
 
 LONE_HOLE = "shows the hole of a frame whose outer outline was not measured"
-"""What is said of such a plane."""
+"""Description of such a plane in messages."""
 
 
 def lone_holes(figures: Sequence[PlaneEdges]) -> set[int]:
-    """Return the planes that show nothing but the hole of a frame.
+    """Return the planes of which only the hole of a frame was measured.
 
-    Frames of one calibration are printed alike, dark outside or light outside: beside a whole one,
-    a single outline of the holes' own polarity is a hole. Where no frame is whole, a light square
-    may as well be a sheet of paper on dark ground.
+    Frames of one calibration have the same colours, dark outside or light outside: if a whole frame
+    is present, a single outline with the polarity of its hole is a hole. If no frame is whole, a
+    light square may also be a sheet of paper on dark ground.
     """
     of_plane: defaultdict[int, list[PlaneEdges]] = defaultdict(list)
     for figure in figures:

@@ -1,4 +1,4 @@
-"""What is measured in one photograph of a calibration, whatever the others show."""
+"""Measurement of one photograph of a calibration, independent of the others."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trisquare.edges import PlaneEdges
 from trisquare.images.photographs import Photograph
 from trisquare.images.pixels import Outlines, Tone, checked_tone, picture_size, tone_of
 
-if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is searched
+if TYPE_CHECKING:  # the import loads OpenCV, which is delayed until a picture is searched
     from trisquare.detection.annotations.load import Annotations
     from trisquare.detection.annotations.outlines import AnnotatedSquare
     from trisquare.images.pixels import ImageSource
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # it would load OpenCV, which waits until a picture is search
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sought:
-    """What is looked for in every photograph, and how.
+    """What is searched for in every photograph, and how.
 
     Attributes
     ----------
@@ -31,12 +31,12 @@ class Sought:
     drawings : Annotations or None
         Outlines drawn by hand, in place of a search.
     lines : bool
-        Whether the lines of the scene are found as well.
+        Whether lines of the scene are also found.
     camera_held : bool
-        Whether nothing of the camera is estimated.
+        Whether no parameter of the camera is estimated.
     image_size : (int, int) or None
-        Of the initial camera, if one is given: in photographs of another size nothing is looked
-        for, since they are left out or all are refused.
+        Size of the initial camera, if one is given: photographs of another size are not searched,
+        since either they are left out or all are refused.
     """
 
     kinds: TargetKinds
@@ -58,7 +58,7 @@ class Sought:
         camera_held: bool,
         image_size: tuple[int, int] | None,
     ) -> Sought:
-        """Check the arguments, and read the outlines that are drawn on the `sources`.
+        """Check the arguments, and read the outlines drawn on the `sources`.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Sought:
         Raises
         ------
         ValueError
-            If it is not stated, and the pictures before have pixels of another type.
+            If it is not stated, and the pictures before it have another pixel type.
         """
         if self.tone is None and photograph.other_type is not None:
             raise ValueError(
@@ -90,12 +90,12 @@ class Sought:
         return tone_of(photograph.pixels, self.tone, camera_held=self.camera_held)
 
     def annotated_on(self, photograph: Photograph) -> Sequence[AnnotatedSquare] | None:
-        """Return what is drawn on a photograph; None if nothing is drawn on any.
+        """Return the outlines drawn on a photograph; None if there are none on any photograph.
 
         Raises
         ------
         ValueError
-            If it was drawn on a picture of another size, or reaches outside.
+            If they were drawn on a picture of another size, or reach outside the picture.
         """
         if self.drawings is None:
             return None
@@ -103,7 +103,7 @@ class Sought:
 
 
 class MeasuredPhotograph(NamedTuple):
-    """What was measured in a photograph, and what to say of it; without the photograph itself.
+    """Measurements and remarks of a photograph, without its pixels.
 
     Attributes
     ----------
@@ -111,14 +111,14 @@ class MeasuredPhotograph(NamedTuple):
     size : (int, int)
         Width and height in pixels.
     remarks : iterable of (str, str)
-        Code and text of what its user should know of it.
+        Codes and texts of remarks for the user.
     annotated : sequence of AnnotatedSquare or None
-        What is drawn on it; None if nothing is drawn on any.
+        Outlines drawn on it; None if there are none on any photograph.
     measured : MeasuredTargets
     lines : list of PlaneEdges
-        Lines of the scene beside its figures.
+        Lines of the scene.
     nothing : str
-        Why nothing was measured in it, if so.
+        Reason why nothing was measured in it, else empty.
     """
 
     name: str
@@ -133,16 +133,16 @@ class MeasuredPhotograph(NamedTuple):
 def measured_photograph(
     load: Callable[[], Photograph], sought: Sought, *, is_alone: bool
 ) -> MeasuredPhotograph:
-    """Load a photograph and measure what is in it, or what is drawn on it.
+    """Load a photograph and measure its targets, or the outlines drawn on it.
 
-    Of one that `is_alone` more stays in memory, which spares it the time to make that smaller.
+    If it `is_alone`, its search stays in memory as it is: reducing it takes time.
 
     Raises
     ------
     ImageError
-        If it cannot be read whole.
+        If it cannot be read completely.
     TypeError, ValueError
-        If it is no picture, or does not go with the others or with what is drawn on it.
+        If it is not a picture, or does not match the others or the outlines drawn on it.
     """
     from trisquare.measurement.measure import measure
 

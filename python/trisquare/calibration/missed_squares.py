@@ -1,4 +1,4 @@
-"""Which shapes that were found, but not measured, may be squares that the user meant to show."""
+"""Shapes that were found but not measured, and may be squares that the user meant to show."""
 
 from __future__ import annotations
 
@@ -15,29 +15,30 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import CUT_BY_BORDER, Rejected
 
 MIN_SHARE = 0.5
-"""Area over that of the smallest plane used: smaller shapes are mostly clutter."""
+"""Minimum area, as a fraction of that of the smallest plane used: smaller shapes are mostly
+clutter."""
 
 MAX_OBLIQUE = 0.15
-"""Cosine of the angle between a shape's sides, and logarithm of their ratio, as this camera sees
-them: a square with a finger over a side has rough corners."""
+"""Maximum cosine of the angle between a shape's sides, and maximum logarithm of their ratio, as
+this camera sees them: a square with a finger over a side has inexact corners."""
 
 MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW = 0.35, 0.6
-"""The same where fewer squares are used than a calibration asks for, and somebody looks for the
-others: of one that the border cuts a half may be left; glare over a corner moves it by a fifth of a
-side, and the camera is known less well."""
+"""The same limits if fewer squares are used than a calibration needs: half of a square may be cut
+off by the border, glare over a corner moves it by a fifth of a side, and the camera is less well
+known."""
 
 
 def are_few(calibration: Calibration) -> bool:
-    """Whether fewer plain squares are used than a calibration asks for, and nothing else is."""
+    """Return whether fewer plain squares are used than a calibration needs, and nothing else is."""
     used = [plane.kind for plane in calibration.planes if plane.is_used]
     return len(used) < ENOUGH and set(used) <= {"square", "frame"}
 
 
 def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list[Rejected]:
-    """Return the shapes as large as squares that were used, and which this camera sees as squares.
+    """Return the shapes about as large as the used squares which this camera sees as squares.
 
-    Of one that the border cuts the corners are not known: it need only be large. One around another
-    shape is its sheet.
+    The corners of a shape that the border cuts are unknown: it only needs to be large. A shape
+    around another one is the sheet that it is on.
     """
     used = [float(quad_areas(plane.corners)) for plane in calibration.planes if plane.is_used]
     smallest = min(used, default=0.0)
@@ -60,13 +61,13 @@ def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list
 
 
 def _holds(shape: Rejected, other: Rejected) -> bool:
-    """Whether the middle of another shape of the same picture is within a shape."""
+    """Return whether the centre of another shape of the same picture is within a shape."""
     middle = other.corners.mean(axis=0)
     return shape.image == other.image and not separated(shape.corners, middle[None])
 
 
 def _may_be_square(corners: FloatArray, camera: Camera, most_oblique: float) -> bool:
-    """Whether a camera sees a square, roughly, where these corners are, shape (4, 2)."""
+    """Return whether corners, shape (4, 2), are roughly those of a square for this camera."""
     try:
         rays = camera.unproject(corners)
     except ValueError:

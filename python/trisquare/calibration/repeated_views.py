@@ -1,4 +1,4 @@
-"""Photographs that show the same as an earlier one, with the same noise: they were saved again."""
+"""Photographs that repeat an earlier one, with the same noise, because they were saved again."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from trisquare._support.arrays import FloatArray
 from trisquare.edges import PlaneEdges
 
 SAME_NOISE = 0.3
-"""Correlation of the samples' noise from which it is the same. Of three photographs of boards that
-were saved again as JPEG, quality 95 to 40, it was 0.92 to 1; of rendered squares, quality 95 and
-90, 0.24 to 0.97; of rendered ones that differ in their noise up to 0.08."""
+"""Correlation of the samples' noise above which it is the same. For three photographs of boards
+that were saved again as JPEG, quality 95 to 40, it was 0.92 to 1; for rendered squares, quality 95
+and 90, 0.24 to 0.97; for rendered ones with different noise up to 0.08."""
 
 MIN_SAMPLES = 400
-"""Of fewer samples a correlation may be chance."""
+"""Minimum number of samples: with fewer, a correlation may be chance."""
 
 TREND = 3
-"""Degree of what the samples of a side follow, beyond which is their noise."""
+"""Degree of the polynomial fitted to the samples of a side; the remainder is their noise."""
 
 NEAR = 20.0
-"""Figures whose samples are farther apart in the mean are not compared, pixels."""
+"""Maximum distance (px) between the mean points of two figures that are compared."""
 
 
 def repeated_views(figures: Iterable[PlaneEdges]) -> dict[int, int]:
-    """Return for photographs that repeat a view, by index, the first one that shows it."""
+    """Return the index of the first photograph of the same view, by index of each repeated one."""
     views: dict[int, list[PlaneEdges]] = {}
     for figure in figures:
         views.setdefault(figure.image, []).append(figure)
@@ -57,7 +57,7 @@ def _are_same(view: Sequence[PlaneEdges], other: Sequence[PlaneEdges]) -> bool:
 
 
 def _products_of_noise(side: FloatArray, other: FloatArray) -> FloatArray:
-    """Return sums over a side: of its noise squared, of another's, and of their products."""
+    """Return three sums over a side: of its squared noise, of the other's, and of their product."""
     along = int(np.argmax(np.ptp(side, axis=0)))
     order = np.argsort(other[:, along])
     places = side[:, along]

@@ -1,4 +1,4 @@
-"""Choosing, of what was found and measured, the planes that one camera explains."""
+"""Choice of the planes that one camera explains, among those that were found and measured."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ FALSE_PLANE = (
 )
 
 OTHER_SHAPE = 0.01
-"""What is farther from a target than this part of its size has another shape, as in the core."""
+"""Residual, as a fraction of a target's size, above which the shape is another one, as in the
+core."""
 
 PLAIN = {"square", "frame"}
-"""What many things look like. Boards and tags are no chance finds, ..."""
+"""Kinds that many things look like; boards and tags are not found by chance."""
 
 MIN_SURE = 3
-"""... and so many of them that agree leave no doubt about plain squares that do not."""
+"""Number of agreeing planes of other kinds that leaves no doubt about the rejection of plain
+squares."""
 
 
 class Chosen(NamedTuple):
-    """What is left to calibrate from, what is not, and what the user should know of it."""
+    """Figures to calibrate from, rejected candidates, and warnings."""
 
     figures: list[PlaneEdges]
     rejected: list[Rejected]
@@ -40,9 +42,9 @@ def chosen_by(
     figures: Sequence[PlaneEdges],
     quads: Mapping[int, FloatArray],
 ) -> Chosen:
-    """Read which planes the core kept: the largest set that one camera sees as they should be.
+    """Return the planes that the core kept: the largest set that is consistent with one camera.
 
-    It chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
+    The core chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
     """
     verdicts, doubt = outcome.verdicts, outcome.doubt
     dropped = {figures[one.figure].plane: one for one in verdicts if not one.kept}
@@ -78,14 +80,14 @@ def chosen_by(
 
 
 def _or_zoom(figures: Sequence[PlaneEdges]) -> str:
-    """Say what else may be why planes of several pictures do not fit together."""
+    """Return another possible cause if planes of several pictures are inconsistent."""
     if len({figure.image for figure in figures}) == 1:
         return ""
     return ". Were all pictures taken with one camera, zoom and focus?"
 
 
 def _has_other_shape(one: Rejected) -> bool:
-    """Return whether something that was rejected is far from the shape of a target."""
+    """Return whether the shape of a rejected candidate is far from a target's."""
     if one.residual is None:
         return False
     return one.residual > OTHER_SHAPE * math.sqrt(float(quad_areas(one.corners)))

@@ -1,4 +1,4 @@
-"""Warnings of what the core found, and of faults and tone curves of its pictures."""
+"""Warnings from the core's solution, and about faults and tone curves of the pictures."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from trisquare.images.tone import (
 from trisquare.results.calibration_warning import CalibrationWarning
 
 NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
-"""Added to what speaks against the squares that were found."""
+"""Addition to a warning that the squares are inconsistent."""
 
 NO_CURVE_HINT = (
     ". No tone curve fits the picture, as of many phones, which may be why, too: state it (tone=), "
     "or take the picture with less processing"
 )
-"""The same, of a picture whose profiles fit no tone curve."""
+"""Addition to such a warning if the profiles of a picture fit no tone curve."""
 
 
 def solution_warnings(
     found: _core.Solution, gathered: Gathered, tones: Mapping[int, PictureTone]
 ) -> Iterator[CalibrationWarning]:
-    """Warn of what may make the solution wrong; `tones` are those of the pictures, by index."""
+    """Warn of possible errors of the solution; `tones` are the pictures' tone curves, by index."""
     contradicting = contradicting_pictures(tones, gathered.names)
-    # Where the fit to the pixels contradicts the tone curve, it says what that makes of the camera.
+    # The core's warning, from the fit to the pixels, also states the effect on the camera.
     codes = {own.code for own in found.warnings}
     if contradicting and "tone_contradicted" not in codes:
         text = contradiction_text(contradicting)
@@ -56,9 +56,9 @@ def solution_warnings(
 
 
 def _faults(gathered: Gathered) -> dict[int, PictureFaults]:
-    """Return the faults by index of the pictures that something was measured in.
+    """Return the faults, by index, of the pictures in which something was measured.
 
-    Another one, such as a repeated one, has no faults and no curve.
+    Other pictures, such as repeated ones, have no faults and no curve.
     """
     measured = {figure.image for figure in gathered.figures}
     faults = zip(gathered.images, gathered.faults, strict=True)
@@ -71,8 +71,8 @@ def _shift_warnings(
     tones: Mapping[int, PictureTone],
     faults: Mapping[int, PictureFaults],
 ) -> Iterator[CalibrationWarning]:
-    """Warn of pictures that fit no tone curve, unless a fault that has its own warning is why."""
-    # The alternating cells of a board cancel the shift.
+    """Warn of pictures that fit no tone curve, unless a fault with its own warning explains it."""
+    # On a board, whose cells alternate, the shift cancels.
     drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
     no_fault = {image for image, own in faults.items() if not own.is_shifted}
     shifted = {image: tones[image] for image in drifting & no_fault}
@@ -81,14 +81,14 @@ def _shift_warnings(
 
 
 def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str], codes: Set[str]) -> str:
-    """Return why planes may contradict each other.
+    """Return possible reasons for planes that contradict each other.
 
-    `spoilt` is what the picture is, `codes` are those of the core's warnings.
+    `spoilt` are descriptions of the picture's faults, `codes` those of the core's warnings.
     """
     hints = ""
     if spoilt:
         hints += f". The picture is {listed(spoilt)}, which may be why: take a better one first"
-    # Sheets of paper leave the camera wide open; a shear is named by another warning.
+    # Sheets of paper taken for squares leave the camera undetermined; a shear has its own warning.
     are_far_off = "barely_determined" in codes and "pixels_not_square" not in codes
     kinds = {figure.kind for figure in gathered.figures}
     if gathered.images and kinds <= {"square", "frame"} and are_far_off:

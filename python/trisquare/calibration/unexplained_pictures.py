@@ -9,20 +9,21 @@ from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 
 BOARDS = ("chessboard", "charuco", "sheet")
-"""Kinds that nothing else is taken for."""
+"""Kinds that are not found by chance."""
 
 MIN_PLANES = 3
-"""One or two squares may be false ones; more that do not fit have a common cause, ..."""
+"""Minimum number of planes that do not fit for a common cause: one or two squares may be false."""
 
 MIN_BOARDS = 2
-"""... as have two boards."""
+"""Minimum number of boards that do not fit for a common cause."""
 
 BENT = 10.0
-"""A plane whose sides are displaced by so many times what those of the flattest are is not bent:
-it was seen by another camera. The boards of real sets differ by less than 2."""
+"""Ratio of the displacement of a plane's sides to that of the flattest plane, above which the plane
+is not bent but was seen by another camera. The boards of real sets differ by a factor below 2."""
 
 FLAT = 0.05
-"""A displacement (px) that is no more than this is none: where there is no other, all have some."""
+"""Displacement (px) up to which a plane counts as flat, even if that of the flattest is far
+smaller."""
 
 
 def unexplained_pictures(
@@ -30,8 +31,8 @@ def unexplained_pictures(
 ) -> list[int]:
     """Return the pictures in which no plane fits the camera of the others, unless these are few.
 
-    `displacements` are, of every plane, the distance (px) by which its sides err together; of the
-    `rejected` those count that the choice among candidates left out.
+    `displacements` are, for every plane, the distance (px) by which its sides err together. Only
+    those of the `rejected` count that the choice among candidates left out.
     """
     used = [own for own in range(len(planes)) if planes[own].rejection is None]
     limit = max(BENT * min((displacements[own] for own in used), default=0.0), FLAT)
@@ -46,7 +47,7 @@ def unexplained_pictures(
 
 
 def disagreement_text(pictures: Sequence[str]) -> str:
-    """Return what is said of pictures that are unexplained, by their names."""
+    """Return the warning about unexplained pictures, given their names."""
     return (
         f"no camera explains all pictures: nothing in {', '.join(pictures)} fits the camera of the "
         "others as a flat target does. Was another zoom, focus or camera used, or were pictures "

@@ -1,1 +1,1 @@
-"""The camera: its model, its JSON members, what may be asked of it, how well it projects."""
+"""The camera: its model, settings, JSON members, and projection with its uncertainty."""

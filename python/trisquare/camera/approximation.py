@@ -1,4 +1,4 @@
-"""A lens that stands in for another."""
+"""Approximation of a lens by another model."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from trisquare._support.arrays import Frozen
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Approximation(Frozen):
-    """A lens in place of another.
+    """A lens that approximates another.
 
     Parameters
     ----------
     lens : object
-        What stands in: a `Camera` for most formats.
+        The approximation: a `Camera` for most formats.
     title : str
         Its model.
     rms, worst : float
-        How far apart the two project, over the picture, pixels.
+        Distance between the projections of the two, over the picture, pixels.
     covered : float
-        The part of the picture that this is about: beyond it, the lens that is replaced has no
-        directions itself.
+        Fraction of the picture in which the two are compared: in the rest, the lens that is
+        approximated has no directions.
 
     Examples
     --------
@@ -38,6 +38,6 @@ class Approximation(Frozen):
 
     def __str__(self) -> str:
         said = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
-        part = min(100 * self.covered, 99.9)  # a part is not rounded to the whole
+        part = min(100 * self.covered, 99.9)  # a part must not be rounded to 100 %
         where = f" of the {part:.3g} % of the picture that have a direction"
         return said + (where if self.covered < 1 else "")

@@ -30,15 +30,15 @@ from trisquare.camera.lens_models import (
     opencv_distortion,
 )
 
-# A camera for the compiled core: its model, its parameters in the order of reports, and the radius
-# up to which they are trusted.
+# A camera for the compiled core: its model, its parameters in the order of reports, and its valid
+# radius.
 CoreCamera: TypeAlias = "tuple[str, Sequence[float], float]"
 
-# A model that the coefficients tell; every camera's is a str.
+# Default of `model`: the coefficients determine it. It is Any, since every camera's model is a str.
 _BY_COEFFICIENTS: Any = None
-# The simplest that they tell.
+# The simplest model that is chosen by the coefficients.
 USUAL_MODEL: LensModel = "radial2"
-# Four are a pinhole's or a fisheye's.
+# Numbers of coefficients that determine the model; four may be a pinhole's or a fisheye's.
 TELLING_LENGTHS = tuple(length for length in OPENCV_LENGTHS if length != 4)
 OF_FOUR = "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
 
@@ -46,7 +46,7 @@ OPENCV_NAMES = {
     **dict.fromkeys(("cameraMatrix", "camera_matrix", "mtx"), "K"),
     **dict.fromkeys(("distCoeffs", "dist_coeffs", "dist"), "distortion"),
 }
-"""What OpenCV and its tutorials call a camera's attributes."""
+"""Names of a camera's attributes in OpenCV and its tutorials."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,32 +57,32 @@ class Camera(RebuiltByConstructor):
     ----------
     K : array_like, shape (3, 3)
         ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`` in pixels; ``(0, 0)`` is the centre of the
-        top-left pixel. Nearly every camera's skew is 0; OpenCV takes any as 0.
+        top-left pixel. The skew of nearly every camera is 0; OpenCV takes it as 0.
     distortion : array_like, shape (5,), (4,), (8,) or (12,)
         In OpenCV's order: ``(k1, k2, p1, p2, k3)``, from ideal to observed normalised points, as
         `cv2.projectPoints` takes it; for a fisheye ``(k1, k2, k3, k4)``, as `cv2.fisheye` takes it
         (Kannala & Brandt, IEEE PAMI 28 (2006) 1335-1340). For "rational" ``(k1, k2, p1, p2, k3,
         k4, k5, k6)``, for "brown_prism" and "thin_prism" the same with ``(s1, s2, s3, s4)``, as
         `cv2.projectPoints` takes them (OpenCV's documentation of calib3d). Arrays of the shapes
-        ``(1, N)`` and ``(N, 1)``, as OpenCV returns them, are taken as well.
+        ``(1, N)`` and ``(N, 1)``, as OpenCV returns them, are accepted too.
     image_size : (int, int)
         Width and height in pixels.
     model : {"none", "radial1", "radial2", "radial3", "brown", "equidistant", "fisheye1", \
 "fisheye2", "fisheye", "rational", "brown_prism", "thin_prism"}, optional
-        Which of the coefficients may differ from zero. By default the coefficients tell it, 5, 8,
-        12 or 14 in OpenCV's order: "radial2", or the simplest pinhole that has all that are not
-        zero; `distortion` is then that model's. "equidistant" is a fisheye without any,
+        Which coefficients may differ from zero. By default determined by the coefficients, 5, 8, 12
+        or 14 in OpenCV's order: "radial2", or the simplest pinhole model with all that are not
+        zero; `distortion` is then that model's. "equidistant" is a fisheye without coefficients,
         "fisheye1" and "fisheye2" have ``k1``, and ``k1, k2``; "brown_prism" has no ``k4, k5, k6``.
     valid_radius : float, optional
-        Up to which the distortion is monotonic, hence invertible: the ideal normalised radius
-        (tangent of the angle from the axis), of a fisheye the angle itself, in radians; None if
-        there is no limit. Computed unless given. Beyond it, or beyond a smaller one that was
-        given, every map raises ValueError.
+        Radius up to which the distortion is monotonic, hence invertible: the ideal normalised
+        radius (tangent of the angle from the axis), for a fisheye the angle itself, in radians;
+        None if there is no limit. Computed unless given; a smaller one may be given. Every map
+        raises ValueError beyond it.
 
     Raises
     ------
     TypeError, ValueError
-        If a value has the wrong type or shape, is not finite, or is no camera's.
+        If a value has the wrong type or shape, is not finite, or is not possible for a camera.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Camera(RebuiltByConstructor):
     'brown'
     """
 
-    # Without an annotation, lest it be among `__dataclass_fields__`.
+    # No annotation, which would add it to `__dataclass_fields__`.
     other_names = MappingProxyType(
         OPENCV_NAMES | {"width": "image_size[0]", "height": "image_size[1]", "focal_length": "fx"}
     )
@@ -105,7 +105,7 @@ class Camera(RebuiltByConstructor):
     model: LensModel = _BY_COEFFICIENTS
     valid_radius: float | None = None
 
-    if TYPE_CHECKING:  # more is taken than is held
+    if TYPE_CHECKING:  # the constructor accepts more types than the attributes have
 
         def __init__(
             self,
@@ -164,20 +164,20 @@ class Camera(RebuiltByConstructor):
 
     @property
     def skew(self) -> float:
-        """How much farther right a pixel is per unit of the observed point's y, in pixels."""
+        """Displacement of a pixel to the right per unit of the observed point's y, in pixels."""
         return float(self.K[0, 1])
 
     @property
     def valid_radius_px(self) -> float | None:
-        """Distance from the principal point within which every pixel can be undistorted.
+        """Distance from the principal point within which every pixel can be undistorted, pixels.
 
-        In pixels of the photograph; None if there is no limit.
+        It is measured in the photograph; None if there is no limit.
         """
         radius = _core.valid_pixel_radius(camera_for_core(self))
         return None if radius == math.inf else radius
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Return where points of the camera's frame are seen.
+        """Project points of the camera's frame to pixels.
 
         Parameters
         ----------
@@ -193,8 +193,8 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a point lies behind the camera or beyond the valid radius; the message says how
-            many do, and the first one's index.
+            If a point lies behind the camera or beyond the valid radius; the message gives the
+            number of such points and the index of the first.
 
         Examples
         --------
@@ -204,7 +204,7 @@ class Camera(RebuiltByConstructor):
         return _core.project_points(camera_for_core(self), real_array(points, "points", (None, 3)))
 
     def can_project(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Tell which points of the camera's frame `project` can follow.
+        """Return which points of the camera's frame `project` accepts.
 
         Parameters
         ----------
@@ -226,12 +226,12 @@ class Camera(RebuiltByConstructor):
         return np.array(_core.can_project(camera_for_core(self), given), dtype=bool)
 
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return the unit rays, in the camera's frame, along which pixels look.
+        """Return the unit rays, in the camera's frame, of pixels.
 
         Parameters
         ----------
         pixels : array_like, shape (N, 2)
-            In the photograph.
+            Pixels of the photograph.
 
         Returns
         -------
@@ -240,8 +240,8 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a pixel lies beyond the valid radius; the message says how many do, and the first
-            one's index.
+            If a pixel lies beyond the valid radius; the message gives the number of such pixels
+            and the index of the first.
 
         Examples
         --------
@@ -253,12 +253,12 @@ class Camera(RebuiltByConstructor):
         )
 
     def distort_points(self, ideal: npt.ArrayLike) -> FloatArray:
-        """Return where the lens moves the pixels of a pinhole with the same K.
+        """Distort pixels of a pinhole with the same K.
 
         Parameters
         ----------
         ideal : array_like, shape (N, 2)
-            Pixels that a pinhole would have seen.
+            Pixels of the pinhole.
 
         Returns
         -------
@@ -268,8 +268,8 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a point lies beyond the valid radius; the message says how many do, and the first
-            one's index.
+            If a point lies beyond the valid radius; the message gives the number of such points
+            and the index of the first.
 
         Examples
         --------
@@ -280,7 +280,7 @@ class Camera(RebuiltByConstructor):
         return _core.distort_pixels(camera_for_core(self), real_array(ideal, "ideal", (None, 2)))
 
     def undistort_points(self, observed: npt.ArrayLike) -> FloatArray:
-        """Return where a pinhole with the same K would have seen what pixels show.
+        """Return the pixels of a pinhole with the same K that show the same as observed pixels.
 
         The inverse of `distort_points`, to rounding.
 
@@ -297,8 +297,9 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a pixel lies beyond the valid radius, or shows what is 90 degrees or more from the
-            axis, which no pinhole sees; the message says how many do, and the first one's index.
+            If a pixel lies beyond the valid radius, or shows a direction of 90 degrees or more from
+            the axis, which a pinhole cannot see; the message gives the number of such pixels and
+            the index of the first.
 
         Examples
         --------
@@ -310,21 +311,21 @@ class Camera(RebuiltByConstructor):
         )
 
     def undistorted(self, balance: float = 0.0, *, field: float | None = None) -> Camera:
-        """Return the pinhole that sees this camera's pictures without distortion.
+        """Return a pinhole that shows this camera's pictures without distortion.
 
         Its pictures have the same size, and its pixels the same shape (``fy / fx``) without skew;
-        its zoom and its principal point are chosen. A lens of more than 120 degrees is better seen
-        by a `Panorama`.
+        its focal length and principal point are chosen. For a lens of more than 120 degrees a
+        `Panorama` is better.
 
         Parameters
         ----------
         balance : float
-            0: every pixel of the new picture lies in the photograph, and the view is the widest
-            for which that is so (of a fisheye, along its axis). 1: every pixel of the photograph
+            0: every pixel of the new picture lies in the photograph, with the widest view for which
+            this is so (for a fisheye, along its axis). 1: every pixel of the photograph
             within the valid radius and 80 degrees from the axis lies in the new picture. In
             between, the camera matrix changes linearly.
         field : float, optional
-            Degrees that the view is wide, in place of `balance`; the camera's axis is then in its
+            Width of the view, degrees, in place of `balance`; the camera's axis is then in the
             centre.
 
         Returns
@@ -361,8 +362,8 @@ class Camera(RebuiltByConstructor):
 
         With ``(0, 0)`` at the centre of the top-left pixel, the picture's own corner is at
         ``(-1/2, -1/2)`` and stays there: ``fx' = s fx``, ``skew' = s skew``,
-        ``cx' = s (cx + 1/2) - 1/2``, likewise for y, with ``s`` the ratio of the widths in x and
-        that of the heights in y. The distortion and the valid radius stay.
+        ``cx' = s (cx + 1/2) - 1/2``, likewise for y, where ``s`` is the ratio of the widths for x
+        and of the heights for y. The distortion and the valid radius are unchanged.
 
         Parameters
         ----------
@@ -372,8 +373,8 @@ class Camera(RebuiltByConstructor):
         Raises
         ------
         TypeError, ValueError
-            If it is no size, or one of another shape: the ratios may differ only by what rounding
-            to whole pixels makes. A picture that was cropped or turned is not a scaled one.
+            If it is not a size, or has another aspect ratio: the ratios may differ only by the
+            rounding to whole pixels. Cropped or turned pictures are not scaled ones.
 
         Examples
         --------
@@ -382,7 +383,7 @@ class Camera(RebuiltByConstructor):
         (0.5, 0.0)
         """
         size = size_of_image(image_size)
-        # Of one scale for both sides, each may have been rounded up or down.
+        # Under one common scale, each side may have been rounded up or down.
         sides = list(zip(self.image_size, size, strict=True))
         if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
             own, other = ("{} x {}".format(*each) for each in (self.image_size, size))
@@ -398,7 +399,7 @@ class Camera(RebuiltByConstructor):
         return Camera(K, self.distortion, size, self.model, valid_radius)
 
     def _instead_of(self, size: tuple[int, int]) -> str:
-        """Say what to do about pictures of another shape."""
+        """Return advice about pictures of another aspect ratio."""
         width, height = size
         if (height, width) == self.image_size:
             return (
@@ -419,28 +420,28 @@ class Camera(RebuiltByConstructor):
         Parameters
         ----------
         path : str, path or open file
-            The file; one that is named is written whole or left untouched.
+            The file; a named file is written completely or left untouched.
         format : str, optional
-            Of `trisquare.formats.FORMAT_NAMES`; by default what the name tells: trisquare's own
-            for ``.json`` (and what is open), OpenCV's for ``.yaml`` and ``.xml``, the programs' own
+            One of `trisquare.formats.FORMAT_NAMES`; by default by the file's name: trisquare's own
+            for ``.json`` (and open files), OpenCV's for ``.yaml`` and ``.xml``, the programs' own
             for ``transforms.json``, ``cameras.txt``, ``.cameramodel`` and the like.
         approximate : bool
-            Whether to write the nearest lens that the format has where it cannot hold this one.
+            Whether to write the nearest lens of the format if it has no model for this one.
 
         Returns
         -------
         Approximation or None
-            The lens that was written in place of this one, and how far off it is; None if the
-            file holds the camera exactly. A valid radius that was narrowed by hand is kept in
-            trisquare's own format only.
+            The lens that was written in place of this one, and its error; None if the file
+            describes the camera exactly. Only trisquare's own format keeps a valid radius that was
+            narrowed by hand.
 
         Raises
         ------
         LensModelError
-            A ValueError, if the format cannot hold the camera; it names the nearest that it can,
-            with the error in pixels.
+            A ValueError, if the format has no model for the camera; the message describes the
+            nearest lens of the format, with the error in pixels.
         ValueError
-            If the format is not known.
+            If the format is unknown.
         OSError
             If the file cannot be written.
 
@@ -468,21 +469,21 @@ class Camera(RebuiltByConstructor):
         path : str, path or open file
             The file, text or binary. The JSON of a `Calibration` is read as its camera.
         format : str, optional
-            Of `trisquare.formats.FORMAT_NAMES`; by default what the content looks like.
+            One of `trisquare.formats.FORMAT_NAMES`; by default recognised by the content.
         name : str, optional
-            Which camera of a file with several: Kalibr's ``"cam1"``, COLMAP's ``"3"``.
+            Camera to read from a file with several: Kalibr's ``"cam1"``, COLMAP's ``"3"``.
         image_size : (int, int), optional
-            Width and height, for files that do not say it.
+            Width and height, for files that do not state them.
         approximate : bool
-            Whether to take the nearest camera for a lens of a model that `Camera` has not.
+            Whether to return the nearest camera for a lens whose model `Camera` does not have.
 
         Raises
         ------
         LensModelError
-            A ValueError, if the lens is of such a model; it names the nearest camera, with the
-            error in pixels.
+            A ValueError, if `Camera` does not have the lens's model; the message describes the
+            nearest camera, with the error in pixels.
         ValueError
-            If it is no camera file, damaged, or of a newer version; the message names the key.
+            If it is not a camera file, damaged, or of a newer version; the message names the key.
         OSError
             If the file cannot be read.
 
@@ -510,12 +511,12 @@ class Camera(RebuiltByConstructor):
 
     @classmethod
     def from_json(cls, text: str) -> Camera:
-        """Read what `to_json` wrote, or the camera of a `Calibration`'s JSON.
+        """Read the JSON that `to_json` wrote, or the camera of a `Calibration`'s JSON.
 
         Raises
         ------
         ValueError
-            As `load`, if the text is no such JSON.
+            As `load`, if the text is not such JSON.
 
         Examples
         --------
@@ -525,7 +526,7 @@ class Camera(RebuiltByConstructor):
         return registered_files().from_json(text)
 
     def __eq__(self, other: object) -> bool:
-        """Whether all numbers are the same, to the last bit."""
+        """Return whether all numbers are the same, to the last bit."""
         if not isinstance(other, Camera):
             return NotImplemented
         return self._compared() == other._compared()
@@ -549,12 +550,12 @@ class Camera(RebuiltByConstructor):
 
 
 def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, FloatArray]:
-    """Return a camera's model, which the coefficients tell unless it is given, and its distortion.
+    """Return a camera's model, by default determined by the coefficients, and its distortion.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no model's, or not those of the model that is given.
+        If no model, or not the given one, has these coefficients.
     """
     if model is not None:
         model = checked_model(model)
@@ -576,7 +577,7 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
 
 
 def _told_by(values: FloatArray) -> tuple[str, FloatArray]:
-    """Return the model that OpenCV's coefficients tell, and its distortion."""
+    """Return the model that OpenCV's coefficients determine, and its distortion."""
     if len(values) not in TELLING_LENGTHS:
         advice = f": {OF_FOUR}" if len(values) == 4 else ""
         raise ValueError(
@@ -593,7 +594,7 @@ def _told_by(values: FloatArray) -> tuple[str, FloatArray]:
 
 
 def camera_parameters(camera: Camera) -> dict[str, float]:
-    """Return all the camera's numbers by their parameter names, in the order of reports."""
+    """Return all parameters of the camera by name, in the order of reports."""
     names = COEFFICIENTS[camera.model]
     numbers = dict(zip(names, camera.distortion.tolist(), strict=True))
     intrinsics = {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy}
@@ -601,13 +602,13 @@ def camera_parameters(camera: Camera) -> dict[str, float]:
 
 
 def named_numbers(camera: Camera) -> dict[str, float]:
-    """Return the same without a skew of zero, as files say it."""
+    """Return the camera's parameters as files have them, without a skew of zero."""
     numbers = camera_parameters(camera)
     return numbers if camera.skew else {n: v for n, v in numbers.items() if n != "skew"}
 
 
 def field_of_view(field: float, most: float) -> float:
-    """Return a field of view as it is, or raise TypeError or ValueError."""
+    """Return a field of view if it is valid, else raise TypeError or ValueError."""
     field = real_number(field, "field")
     if not 0.0 < field <= most:
         raise ValueError(f"field must be above 0 and at most {most:g} degrees, not {field:g}")
@@ -620,13 +621,13 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0)
 
 
 def centred_pinhole(focal: float, image_size: tuple[int, int]) -> Camera:
-    """Return a camera without distortion that looks through the centre of its pictures."""
+    """Return a camera without distortion whose principal point is the centre of its pictures."""
     width, height = image_size
     K = camera_matrix(focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
     return Camera(K, np.zeros(5), (width, height))
 
 
 def camera_for_core(camera: Camera) -> CoreCamera:
-    """Return what the compiled core takes for a camera."""
+    """Return a camera in the form that the compiled core accepts."""
     radius = math.inf if camera.valid_radius is None else camera.valid_radius
     return camera.model, list(camera_parameters(camera).values()), radius

@@ -1,4 +1,4 @@
-"""What stands for a camera: the camera itself, or a result that has one."""
+"""The camera of an argument: a camera itself, or a result with a camera."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class HasCamera(Protocol):
 
 
 def camera_of(given: HasCamera | Camera, name: str = "camera") -> Camera:
-    """Return the camera itself, of a calibration its estimate.
+    """Return the camera itself, or the camera of a calibration.
 
     Raises
     ------
     TypeError
-        If it is neither; the message calls it `name`.
+        If it is neither; the message uses `name` for it.
     """
     camera = given if isinstance(given, Camera) else getattr(given, "camera", None)
     if isinstance(camera, Camera):

@@ -1,7 +1,7 @@
-"""Where `Camera.save` and `Camera.load` find the camera files of other programs.
+"""Registry of the readers and writers of camera files for `Camera.save` and `Camera.load`.
 
-`trisquare.formats` registers itself here when it is imported, which the first camera that is saved
-or loaded does: a camera knows that there are files, and not which formats they have.
+`trisquare.formats` registers itself here when it is imported, which happens when the first camera
+is saved or loaded: this module does not depend on the formats.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Loaded(Protocol):
-    """What is read from a camera file."""
+    """The content of a camera file."""
 
     @property
     def camera(self) -> Camera:
@@ -26,11 +26,11 @@ class Loaded(Protocol):
 
 
 class CameraFiles(NamedTuple):
-    """Reads and writes camera files; the arguments are those of `Camera.save` and `Camera.load`.
+    """Functions that read and write camera files, with arguments as `Camera.save` and `load`.
 
-    `is_own` says of a path and a format, or None, whether that is trisquare's own, which holds
-    results as well; it raises ValueError where the name tells no format. `to_json` and `from_json`
-    are between a camera and trisquare's own JSON.
+    `is_own` returns whether a path and a format, or None, mean trisquare's own format, which may
+    also have results; it raises ValueError if the name implies no format. `to_json` and `from_json`
+    convert between a camera and trisquare's own JSON.
     """
 
     save: Callable[..., Approximation | None]
@@ -44,11 +44,11 @@ _registered: list[CameraFiles] = []
 
 
 def register_files(files: CameraFiles) -> None:
-    """Let `Camera.save` and `Camera.load` use these readers and writers."""
+    """Register the functions that `Camera.save` and `Camera.load` use."""
     _registered[:] = [files]
 
 
 def registered_files() -> CameraFiles:
-    """Return the readers and writers that are registered, once they are loaded."""
+    """Return the registered functions; they are imported first."""
     import_module("trisquare.formats")
     return _registered[-1]

@@ -41,7 +41,7 @@ COEFFICIENTS = {
     "brown_prism": THIN_PRISM,
     "thin_prism": THIN_PRISM,
 }
-"""The coefficients of each model's distortion in OpenCV's order; some models hold some at zero."""
+"""Coefficients of each model's distortion in OpenCV's order; some models have fixed zeros."""
 
 MODELS: tuple[LensModel, ...] = get_args(LensModel)
 
@@ -55,23 +55,23 @@ FREE = COEFFICIENTS | {
     "fisheye2": ("k1", "k2"),
     "brown_prism": (*BROWN, "s1", "s2", "s3", "s4"),
 }
-"""The coefficients of each model that may differ from zero."""
+"""Coefficients of each model that may differ from zero."""
 
 OPENCV = (*THIN_PRISM, "tx", "ty")
 """All of OpenCV's coefficients of a pinhole, in its order; no model has the last two, which tilt
 the sensor."""
 
 OPENCV_LENGTHS = (4, 5, 8, 12, 14)
-"""How many of them OpenCV gives."""
+"""Numbers of coefficients in OpenCV's arrays."""
 
 
 def checked_model(name: str) -> LensModel:
-    """Return the name of a model.
+    """Return the name of a model if it is known.
 
     Raises
     ------
     ValueError
-        If there is none of this name.
+        If there is no model of this name.
     """
     if name not in MODELS:
         raise unknown("model", name, MODELS)
@@ -79,14 +79,14 @@ def checked_model(name: str) -> LensModel:
 
 
 def is_fisheye(model: str) -> bool:
-    """Return whether a lens of a model bends rays by their angle with the axis."""
+    """Return whether a model's distortion is a function of the angle from the axis."""
     return COEFFICIENTS[model] == FISHEYE
 
 
 def simplest_model(
     coefficients: Mapping[str, float], models: Iterable[LensModel]
 ) -> LensModel | None:
-    """Return the first of some models that has all coefficients that are not zero, if one has."""
+    """Return the first of some models that has all non-zero coefficients, or None."""
     needed = {name for name, value in coefficients.items() if value}
     return next((model for model in models if needed.issubset(FREE[model])), None)
 
@@ -99,9 +99,9 @@ def opencv_distortion(
     Parameters
     ----------
     values : sequence of float
-        In OpenCV's order; those that are missing are zero.
+        In OpenCV's order; missing ones are zero.
     least : str
-        The simplest model that may be returned.
+        The simplest model to return.
 
     Returns
     -------

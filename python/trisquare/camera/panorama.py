@@ -1,4 +1,4 @@
-"""Views of what lies too far from the axis for a pinhole: on a cylinder, or on a sphere."""
+"""Views too wide for a pinhole: on a cylinder, or on a sphere."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, camera_for_core, field_of_view
 from trisquare.camera.camera_of import HasCamera, camera_of
 
-# How far from the horizon each projection shows: a cylinder shows latitudes by their tangent.
+# Highest latitude that each projection shows: on a cylinder, latitudes appear as their tangents.
 HIGHEST_LATITUDES = {"cylinder": math.radians(60.0), "equirectangular": math.pi / 2}
 
-# Steps along the row and the column through the axis, between which the view's ends are looked for.
+# Number of pixels tested along the row and the column through the axis, to find the view's ends.
 STEPS = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panorama(RebuiltByConstructor):
-    """A picture laid on a cylinder or a sphere about the camera's centre, without distortion.
+    """A picture on a cylinder or a sphere about the camera's centre, without distortion.
 
     The pixel ``(cx, cy)`` shows the camera's axis. With the longitude ``atan2(X, Z)`` and the
     latitude ``atan2(Y, hypot(X, Z))`` of a direction, its pixel is ``cx + focal * longitude``, and
@@ -39,7 +39,7 @@ class Panorama(RebuiltByConstructor):
     Parameters
     ----------
     projection : {"equirectangular", "cylinder"}
-        On a cylinder, lines of the scene along the picture's Y axis stay straight.
+        On a cylinder, lines of the scene along the picture's Y axis remain straight.
     focal : float
         Pixels per radian at ``(cx, cy)``.
     cx, cy : float
@@ -87,17 +87,17 @@ class Panorama(RebuiltByConstructor):
         camera : Calibration or Camera
             The camera of the pictures.
         projection : {"equirectangular", "cylinder"}
-            As for `Panorama`.
+            As in `Panorama`.
         field : float, optional
-            Degrees that the panorama is wide, half of them on each side of the axis; by default as
-            wide as the photograph's row through the principal point. It is as high as the
-            photograph's column through the principal point; a cylinder, at most 60 degrees on each
-            side.
+            Width of the panorama, degrees, half of it on each side of the axis; by default the
+            width of the photograph's row through the principal point. The height is that of the
+            photograph's column through the principal point; on a cylinder, at most 60 degrees on
+            each side.
 
         Raises
         ------
         TypeError, ValueError
-            If `camera` is none, `field` is not above 0 and at most 360, there is no such
+            If `camera` is not a camera, `field` is not above 0 and at most 360, there is no such
             projection, or the camera cannot undistort the pixels about its principal point.
 
         Examples
@@ -132,8 +132,8 @@ class Panorama(RebuiltByConstructor):
         Returns
         -------
         ndarray, shape (N, 2)
-            Pixels; they may lie outside the picture. NaN for a point that a cylinder cannot show:
-            one on its axis.
+            Pixels; they may lie outside the picture. NaN for points on the axis of a cylinder,
+            which it does not show.
 
         Examples
         --------
@@ -144,12 +144,12 @@ class Panorama(RebuiltByConstructor):
         return _core.view_pixels(view_for_core(self), real_array(points, "points", (None, 3)))
 
     def unproject(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return the unit rays, in the camera's frame, along which pixels look.
+        """Return the unit rays, in the camera's frame, of pixels.
 
         Parameters
         ----------
         pixels : array_like, shape (N, 2)
-            Of this picture.
+            Pixels of this picture.
 
         Returns
         -------
@@ -176,7 +176,7 @@ class Panorama(RebuiltByConstructor):
 
 
 def view_for_core(view: Camera | Panorama) -> tuple[str, float, float, float, float]:
-    """Return what the compiled core takes for an undistorted picture's view."""
+    """Return an undistorted picture's view in the form that the compiled core accepts."""
     if isinstance(view, Panorama):
         return view.projection, view.focal, view.focal, view.cx, view.cy
     return "pinhole", view.fx, view.fy, view.cx, view.cy
@@ -188,7 +188,7 @@ def _check_projection(projection: Any) -> None:
 
 
 def _ends_seen(camera: Camera, axis: int) -> FloatArray:
-    """Return the angles (2,) from the axis between which a row or a column sees, in radians."""
+    """Return the range of angles (2,) from the axis of a row or a column, in radians."""
     pixels = np.tile(camera.K[:2, 2], (STEPS, 1))
     pixels[:, axis] = np.linspace(0.0, camera.image_size[axis] - 1.0, STEPS)
     seen = np.array(_core.can_unproject(camera_for_core(camera), pixels), dtype=bool)

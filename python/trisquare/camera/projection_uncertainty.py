@@ -1,4 +1,4 @@
-"""How far the projection of a viewing direction may be off, in pixels."""
+"""Uncertainty of the projection of a viewing direction, in pixels."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from trisquare._support.arrays import FloatArray, RebuiltByConstructor, real_arr
 from trisquare._support.suggestions import unknown
 from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 
-# Columns of a map that is drawn without a step of its own.
+# Default number of columns of a map.
 DEFAULT_COLUMNS = 32
 
-# Rows of such a map at most: of a picture that is four times as high as wide.
+# Default maximum number of rows of a map, reached if the picture is four times as high as wide.
 DEFAULT_ROWS = 128
 
 ROTATIONS = ("fitted", "held")
-"""What becomes of a rotation of the camera, which a shifted principal point nearly is."""
+"""Treatment of a rotation of the camera, to which a shift of the principal point is nearly
+equivalent."""
 
-# Places of a grid, more than any picture has pixels.
+# Maximum number of grid points, more than any picture has pixels.
 MAX_PLACES = 10**9
 
 
 CELLS = 100
-"""Across and down the picture, where parts of it are counted."""
+"""Number of cells across and down the picture in which fractions of it are counted."""
 
 UncertainCamera: TypeAlias = "tuple[CoreCamera, list[str], bool, FloatArray]"
-"""A camera for the core, its free parameters, whether fy follows fx, the parameters' covariance."""
+"""A camera for the core, its free parameters, whether fy depends on fx, and their covariance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +47,8 @@ class ProjectionMap(RebuiltByConstructor):
     y : array_like, shape (R,)
         Rows of the grid, pixels, from top to bottom.
     std : array_like, shape (R, C)
-        How far the projection of what is seen at ``(x[j], y[i])`` may be off (rms, pixels);
-        infinite where the distortion is not invertible, so that nothing is known.
+        Standard deviation of the projection of the direction seen at ``(x[j], y[i])`` (rms,
+        pixels); infinite, that is unknown, where the distortion is not invertible.
 
     Examples
     --------
@@ -83,7 +84,7 @@ def uncertain(
     fixed: Sequence[str] = (),
     covariance: FloatArray | None = None,
 ) -> UncertainCamera:
-    """Return what the compiled core takes for a camera with its uncertainty; by default exact."""
+    """Return a camera with its uncertainty in the core's form; by default it is exact."""
     known = np.zeros((0, 0)) if covariance is None else covariance
     return camera_for_core(camera), list(parameters), "aspect" in fixed, known
 
@@ -91,13 +92,14 @@ def uncertain(
 def projection_covariance(camera: UncertainCamera, points: npt.ArrayLike) -> FloatArray:
     """Return the covariances of the projections of the directions seen at pixels.
 
-    For the direction ``u`` seen at a pixel, held fixed in the camera's frame, it is ``J C J^T``
-    with ``J`` the derivative of the projection by the free parameters and ``C`` their covariance.
+    For the direction ``u`` seen at a pixel, fixed in the camera's frame, it is ``J C J^T`` with
+    ``J`` the derivative of the projection with respect to the free parameters and ``C`` their
+    covariance.
 
     Parameters
     ----------
     camera : UncertainCamera
-        The estimate.
+        The camera with its uncertainty.
     points : array_like, shape (N, 2)
         Pixels of the photograph.
 
@@ -109,28 +111,28 @@ def projection_covariance(camera: UncertainCamera, points: npt.ArrayLike) -> Flo
     Raises
     ------
     ValueError
-        If a pixel lies beyond the radius up to which the distortion is invertible.
+        If a pixel lies beyond the valid radius.
     """
     return _core.projection_covariance(camera, real_array(points, "points", (None, 2)))
 
 
 def rms_displacement(covariances: FloatArray) -> FloatArray:
     """Return ``sqrt(trace)`` of covariances of shape (N, 2, 2), shape (N,)."""
-    with np.errstate(over="ignore"):  # which leaves what is checked
+    with np.errstate(over="ignore"):  # the next lines check for it
         traces = np.trace(covariances, axis1=1, axis2=2)
     if not np.isfinite(traces).all():
         raise ValueError("the covariance is so large that the projections' overflow")
-    # Rounding may leave a trace that vanishes a little below zero.
+    # Rounding may make a zero trace slightly negative.
     return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
 
 
 def checked_spacing(image_size: tuple[int, int], step: float) -> float:
-    """Return the spacing of a grid over a picture.
+    """Return the spacing of a grid over a picture if it is valid.
 
     Raises
     ------
     TypeError, ValueError
-        If `step` is not a positive number, or so small that there are too many places.
+        If `step` is not a positive number, or so small that there are too many grid points.
     """
     width, height = image_size
     spacing = real_number(step, "step")
@@ -160,8 +162,8 @@ def picture_grid(
 
 
 def known_part(camera: Camera) -> float:
-    """Return the part of the picture, from 0 to 1, within the camera's valid radius."""
-    # In the middles of cells: a grid from border to border counts the borders twice.
+    """Return the fraction of the picture, from 0 to 1, within the camera's valid radius."""
+    # Points at the centres of cells: a grid from border to border would overweight the borders.
     places = (np.arange(CELLS) + 0.5) / CELLS
     x, y = (side * places - 0.5 for side in camera.image_size)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -180,7 +182,7 @@ def projection_map(
     Raises
     ------
     TypeError, ValueError
-        If `step` is not a positive number, or `rotation` is none of `ROTATIONS`.
+        If `step` is not a positive number, or `rotation` is not one of `ROTATIONS`.
     """
     if rotation not in ROTATIONS:
         raise unknown("rotation", rotation, ROTATIONS)
@@ -191,7 +193,7 @@ def projection_map(
     if rotation == "held":
         std[seen] = rms_displacement(projection_covariance(known, pixels[seen]))
     elif seen.any():
-        # Against the estimate taken as exact, so that only its own uncertainty counts.
+        # Compared with the estimate taken as exact: only the camera's own uncertainty counts.
         test = _core.compare_projections(known, uncertain(camera), pixels[seen])[2]
         std[seen] = 0.0 if test is None else test[0]
     return ProjectionMap(x, y, std.reshape(len(y), len(x)))

@@ -1,4 +1,4 @@
-"""What of a camera is estimated, and how."""
+"""Settings of a calibration: what is estimated, and how."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from trisquare.camera.camera import Camera, CoreCamera, camera_for_core
 from trisquare.camera.camera_of import HasCamera, camera_of
 from trisquare.camera.lens_models import COEFFICIENTS, MODELS, LensModel
 
-# The model that stands for the choice among "none" to "brown" and the fisheyes by evidence.
+# Choice among "none" to "brown" and the fisheyes by evidence.
 AUTO: Literal["auto"] = "auto"
 AnyModel: TypeAlias = LensModel | Literal["auto"]
-# What other programs call a model of these.
+# Names of these models in other programs.
 MODELS_ELSEWHERE = MappingProxyType({"pinhole": "none", "plumb_bob": "brown"})
 Method: TypeAlias = Literal["ml", "linear"]
 METHODS: tuple[Method, ...] = get_args(Method)
 # Indices of two planes.
 PlanePair = tuple[int, int]
 FIXABLE = ("aspect", "principal_point", "focal", "distortion")
-FREEABLE = ("skew",)  # held unless it is freed
+FREEABLE = ("skew",)  # fixed by default
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What to estimate and how, checked."""
+    """Checked settings of what to estimate, and how."""
 
     method: str
     model: str
@@ -49,7 +49,7 @@ class Settings:
         orthogonal: Iterable[PlanePair],
         parallel: Iterable[PlanePair],
     ) -> Settings:
-        """Check the arguments of `calibrate` that bear these names.
+        """Check the arguments of `calibrate` with these names.
 
         Raises
         ------
@@ -83,16 +83,16 @@ class Settings:
         return cls(method, model, names, held, freed, *pairs)
 
     def model_of(self, fitted: str) -> str:
-        """Return the model of a result: of a held distortion that of the camera it comes from.
+        """Return the model of a result; with a fixed distortion, that of the initial camera.
 
-        That of the fit may leave out coefficients that are held at values other than zero.
+        The model of the fit may lack coefficients that are fixed at values other than zero.
         """
         if self.initial is None or "distortion" not in self.fixed:
             return fitted
         return self.initial.model
 
     def check_image_size(self, image_size: tuple[int, int]) -> None:
-        """Raise ValueError where the initial camera is not of the pictures' size."""
+        """Raise ValueError if the initial camera is for pictures of another size."""
         if self.initial is not None and self.initial.image_size != image_size:
             own, other = ("{} x {}".format(*size) for size in (self.initial.image_size, image_size))
             raise ValueError(
@@ -102,41 +102,41 @@ class Settings:
             )
 
     def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
-        """Return the initial camera as the core takes it; it must be of the pictures' size."""
+        """Return the initial camera in the core's form; it must be of the pictures' size."""
         self.check_image_size(image_size)
         return None if self.initial is None else camera_for_core(self.initial)
 
 
 def _alike(camera: Camera) -> list[str]:
-    """Return the models of lenses with a camera's coefficients."""
+    """Return the models with the same coefficients as a camera's."""
     own = COEFFICIENTS[camera.model]
     return [model for model, coefficients in COEFFICIENTS.items() if coefficients == own]
 
 
 def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of what is held, each once and in the order of `FIXABLE`.
+    """Return the names of what is fixed, each once and in the order of `FIXABLE`.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no names; if one of them cannot be held.
+        If they are not names, or if one of them cannot be fixed.
     """
     return _checked_names("fix", fix, FIXABLE, FREEABLE, "it is held unless free= names it")
 
 
 def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of what is freed, each once and in the order of `FREEABLE`.
+    """Return the names of what is free, each once and in the order of `FREEABLE`.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no names; if one of them cannot be freed.
+        If they are not names, or if one of them cannot be free.
     """
     return _checked_names("free", free, FREEABLE, FIXABLE, "it is free unless fix= names it")
 
 
 def _hint(name: str, known: Sequence[str]) -> str:
-    """Say which of the known names was meant, if any."""
+    """Return a hint at what was meant, if there is one."""
     coefficients = {own for names in COEFFICIENTS.values() for own in names}
     if name in coefficients:
         return "single coefficients cannot be held, model= says which ones the lens has; "
@@ -152,7 +152,7 @@ def _checked_names(
 ) -> tuple[str, ...]:
     if not isinstance(given, Iterable):
         raise TypeError(f"{verb} takes names, such as {known[0]!r}, not {type(given).__name__}")
-    # As on the command line.
+    # Names joined by commas, as on the command line.
     names = [own.strip() for own in given.split(",")] if isinstance(given, str) else list(given)
     for name in names:
         if name in others:
@@ -170,7 +170,7 @@ def checked_pairs(name: str, pairs: Iterable[PlanePair]) -> tuple[PlanePair, ...
     Raises
     ------
     TypeError, ValueError
-        If they are no pairs; if one of them is none.
+        If they are not pairs, or if one of them is not a pair of different indices.
     """
     if not isinstance(pairs, Iterable):
         raise TypeError(f"{name} takes pairs, as [(0, 1)], not {type(pairs).__name__}")

@@ -1,4 +1,4 @@
-"""The command line: `trisquare`, with one file a command."""
+"""The command line: `trisquare`, with one file per command."""
 
 from trisquare.cli.app import main
 

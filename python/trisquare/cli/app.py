@@ -3,11 +3,12 @@
 Exit codes: 0 done; 2 usage, bad argument, damaged file or unwritable output; 3 nothing found, or
 not enough of it; 4 the geometry does not determine the camera, or no convergence; 5 a picture or
 another file is missing or unreadable; 6 cameras of a batch failed or are beyond the limits, or a
-checked sheet is not ok. Every error is one line on standard error; no file is written then but what
-`--debug-image` asks for, and outputs beside one that could not be made. With ``--json`` the line is
+checked sheet is not ok. Every error is one line on standard error; then no file is written except
+those of `--debug-image`, and outputs beside one that could not be written. With ``--json`` the line
+is a JSON object, of the format ``trisquare-error/1``.
 a JSON object, of the format ``trisquare-error/1``.
 
-Besides these, as by other commands: 1 where nobody reads standard output any more (``| head``),
+Further codes, as of other commands: 1 if standard output is no longer read (``| head``),
 130 after Ctrl-C, and 70 after an internal error.
 """
 
@@ -43,16 +44,16 @@ from trisquare.errors import (
     lacks_memory,
 )
 
-CLOSED_PIPE_EXIT = 1  # as Python's documentation and rich have it
+CLOSED_PIPE_EXIT = 1  # as in Python's documentation and in rich
 USAGE_EXIT = 2
 FAULT_EXIT = 70  # EX_SOFTWARE of sysexits.h
-INTERRUPTED_EXIT = 130  # what shells report for a process ended by Ctrl-C
+INTERRUPTED_EXIT = 130  # the code that shells report for a process ended by Ctrl-C
 EXIT_CODES: Mapping[type[Exception], int] = {
-    ImageError: 5,  # also where it is an OSError
+    ImageError: 5,  # also if it is an OSError
     ValueError: USAGE_EXIT,
     TypeError: USAGE_EXIT,
     OSError: USAGE_EXIT,
-    ImportError: USAGE_EXIT,  # what an extra brings
+    ImportError: USAGE_EXIT,  # an extra is not installed
     DetectionError: 3,
     NotEnoughPlanesError: 3,
     NotEnoughDataError: 3,
@@ -62,16 +63,15 @@ EXIT_CODES: Mapping[type[Exception], int] = {
 }
 
 NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
-"""What such an argument begins with; the parser takes it for an option."""
+"""Start of arguments that are negative numbers, which the parser takes for options."""
 
 OPTIONS_ELSEWHERE = {"--square-size": "--side"}
-"""What other programs call an option, and what it is here; for commands that have it."""
+"""Names of options in other programs, and the options here, for commands that have them."""
 
 TRACEBACK_VARIABLE = "TRISQUARE_TRACEBACK"
-"""Environment variable that shows where an internal error comes from."""
+"""Environment variable that enables the traceback of an internal error."""
 
-# What the command line's parser raises. Newer Typers carry their own copy of Click and older ones
-# use Click itself; this finds the class in either.
+# Base class of the parser's errors: in Click for older Typers, in a copy of Click for newer ones.
 UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 ERROR_FORMAT = "trisquare-error/1"
@@ -109,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         fail(code_name, _message(error), EXIT_CODES[family])
     except SystemExit:
         raise
-    except BaseException as error:  # a panic of the core is no Exception
+    except BaseException as error:  # a panic of the core is not an Exception
         fail(error_members(error)["code"], _fault_message(error), FAULT_EXIT)
     # Newer Typers return the code of Ctrl-C, older ones raise Abort.
     if code == INTERRUPTED_EXIT:
@@ -118,9 +118,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _silence_opencv() -> None:
-    """Keep OpenCV and its FFmpeg from adding their lines to the one that says what is wrong."""
+    """Suppress the messages of OpenCV and its FFmpeg beside the error of the command."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # AV_LOG_QUIET
-    if "cv2" not in sys.modules:  # and it shall not be loaded for this
+    if "cv2" not in sys.modules:  # it must not be loaded only for this
         os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
         return
     import cv2
@@ -132,19 +132,19 @@ def _silence_opencv() -> None:
 
 
 def _let_output_show_any_name() -> None:
-    """Escape what standard output cannot encode, as standard error does: file names may be that."""
+    """Escape what standard output cannot encode, such as file names, as standard error does."""
     if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _flush_output() -> None:
-    """Meet a full disk or a closed pipe while there is still somebody to tell."""
-    if sys.stdout is not None:  # as it is where it was closed: trisquare >&-
+    """Flush standard output, so that a full disk or a closed pipe is an error before the exit."""
+    if sys.stdout is not None:  # it is None if it was closed: trisquare >&-
         sys.stdout.flush()
 
 
 def _drop_output() -> None:
-    """Keep the interpreter from trying once more to write what cannot be written."""
+    """Redirect standard output, so that the interpreter does not fail to flush it at exit."""
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -172,15 +172,15 @@ def _usage_message(error: Any) -> str:
 
 
 def _message(error: Exception) -> str:
-    """Say what was wrong; of the system's errors without their number."""
+    """Return an error's message, for errors of the system without their number."""
     if isinstance(error, OSError) and error.strerror:
-        # A file has a name; what has none is the stream that is printed to.
+        # An error without a file's name is about standard output.
         return f"{error.filename or 'standard output'}: {error.strerror}"
     return as_options(str(error)) or type(error).__name__
 
 
 def _fault_message(error: BaseException) -> str:
-    """Say what no input should have led to; the traceback comes first where it is asked for."""
+    """Return the message of an internal error; print the traceback first if that is enabled."""
     if os.environ.get(TRACEBACK_VARIABLE):
         traceback.print_exception(error)
     elif lacks_memory(error):
@@ -194,18 +194,18 @@ def _fault_message(error: BaseException) -> str:
 
 
 def _fail(kind: str, message: str, exit_code: int) -> NoReturn:
-    """Say in a line what was wrong, and exit."""
+    """Print an error in one line, and exit."""
     _exit_with(f"trisquare: error: {printable(' '.join(message.split()))}", exit_code)
 
 
 def _fail_in_json(kind: str, message: str, exit_code: int) -> NoReturn:
-    """Say what was wrong as a JSON object in one line, and exit."""
+    """Print an error as a JSON object in one line, and exit."""
     error = {**code_members(kind, message), "exit_code": exit_code}
     _exit_with(json.dumps({"format": ERROR_FORMAT, "error": error}), exit_code)
 
 
 def _exit_with(line: str, exit_code: int) -> NoReturn:
-    with suppress(OSError):  # nobody reads it: the exit code has to do
+    with suppress(OSError):  # standard error is not read: only the exit code is left
         print(line, file=sys.stderr)
     try:
         _flush_output()

@@ -64,10 +64,10 @@ EXAMPLES = (
 FORMAT = "trisquare-batch/1"
 LOG_SECONDS = 60.0
 DASK_SECONDS = 10
-"""Within which a scheduler answers."""
+"""Maximum time for a scheduler to answer, seconds."""
 
 MAX_FAILED = 10
-"""Lines on cameras that failed or did not pass: the summary has all."""
+"""Maximum number of lines on cameras that failed or did not pass; the summary has all."""
 
 
 def batch_command(
@@ -200,7 +200,7 @@ def _options(
     frames: int | None,
     lines: bool,
 ) -> dict[str, Any]:
-    """Return what all cameras have in common, checked: a wrong name is not to fail each of them."""
+    """Return the options of all cameras, checked: an error is reported once, not by each camera."""
     from trisquare.detection.kinds import TargetKinds
 
     known = None if initial is None else camera_alone(initial)
@@ -235,7 +235,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
     ImportError
         If Dask is not installed.
     ValueError
-        If nobody answers at the address.
+        If there is no answer from the address.
     """
     try:
         from distributed import Client
@@ -244,10 +244,10 @@ def dask_executor(address: str) -> Iterator[Executor]:
     import logging
     from concurrent.futures import BrokenExecutor
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are told here
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are reported here
     try:
         client = Client(address, timeout=DASK_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
-    except Exception as error:  # of which distributed has many kinds
+    except Exception as error:  # distributed raises many classes of errors
         raise ValueError(f"{address}: no Dask scheduler answers there") from error
     with client:
         try:
@@ -331,9 +331,9 @@ def _report(
 
 @contextmanager
 def _progress(total: int, quiet: bool) -> Iterator[Callable[[int | None], None]]:
-    """Tell on standard error how far it is: a bar on a terminal, else a line a minute.
+    """Show the progress on standard error: a bar on a terminal, else a line per minute.
 
-    Yields what is told how many jobs are done now, and None in the end.
+    Yields a function that is called with the number of jobs done, and with None at the end.
     """
     console = Console(stderr=True)
     if quiet:

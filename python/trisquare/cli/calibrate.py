@@ -192,7 +192,7 @@ def calibrate_command(
     most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
     overlay_paths = numbered_paths(overlay, most_pictures)
     debug_images = numbered_paths(debug_image, most_pictures)
-    # No board but a file has a name that might be an output's.
+    # Only a layout's file can have the same name as an output.
     inputs = [*photos, outline, initial, None if board is None else Path(board)]
     check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
     written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
@@ -205,7 +205,7 @@ def calibrate_command(
             raise ValueError("--board and --targets both name the targets: give one of them")
         with reading():
             parse_layout(board)
-        targets = board  # in Python they are one argument
+        targets = board  # one argument in Python
     known = None if initial is None else camera_alone(initial)
     limits = PictureLimits.stated(
         amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")

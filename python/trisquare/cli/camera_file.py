@@ -1,4 +1,4 @@
-"""The camera file that a command writes beside its pictures, in the format of its name."""
+"""The camera file that a command writes in addition to its pictures, in the format of its name."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from trisquare.formats.registry import ENDINGS, format_of_name
 
 
 def camera_format(path: Path) -> Format:
-    """Return the format that a file's name tells.
+    """Return the format that a file's name implies.
 
     Raises
     ------
     ValueError
-        If it tells none.
+        If it implies none.
     """
     return format_of_name(path.name, f"let it end with one of {', '.join(ENDINGS)}")
 
 
 def camera_content(camera: Camera, path: Path) -> bytes:
-    """Return the content of a camera's file of this name.
+    """Return the content of a camera's file with this name.
 
     Raises
     ------
     ValueError
-        If the name tells no format.
+        If the name implies no format.
     LensModelError
         If the format has no model for the camera.
     """

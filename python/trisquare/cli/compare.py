@@ -87,7 +87,7 @@ def _grid_members(comparison: Comparison) -> dict[str, Any]:
 
 
 def _finite_or_none(grid: FloatArray) -> list[list[float | None]]:
-    """Return the values on a grid, None where there is none: JSON has no infinity."""
+    """Return the values on a grid, None in place of infinity, which JSON does not have."""
     return [[value if np.isfinite(value) else None for value in row] for row in grid.tolist()]
 
 

@@ -1,4 +1,4 @@
-"""What a command prints: text, JSON, or nothing."""
+"""Output of a command: text, JSON, or nothing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trisquare.cli.options import as_options
 from trisquare.results.calibration_warning import CalibrationWarning
 
 MIN_WIDTH = 80
-"""Columns: tables cut numbers to get into fewer, where a terminal goes on in the next line."""
+"""Minimum width of the output, columns: tables would cut numbers where a terminal wraps lines."""
 
 BLANK_END = re.compile(" +$", re.MULTILINE)
 
@@ -31,10 +31,10 @@ def answer(
     parts: Iterable[RenderableType],
     warnings: Iterable[str] = (),
 ) -> None:
-    """Print what a command has done, as ``--json`` and ``--quiet`` want it.
+    """Print the result of a command, as text, as JSON with ``--json``, or not with ``--quiet``.
 
-    `members` may be JSON already, and hold the `warnings` themselves; as text these go to standard
-    error. Strings among the `parts` of the text are lines, see `line_of`.
+    `members` may already be JSON text, and include the `warnings`, which are otherwise printed to
+    standard error. Strings among the `parts` of the text are lines, see `line_of`.
     """
     if json:
         if not isinstance(members, str):
@@ -55,14 +55,14 @@ def answer(
 
 @contextmanager
 def _without_blank_ends(console: Console) -> Iterator[None]:
-    """Leave out what fills tables up to their width, which a file or a pipe has no use for."""
+    """Remove the blanks at the ends of lines, which tables print, from a file or a pipe."""
     with console.capture() as printed:
         yield
     console.file.write(BLANK_END.sub("", printed.get()))
 
 
 def texts_and_codes(warnings: Sequence[CalibrationWarning]) -> dict[str, list[str]]:
-    """Return the members of a command's JSON that have its warnings and, in their order, codes."""
+    """Return the members of a command's JSON with its warnings and, in the same order, codes."""
     return {
         "warnings": [str(own) for own in warnings],
         "warning_codes": [own.code for own in warnings],
@@ -75,15 +75,15 @@ def coded_lines(warnings: Iterable[CalibrationWarning]) -> Iterator[str]:
 
 
 def line_of(text: str, style: str = "") -> Text:
-    """Return a line whose control characters are escaped: they may come from files and names.
+    """Return a line with escaped control characters, which may come from files and names.
 
-    Among them are line ends, behind which a name could say what the command does not.
+    These include line ends, after which a name could imitate the command's output.
     """
     return Text(printable(text), style)
 
 
 def new_table(*left: str, right: Sequence[str]) -> Table:
-    """Make a table of columns with these headings, on the left texts and on the right numbers."""
+    """Return a table with these headings, `left` for columns of text and `right` for numbers."""
     table = Table(*left, box=box.SIMPLE_HEAD)
     for heading in right:
         table.add_column(heading, justify="right")
@@ -94,11 +94,11 @@ def new_table(*left: str, right: Sequence[str]) -> Table:
 def progress_bar(
     doing: str, quiet: bool, then: str | None = None
 ) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on standard error, where somebody may be watching it, until the work is done.
+    """Show a progress bar on standard error, if it is a terminal, until the work is done.
 
-    Yields what is to be told how much of how much is done, or None where nobody watches. Until it
-    is told, the bar only shows that something is done. Where all is done that can be counted, a
-    second bar shows that what comes `then` is being done, and for how long.
+    Yields a function of the number of items done and their total, or None without a bar. Until it
+    is first called, the bar shows only that there is progress. Once all items are done, a second
+    bar shows that the work named by `then` is in progress, and for how long.
     """
     console = Console(stderr=True)
     if quiet or not console.is_terminal:

@@ -25,7 +25,7 @@ DEMO_FORMAT = "trisquare-demo-result/1"
 TRUTH_FORMAT = "trisquare-demo/1"
 
 SIDE = 84.0
-"""Of the frames of the printed corner on A4, millimetres."""
+"""Side of the frames of the printed corner on A4, millimetres."""
 
 EXAMPLES = ("trisquare demo", "trisquare demo -o results --json")
 
@@ -78,7 +78,7 @@ def demo_command(
 
 
 def _next_steps(photo: Path, camera: Path, frame: Plane) -> Iterator[str]:
-    """Say what else can be done with the photograph: of a length the truth is known."""
+    """Yield the next commands for this photograph; the true length of a diagonal is known."""
     first, _, opposite, _ = frame.corners
     points = ["{:.1f},{:.1f}".format(*corner) for corner in (first, opposite)]
     known = [str(photo), "--camera", str(camera)]

@@ -1,4 +1,4 @@
-"""The commands of `trisquare`, each of them loaded when it is asked for."""
+"""Commands of `trisquare`, which are loaded on demand."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
         ),
     }
 )
-"""What each command does, in the order of the help.
+"""Summary of each command, in the order of the help.
 
-The command ``x`` is the function ``x_command`` of the module ``x`` beside this one, whose
-`EXAMPLES` its help ends with. The summaries stand here as well as in its docstring, because
-``trisquare --help`` would else import OpenCV and all the rest for a screen of text.
+The command ``x`` is the function ``x_command`` of the module ``x`` in this folder, whose `EXAMPLES`
+end its help. The summaries repeat the first lines of the docstrings, because ``trisquare --help``
+would otherwise import OpenCV and all other modules for a screen of text.
 """
 
 EXIT_CODES_HELP = """\
@@ -66,7 +66,7 @@ NOT_ALL_PASSED_EXIT = 6
 
 @contextmanager
 def _escaped_help(parameters: Iterable[Any]) -> Iterator[None]:
-    """Let texts such as ``trisquare[report]`` be printed whole: to Typer, brackets are styles."""
+    """Escape brackets of help texts, such as ``trisquare[report]``: Typer takes them for styles."""
     texts = [(each, each.help) for each in parameters if getattr(each, "help", None)]
     for parameter, text in texts:
         parameter.help = text.replace("[", r"\[")
@@ -78,12 +78,12 @@ def _escaped_help(parameters: Iterable[Any]) -> Iterator[None]:
 
 
 class HelpEndingWithExamples:
-    """What a command's help and that of `trisquare` itself end with: examples and exit codes."""
+    """Mixin that ends the help of a command, and of `trisquare`, with examples and exit codes."""
 
     examples: tuple[str, ...] = ()
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help; what the formatter holds comes after what Typer prints by itself."""
+        """Write the help; text written to the formatter follows what Typer prints directly."""
         with _escaped_help(self.params):  # type: ignore[attr-defined]
             super().format_help(ctx, formatter)  # type: ignore[misc]  # the command class is next
         endings = ("Examples", self.examples), ("Exit codes", EXIT_CODES_HELP.splitlines())
@@ -94,10 +94,10 @@ class HelpEndingWithExamples:
 
 
 class HelpfulCommand(HelpEndingWithExamples, TyperCommand):
-    """A command that prints JSON, text or nothing."""
+    """A command with output as JSON, text or nothing."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command, but refuse to print and to be quiet at once."""
+        """Run the command, but refuse ``--json`` together with ``--quiet``."""
         if ctx.params["json"] and ctx.params["quiet"]:
             raise ValueError("--json prints, and --quiet does not: give one of them")
         return super().invoke(ctx)
@@ -109,11 +109,11 @@ ELSEWHERE = {
     "rectify": "measure PHOTO --camera FILE --rectify FILE",
     "report": "calibrate PHOTO --report FILE",
 }
-"""What the library has as functions, and the commands as options."""
+"""Functions of the library that are options of commands."""
 
 
 class CommandGroup(HelpEndingWithExamples, TyperGroup):
-    """`trisquare` itself: knows all commands by name and summary, and loads those that run."""
+    """The group of all commands, which lists them by summary and loads the one that runs."""
 
     examples = (
         "trisquare demo",
@@ -128,7 +128,7 @@ class CommandGroup(HelpEndingWithExamples, TyperGroup):
             self.commands[name] = TyperCommand(name, help=summary)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Put the command itself in the place of its summary."""
+        """Replace the summary of a command by the command itself."""
         name = args[0]
         if name in SUMMARIES:
             if not isinstance(self.commands[name], HelpfulCommand):
@@ -139,7 +139,7 @@ class CommandGroup(HelpEndingWithExamples, TyperGroup):
 
 
 def _advice_for(word: str) -> str:
-    """Return how to go on after a word that is no command; nothing where nothing is known."""
+    """Return advice on a word that is not a command; empty if there is none."""
     if word in ELSEWHERE:
         return f": it is 'trisquare {ELSEWHERE[word]}'."
     if os.path.exists(word):
@@ -149,7 +149,7 @@ def _advice_for(word: str) -> str:
 
 
 def load_command(name: str) -> HelpfulCommand:
-    """Import a command of `SUMMARIES`."""
+    """Import a command named in `SUMMARIES`."""
     module = import_module(f"trisquare.cli.{name}")
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(name, cls=HelpfulCommand)(getattr(module, f"{name}_command"))
@@ -163,10 +163,10 @@ def load_command(name: str) -> HelpfulCommand:
 
 
 def command_line(context: typer.Context) -> str:
-    """Return a command line, quoted for a shell, that does the same again.
+    """Return a command line, quoted for a shell, that repeats the command.
 
-    Its own words are not kept: options stand before arguments and at their long names, those at
-    their defaults are left out.
+    It differs from the one that was given: options are put before arguments and have their long
+    names, and options with default values are left out.
     """
     options: list[str] = []
     arguments: list[str] = []
@@ -176,22 +176,22 @@ def command_line(context: typer.Context) -> str:
         if parameter.param_type_name == "argument":
             arguments += texts
         elif value != parameter.get_default(context) and value is not False and value is not None:
-            # Of several names (--output, -o) the longest says what it is.
+            # The longest of several names (--output, -o) is the most informative.
             name = max(parameter.opts, key=len)
             options += [name] if value is True else [w for text in texts for w in (name, text)]
     return shlex.join([*context.command_path.split(), *options, *arguments])
 
 
 class UnreadableInputError(Exception):
-    """A file that was named cannot be read, as a picture may be missing."""
+    """An input file cannot be read, for example because it is missing."""
 
 
 @contextmanager
 def reading() -> Iterator[None]:
-    """Tell that a file cannot be read from that one cannot be written, both of them OSErrors."""
+    """Distinguish files that cannot be read from outputs that cannot be written, both OSErrors."""
     try:
         yield
     except ImageError:
-        raise  # of a missing picture an OSError, too
+        raise  # a missing picture is also an OSError
     except OSError as error:
         raise UnreadableInputError(str(error)) from error

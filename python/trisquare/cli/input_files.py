@@ -25,34 +25,34 @@ from trisquare.results.calibration import Calibration
 
 
 def read_camera(path: Path) -> Calibration | Camera:
-    """Read a calibration with its uncertainty, or the camera that a file of any format holds."""
+    """Read a calibration with its uncertainty, or the camera of a file of any format."""
     with reading():
         return known_camera(path)
 
 
 def camera_alone(path: Path) -> Camera:
-    """Read the camera that a file of any format holds, a calibration's included."""
+    """Read the camera of a file of any format, also of a calibration."""
     with reading():
         return load_camera(path).camera
 
 
 STANDARD_INPUT = Path("-")
-"""What stands for it among photographs, as with other programs."""
+"""Argument for standard input among photographs, as in other programs."""
 
 
 def photographs_named(
     paths: Iterable[Path], *, with_videos: bool = False, with_input: bool = False
 ) -> list[Path]:
-    """Return the photographs that arguments name: files, those in folders, those of patterns.
+    """Return the photographs of the arguments: files, contents of folders, matches of patterns.
 
-    The videos in folders are among them `with_videos`, and `STANDARD_INPUT` `with_input`. What
-    trisquare has drawn on is left out beside photographs: shells write out patterns themselves.
+    Videos in folders are included `with_videos`, and `STANDARD_INPUT` `with_input`. Pictures that
+    trisquare drew on are left out if there are others: shells may have expanded a pattern.
 
     Raises
     ------
     ImageError
-        If a folder holds none, or no file matches a pattern; `MissingImageError` of a word that is
-        no file, and may be part of an option.
+        If a folder has none, or no file matches a pattern; `MissingImageError` for a word that is
+        not a file, and may be the value of an option.
     """
     paths = list(paths)
     if with_input and paths.count(STANDARD_INPUT) > 1:
@@ -77,14 +77,14 @@ def photographs_named(
 
 
 def with_content_of_input(photos: Iterable[Path], limits: PictureLimits) -> list[ImageSource]:
-    """Return photographs with `STANDARD_INPUT` replaced by what it holds."""
+    """Return photographs with `STANDARD_INPUT` replaced by its content."""
     return [photo if photo != STANDARD_INPUT else _content_of_input(limits) for photo in photos]
 
 
 def _content_of_input(limits: PictureLimits) -> bytes:
     if sys.stdin is None:
         raise UnreadableInputError("standard input is closed")
-    return sys.stdin.buffer.read(limits.max_bytes + 1)  # as much as is refused
+    return sys.stdin.buffer.read(limits.max_bytes + 1)  # one byte more is enough to refuse it
 
 
 def of_size(
@@ -95,7 +95,8 @@ def of_size(
     Raises
     ------
     ValueError
-        If the camera's pictures are of another size and `rescale` is not set, or of another shape.
+        If the camera's pictures are of another size and `rescale` is not set, or have another
+        aspect ratio.
     """
     lens = camera_of(camera)
     if lens.image_size == image_size:
@@ -111,14 +112,14 @@ def of_size(
     return scaled
 
 
-# The name of each parameter that is in pixels, and its axis.
+# Axis of each parameter that is in pixels.
 IN_PIXELS = {"fx": 0, "fy": 1, "cx": 0, "cy": 1, "skew": 0}
 
 
 def rescaled(camera: Calibration | Camera, image_size: tuple[int, int]) -> Calibration | Camera:
     """Scale a camera, with its covariance if there is one, by the rule of `Camera.rescaled`.
 
-    The planes and what else belongs to the pictures of the other size are left behind.
+    Planes and other data in pixels of the original size are left out.
 
     Raises
     ------

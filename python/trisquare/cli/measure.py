@@ -42,13 +42,13 @@ from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.plane import Plane
 
 RECTANGLE = "rectangle"
-"""The kind of planes that have no side but a shorter and a longer one."""
+"""Kind of planes whose side may be the shorter or the longer one."""
 
 NEARLY_AS_NEAR = 2.0
-"""Ratio of the extrapolations up to which points may be on either of two planes."""
+"""Ratio of extrapolations up to which a second plane counts as nearly as near."""
 
 MIN_SHOWN = 64
-"""Pixels: a smaller view from above shows nothing, and was asked for by mistake."""
+"""Minimum size of a view from above (px): a smaller one is probably a mistake."""
 
 EXAMPLES = (
     "trisquare measure photo.jpg --camera camera.json --side 50mm 312,440 518,402",
@@ -148,7 +148,7 @@ def measure_command(
     chosen = _chosen(planes, plane)
     if plane in holes:
         warnings.append(CalibrationWarning(f"plane {plane} {HOLE}", "side_unknown"))
-        stated = None  # the calibration's is that of the frames
+        stated = None  # the calibration states the side of frames, not of holes
     length = given or stated or Length(1.0, "")
     warnings += _doubts_of_side(given, stated)
     if chosen.kind != RECTANGLE and of_rectangles:
@@ -196,7 +196,7 @@ def measure_command(
 
 
 def _heading(index: int, plane: Plane, given: Length | None, stated: Length | None) -> str:
-    """Say on what is measured, and whose side makes the unit of length."""
+    """Return a heading with the plane, and with the side if it comes from the calibration."""
     x, y = plane.corners.mean(axis=0)
     heading = f"on plane {index}, a {plane.kind} around ({x:.0f}, {y:.0f})"
     if given is not None:
@@ -224,7 +224,7 @@ def _side_errors(plane: Plane) -> Iterator[str]:
 
 
 def _view_members(view: TopView, length: Length) -> dict[str, Any]:
-    """Return the member ``rectified``, in units of length."""
+    """Return the member ``rectified``, in the unit of length."""
     return {
         "image_size": list(view.image.shape[1::-1]),
         "origin": [length.value * value for value in view.origin],
@@ -259,22 +259,22 @@ def _pixels(points: Sequence[str]) -> FloatArray:
 
 
 def _stated_side(known: Calibration | Camera) -> Length | None:
-    """Return the side that the calibration states: all its planes have the same."""
+    """Return the side that the calibration states, which is the same for all planes."""
     sides = [plane.side for plane in known.planes] if isinstance(known, Calibration) else []
     stated = next((side for side in sides if side is not None), None)
     return None if stated is None else Length.of_metres(stated)
 
 
 def _are_rectangles(known: Calibration | Camera) -> bool:
-    """Whether a camera was calibrated by rectangles alone."""
+    """Return whether a camera was calibrated only from rectangles."""
     kinds = {plane.kind for plane in known.planes} if isinstance(known, Calibration) else set()
     return kinds == {RECTANGLE}
 
 
 def _likely_planes(pixels: FloatArray, planes: Sequence[Plane], camera: Camera) -> tuple[int, ...]:
-    """Return the plane that holds most pixels, of several the nearest; and those as likely.
+    """Return the plane around most pixels, if there are several the nearest, and alternatives.
 
-    As likely are planes nearly as near where none holds a pixel.
+    Alternatives are planes nearly as near, if no plane is around a pixel.
     """
     if not len(pixels):
         return (0,)
@@ -305,7 +305,7 @@ def _chosen(planes: Sequence[Plane], index: int) -> Plane:
 def _doubts(
     measured: Measurement, pixels: FloatArray, planes: Sequence[Plane], index: int
 ) -> Iterator[CalibrationWarning]:
-    """Say which points may not be on the plane that they are measured on."""
+    """Yield warnings of points that may not be on the plane that they are measured on."""
     for number, (x, y) in enumerate(pixels, 1):
         around = [
             at for at, it in enumerate(planes) if not separated(it.corners, np.array([[x, y]]))
@@ -338,7 +338,7 @@ def _lines(measured: Measurement, length: Length) -> Iterator[str]:
 
 
 def _share_of_points(measured: Measurement, exact: Measurement, point_std: float) -> str:
-    """Say how much of the lengths' variance is that of the pixels that were given."""
+    """Return a line with the fraction of the lengths' variance that is due to the given pixels."""
     share = 1.0 - float(np.sum(exact.lengths_std**2) / np.sum(measured.lengths_std**2))
     return (
         f"the points, taken as known to {point_std:g} px (--point-std), make up "

@@ -1,4 +1,4 @@
-"""How the commands describe their arguments and options, and read the values of some."""
+"""Descriptions of arguments and options of the commands, and parsing of some values."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ KEYWORD = re.compile(r"""\b(fix|free|model|method|targets|tone)=["']([^"'\s]+)["
 NAME_ALONE = re.compile(
     r"\b(fix|free|initial|model|orthogonal|parallel|side|targets|tone)=(?=[\s,;:.)]|$)"
 )
-"""A keyword without a value, as messages name it."""
+"""A keyword without a value, as it occurs in messages."""
 
 
 def argument(default: Any, metavar: str, text: str) -> Any:
-    """Describe an argument, as the default of the parameter that takes it; ``...`` for none."""
-    # What cannot be read is an error of the input, not of the command line.
+    """Return the description of an argument, used as a parameter's default; ``...`` for none."""
+    # A file that cannot be read is reported as an error of the input, not of the command line.
     return typer.Argument(default, metavar=metavar, help=text, readable=False)
 
 
 def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[str] = ()) -> Any:
-    """Describe an option likewise; the shell offers the values `offer`."""
+    """Return the description of an option, as `argument`; shells complete the values `offer`."""
     known = tuple(offer)
 
     def offered(incomplete: str) -> list[str]:
@@ -40,7 +40,7 @@ def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[s
 
 
 def flag(text: str, *names: str, **more: Any) -> Any:
-    """Describe an option that takes no value; `more` is what else `typer.Option` takes."""
+    """Return the description of an option without a value; `more` is passed to `typer.Option`."""
     return typer.Option(False, *names, help=text, **more)
 
 
@@ -86,17 +86,17 @@ BALANCE = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photogr
 
 
 def amount(text: str | None, name: str) -> float | None:
-    """Return the number that an option such as ``500M`` says; None if it was not given."""
+    """Return the number of an option such as ``500M``; None if it was not given."""
     return None if text is None else parse_amount(text, name)
 
 
 def parse_pairs(texts: Iterable[str] | None) -> list[tuple[int, int]]:
-    """Return the pairs of planes that texts such as ``0,1`` name.
+    """Return the pairs of planes in texts such as ``0,1``.
 
     Raises
     ------
     ValueError
-        If one is written otherwise.
+        If a text is in another form.
     """
     pairs = []
     for text in texts or ():
@@ -109,12 +109,12 @@ def parse_pairs(texts: Iterable[str] | None) -> list[tuple[int, int]]:
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Return the width and the height that a text such as ``1280x960`` says.
+    """Return the width and the height in a text such as ``1280x960``.
 
     Raises
     ------
     ValueError
-        If it is written otherwise, or no picture has that size.
+        If it is in another form, or no picture can have that size.
     """
     try:
         width, height = (int(part) for part in text.lower().split("x"))
@@ -124,11 +124,11 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def as_options(message: str) -> str:
-    """Write what a message advises as options: ``--fix aspect`` for ``fix="aspect"``."""
+    """Replace keywords in a message by options: ``--fix aspect`` for ``fix="aspect"``."""
     message = KEYWORD.sub(r"--\1 \2", message)
     return NAME_ALONE.sub(r"--\1", message.replace("lines=True", "--lines"))
 
 
 def listed_names(fix: Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names that the option was given, as `calibrate` takes them."""
+    """Return the names in an option's values, in the form for `calibrate`."""
     return tuple(name.strip() for names in fix or () for name in names.split(","))

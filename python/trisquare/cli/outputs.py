@@ -1,4 +1,4 @@
-"""Files that a command writes besides its answer: one that fails does not lose the others."""
+"""Output files of a command: the failure of one does not prevent the others."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from trisquare._support.writing import PathLike
 
 @dataclass
 class Outputs:
-    """What was written, and what became of the rest.
+    """Outputs that were written, and failures of the others.
 
     Attributes
     ----------
     written : list of path
     failures : list of Exception
-        One for each attempt that failed.
+        One failure for each failed attempt.
     """
 
     written: list[PathLike] = field(default_factory=list)
     failures: list[Exception] = field(default_factory=list)
 
     def attempt(self, paths: Iterable[PathLike], write: Callable[[], object]) -> None:
-        """Make and write files; a failure is raised later, when the others are written."""
+        """Create and write files; a failure is raised later, when the others are written."""
         try:
             write()
         except Exception as error:
@@ -32,6 +32,6 @@ class Outputs:
             self.written.extend(paths)
 
     def raise_first_failure(self) -> None:
-        """Raise what failed first; to be called once the answer is printed."""
+        """Raise the first failure; to be called once the answer is printed."""
         if self.failures:
             raise self.failures[0]

@@ -1,4 +1,4 @@
-"""The pictures that a command draws, and where it writes them."""
+"""Pictures that a command draws, and the paths to which it writes them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ DEEP_FORMATS = {
     "uint16": (".png", ".tif", ".tiff", ".jp2", ".pgm", ".ppm", ".pnm", ".pxm"),
     "float32": (".tif", ".tiff"),
 }
-"""Formats that keep such pixels; OpenCV would cut them down to 8 bits in any other."""
+"""Formats that keep such pixels; OpenCV would reduce them to 8 bits in any other."""
 
 
 def numbered_paths(path: Path | None, photos: int) -> list[Path]:
-    """One path for each photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
+    """Return one path per photograph: FILE.png itself, or FILE-1.png, FILE-2.png, ..."""
     if path is None:
         return []
     if photos == 1:
@@ -37,7 +37,7 @@ def check_outputs(
     pictures: Iterable[Path | None],
     others: Iterable[Path | None] = (),
 ) -> None:
-    """Refuse outputs that cannot be written before anything is computed; None is no file."""
+    """Refuse outputs that cannot be written before anything is computed; None means no file."""
     taken = {os.path.realpath(path) for path in inputs if path is not None}
     drawings = [path for path in pictures if path is not None]
     for path in (*drawings, *(path for path in others if path is not None)):
@@ -50,7 +50,7 @@ def check_outputs(
 
 
 def check_depth(picture: Image, path: Path) -> None:
-    """Refuse a format that would lose what the photograph's pixels hold."""
+    """Refuse a format that would reduce the depth of the photograph's pixels."""
     formats = DEEP_FORMATS.get(str(picture.dtype))
     if formats is not None and path.suffix.lower() not in formats:
         raise ValueError(
@@ -62,7 +62,7 @@ def check_depth(picture: Image, path: Path) -> None:
 def drawn(
     draw: Callable[..., Image], photographs: Photographs, paths: Sequence[Path], *what: Any
 ) -> dict[PathLike, bytes]:
-    """Draw `what` over each photograph that a path is given for."""
+    """Draw `what` over each photograph that has a path."""
     return {
         path: encode_drawn(draw(photograph.pixels, *what, index=photograph.index), path)
         for path, photograph in zip(paths, photographs, strict=False)
@@ -80,6 +80,6 @@ def drawn_on_failure(photographs: Photographs, paths: Sequence[Path]) -> Iterato
         try:
             pictures = drawn(draw_detections, photographs, paths, error.found, error.rejected)
             write_atomically(pictures)
-        except OSError as fault:  # it must not hide why the calibration failed
+        except OSError as fault:  # must not hide why the calibration failed
             error.args = (f"{error}; the debug picture: {fault}",)
         raise

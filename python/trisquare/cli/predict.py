@@ -1,4 +1,4 @@
-"""`trisquare predict`: what a photograph would tell, before it is taken."""
+"""`trisquare predict`: precision of a photograph, before it is taken."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ EXAMPLES = (
     "trisquare predict plan.json --frame 0.6 --json",
 )
 
-# Planned where nothing else is said: three squares over the picture, as the page "Taking the
-# photograph" of the documentation wants them. Centres in parts of the picture's longer and shorter
-# side, directions in degrees; and sides in parts of the shorter one, the first that fits.
+# The default plan: three squares over the picture, as the documentation's page "Taking the
+# photograph" recommends. Centres as fractions of the picture's longer and shorter side, directions
+# in degrees; sides as fractions of the shorter one, of which the first that fits is used.
 DEFAULT_SQUARES = ((0.23, 0.30, 0.0), (0.77, 0.30, 120.0), (0.50, 0.72, 240.0))
 DEFAULT_TILT = 35.0
 DEFAULT_SIDES = (0.36, 0.33, 0.30, 0.27, 0.24, 0.21, 0.18)
@@ -123,7 +123,7 @@ def read_plan(plan: Path) -> JsonFields:
 
 
 def _pixels(focal: str) -> float:
-    """Return a focal length that is stated in pixels."""
+    """Return the focal length, which must be stated in pixels."""
     try:
         pixels = float(focal)
     except ValueError as error:
@@ -139,7 +139,7 @@ def _pixels(focal: str) -> float:
 def _pinhole(
     written: JsonFields | None, size: tuple[int, int] | None, focal: float | None
 ) -> Camera:
-    """Make a pinhole of a size and a focal length; what is None is the plan's."""
+    """Return a pinhole with a size and a focal length; values that are None come from the plan."""
     if size is not None:
         width, height = size
     elif written is not None:
@@ -152,7 +152,7 @@ def _pinhole(
 
 
 def _default_squares(camera: Camera, frame: float | None) -> list[PlannedSquare]:
-    """Plan three squares as large as fit into the picture, whichever way up it is."""
+    """Plan three squares as large as fit into the picture, in landscape or portrait format."""
     size = np.array(camera.image_size)
     order = [0, 1] if size[0] >= size[1] else [1, 0]
     planned = []
@@ -180,13 +180,13 @@ def _is_in_picture(planned: PlannedSquare, camera: Camera) -> bool:
     outline = np.hstack([np.stack([x, y, np.zeros_like(x)]) for x, y in sides]).T
     try:
         pixels = camera.project(outline @ planned.rotation.T + planned.translation)
-    except ValueError:  # beyond what the lens sees
+    except ValueError:  # outside the valid radius of the lens
         return False
     return bool((pixels >= 0.0).all() and (pixels <= np.array(camera.image_size) - 1.0).all())
 
 
 def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
-    """Read X,Y,SIDE,TILT,DIRECTION[,SPIN]; the first three may be per cent."""
+    """Parse X,Y,SIDE,TILT,DIRECTION[,SPIN]; the first three may be in per cent."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) not in (len(SQUARE_FIELDS) - 1, len(SQUARE_FIELDS)):
         raise ValueError(f"a square is written X,Y,SIDE,TILT,DIRECTION[,SPIN], not {text!r}")
@@ -208,7 +208,7 @@ def _square(text: str, camera: Camera, frame: float | None) -> PlannedSquare:
 
 
 def planned_square(members: JsonFields, camera: Camera, frame: float | None) -> PlannedSquare:
-    """Return a square of a plan; `frame` overrides what it says of its hole."""
+    """Return a square of a plan; `frame` overrides the plan's hole."""
     x, y = members.array("centre", (2,)).tolist()
     inner = members.number_or("inner", 0.0) if frame is None else frame
     return PlannedSquare.at(

@@ -21,12 +21,12 @@ SERVICE_FORMAT = "trisquare-service/1"
 
 PORT = 8765
 GRACE = 8
-"""Seconds; `docker stop` kills after ten."""
+"""Seconds to finish requests at the end; `docker stop` kills after ten."""
 
 LARGEST_PORT = 65535
 TOKEN_BYTES = 24
 TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
-"""What may stand in an address and cannot be guessed."""
+"""Tokens that are valid in an address and long enough not to be guessed."""
 
 TOKEN_VARIABLE = "TRISQUARE_TOKEN"
 
@@ -141,7 +141,7 @@ def serve_command(
 
 
 def _stated_token(token: str | None) -> str | None:
-    """Return the token of the option, or else of the environment, if there is one."""
+    """Return the token of the option or, failing that, of the environment; None without one."""
     name = "--token"
     if token is None:
         name, token = TOKEN_VARIABLE, os.environ.get(TOKEN_VARIABLE)
@@ -159,9 +159,9 @@ def _log_to_standard_error() -> None:
 
 
 def _check_readable(file: Path) -> None:
-    """Raise an error that names the file, which OpenSSL's does not, if it cannot be read.
+    """Raise an error that names the file if it cannot be read; OpenSSL's does not name it.
 
-    OpenSSL opens it by its name, more than once, and would wait for a pipe without end.
+    OpenSSL opens it by name, more than once, and would wait for a pipe forever.
     """
     with reading():
         try:

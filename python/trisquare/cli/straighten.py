@@ -25,7 +25,8 @@ from trisquare.undistortion.undistort import INTERPOLATIONS, checked_interpolati
 STRAIGHTENING_FORMAT = "trisquare-straightening/1"
 
 SHORTEST = 0.1
-"""Focal length over the picture's longer side: of less, a fisheye would see more than a turn."""
+"""Minimum focal length over the picture's longer side: below it, a fisheye would see more than a
+full turn."""
 
 EXAMPLES = (
     "trisquare straighten photo.jpg -o straight.jpg",
@@ -125,7 +126,7 @@ def _members(found: Straightened) -> dict[str, Any]:
 def _lines(
     found: Straightened, files: Mapping[PathLike, bytes], models: Mapping[PathLike, str]
 ) -> Iterator[str]:
-    """Say what the lines tell, and what they do not; `models` are of the files that are cameras."""
+    """Yield lines on the result; `models` are the lens models of the files that are cameras."""
     camera = found.camera
     yield (
         f"{len(found.used)} straight lines, rms {found.rms:.2g} px; "

@@ -24,17 +24,17 @@ from trisquare.results.model_alternative import evidence_text
 from trisquare.results.rejected import Rejected, is_reported
 
 MAX_REJECTED = 10
-"""Lines on candidates that were not used: the results are to be read first."""
+"""Maximum number of lines on rejected candidates, so that the results remain prominent."""
 
 
 MAX_WARNINGS = 5
-"""Warnings that are shown unless all are asked for: they are to be read."""
+"""Maximum number of warnings shown by default, so that they are read."""
 
 
 def calibration_report(
     calibration: Calibration, missed: Sequence[Rejected] = ()
 ) -> list[RenderableType]:
-    """Lay out the parameters and the planes, and what was not used, with squares `missed`."""
+    """Return the parameters, the planes, and what was not used, including squares `missed`."""
     parameters = new_table("parameter", "unit", right=("value", "std"))
     for row in parameter_texts(calibration):
         parameters.add_row(*row)
@@ -57,7 +57,7 @@ def calibration_report(
 
 
 def _pictures(calibration: Calibration) -> list[Text]:
-    """Lay out which file is which of several pictures: a column has no place for long names."""
+    """Return a line with the files of several pictures: long names do not fit into a column."""
     names = calibration.pictures
     if not names:
         return []
@@ -66,13 +66,13 @@ def _pictures(calibration: Calibration) -> list[Text]:
 
 
 def _picture(calibration: Calibration, index: int) -> str:
-    """Return a picture's index, and of several its file's name beside it."""
+    """Return a picture's index and, if there are several, its file's name."""
     names = calibration.pictures
     return f"{index} ({names[index]})" if names and names[index] else str(index)
 
 
 def comparison_report(calibration: Calibration, truth: Camera) -> list[RenderableType]:
-    """Lay out the estimate beside the truth."""
+    """Return a table of the estimate and the truth."""
     numbers = ("estimate", "std", "truth", "error", "error/std")
     table = new_table("parameter", "unit", right=numbers)
     true_values = camera_parameters(truth)
@@ -105,7 +105,7 @@ def _summary(calibration: Calibration) -> Text:
 
 
 def _unused(calibration: Calibration) -> list[Text]:
-    """Lay out a line for each plane that the camera does not follow."""
+    """Return a line for each plane that is not used."""
     planes = enumerate(calibration.planes)
     return [
         line_of(as_options(f"plane {number} is not used: {plane.rejection}"))
@@ -115,7 +115,7 @@ def _unused(calibration: Calibration) -> list[Text]:
 
 
 def _aspects(calibration: Calibration) -> list[Text]:
-    """Lay out a line for each rectangle whose aspect was estimated."""
+    """Return a line for each rectangle whose aspect was estimated."""
     lines = []
     for number, plane in enumerate(calibration.planes):
         if plane.aspect is not None and plane.aspect_std is not None:
@@ -125,7 +125,7 @@ def _aspects(calibration: Calibration) -> list[Text]:
 
 
 def _lines(calibration: Calibration) -> list[Text]:
-    """Lay out how many lines of the scene are used, if there are any."""
+    """Return a line with the number of used lines of the scene, if there are any."""
     if not calibration.lines:
         return []
     used = sum(line.is_used for line in calibration.lines)
@@ -133,7 +133,7 @@ def _lines(calibration: Calibration) -> list[Text]:
 
 
 def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text]:
-    """Lay out a line for each of the first candidates that were not used, if no warning does."""
+    """Return a line for each of the first rejected candidates that no warning mentions."""
     lines = []
     unreported = [
         candidate
@@ -151,7 +151,7 @@ def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text
 
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
-    """Return a line with severity and code of each warning, unless `verbose` the most severe."""
+    """Return a line for each warning, unless `verbose` only for the most severe ones."""
     most = None if verbose else MAX_WARNINGS
     told = calibration.warnings[:most]
     lines = [
@@ -165,7 +165,7 @@ def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str
 
 
 def _about(calibration: Calibration, warning: CalibrationWarning) -> str:
-    """Return a warning's code, and of several pictures the one in which its plane is."""
+    """Return a warning's code and, if there are several pictures, the picture of its plane."""
     if warning.plane is None or not calibration.pictures:
         return warning.code
     image = calibration.planes[warning.plane].image

@@ -59,11 +59,11 @@ def target_command(
 
     JSON tells where everything stands, in mm.
     """
-    # The library says what is wrong with a kind that it does not know.
+    # The library reports an unknown kind.
     known_kind = cast(TargetKind, kind)
     length = None if side is None else Length.parse(side).of_unit("mm")
     if check is not None:
-        from trisquare.cli.target_check import check_photograph  # imports OpenCV
+        from trisquare.cli.target_check import check_photograph  # loads OpenCV
 
         if output is not None:
             raise ValueError("--check writes no PDF, and --output names one: give one of them")
@@ -79,7 +79,7 @@ def target_command(
 
 
 def _lines(target: PrintedTarget, output: Path) -> Iterator[str]:
-    """Say what stands on the pages and how to print them."""
+    """Yield lines on the content of the pages, and on printing them."""
     yield f"wrote {output}: {target.page}, to be printed at 100 %"
     for number, page in enumerate(target.pages, start=1):
         figure = page.frames[0]

@@ -1,4 +1,4 @@
-"""`trisquare target --check`: whether a printed sheet came out as it should, by its photograph."""
+"""`trisquare target --check`: check of a printed sheet by its photograph."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def check_photograph(
     json: bool,
     quiet: bool,
 ) -> None:
-    """Calibrate a photograph of the sheet, and say what it tells of the sheet.
+    """Calibrate a photograph of the sheet, and print the findings about the sheet.
 
     Raises
     ------
     typer.Exit
         If something is not ok.
     """
-    printed_target(kind, page=page, side=side)  # says what is wrong before the photograph is read
+    printed_target(kind, page=page, side=side)  # raises errors before the photograph is read
     if (count := len(photographs_named([photo]))) != 1:
         raise ValueError(f"{photo}: --check takes one photograph of the sheet, not {count}")
     length = length_in("m", ruler, "--ruler")

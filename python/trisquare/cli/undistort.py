@@ -44,10 +44,10 @@ VIEWS = ("pinhole", *HIGHEST_LATITUDES)
 UNDISTORTION_FORMAT = "trisquare-undistortion/1"
 
 OF_THE_RIM = ("lens_extrapolated", "lens_ends_in_picture")
-"""Warnings of a calibration that are about what an undistorted picture shows."""
+"""Warnings of a calibration that also concern undistorted pictures."""
 
 WIDE_FIELD = 120.0
-"""Degrees from one side to the other from which on a pinhole shows little but its border."""
+"""Angle of view, degrees, above which a pinhole's picture is mostly its stretched border."""
 
 EXAMPLES = (
     "trisquare undistort photo.jpg --camera camera.json -o straight.jpg",
@@ -116,7 +116,7 @@ def undistort_command(
         check_named_video(photo)
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
     paths = _output_paths(output, photos, into_folder=into_folder, with_videos=any(videos))
-    resampling = checked_interpolation(interpolation)  # not to be said of the first photograph
+    resampling = checked_interpolation(interpolation)  # before any photograph is read
     _check_view(view, balance, new_camera)
     known = read_camera(camera)
     lens = camera_of(known)
@@ -131,7 +131,7 @@ def undistort_command(
     done = _Undistorted(undistorter_of, resampling)
 
     def contents() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
-        """Undistort one photograph when the one before has been taken care of."""
+        """Undistort one photograph after another, as each is written."""
         for photo, path, has_frames in zip(photos, paths, videos, strict=True):
             if has_frames:
                 yield path, partial(done.write_video, photo, path, progress)
@@ -151,7 +151,7 @@ def undistort_command(
         check_outputs([*photos, camera], still, [*moving, new_camera])
         for path in moving:
             check_video_name(path)
-        undistorter_of(lens.image_size)  # what is wrong with the view is not the photograph's fault
+        undistorter_of(lens.image_size)  # errors of the view must not name a photograph
         write_in_turn(contents())
     warnings = done.warnings
     if isinstance(known, Calibration):
@@ -160,7 +160,7 @@ def undistort_command(
             for own in known.warnings
             if _is_repeated(own)
         ]
-    # Without a black pixel the view is narrow because that was asked for.
+    # Without black pixels nothing is missing: a narrow view was asked for.
     has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in done.pictures)
     warnings += _warnings_of_views(lens, done.views, has_black=has_black)
     members = {
@@ -181,7 +181,7 @@ def undistort_command(
 def _output_paths(
     output: str, photos: Sequence[Path], *, into_folder: bool, with_videos: bool
 ) -> list[Path]:
-    """Return where each photograph or video is written."""
+    """Return the output path of each photograph or video."""
     if into_folder:
         return [Path(output, photo.name) for photo in photos]
     if not (Path(output).suffix or with_videos):
@@ -193,7 +193,7 @@ def _output_paths(
 
 
 def _check_view(view: str, balance: float, new_camera: Path | None) -> None:
-    """Check that the options that are for a pinhole are given with one."""
+    """Check that options for a pinhole are given only with a pinhole."""
     if view not in VIEWS:
         raise unknown("view", view, VIEWS)
     if balance and view != "pinhole":
@@ -205,21 +205,21 @@ def _check_view(view: str, balance: float, new_camera: Path | None) -> None:
 
 
 class _Undistorted:
-    """What has been undistorted so far.
+    """Pictures that have been undistorted so far.
 
     Parameters
     ----------
     undistorter_of : callable
-        From the size of a photograph to what undistorts it.
+        Returns the undistorter for a size of photographs.
     interpolation : str
         One of `INTERPOLATIONS`.
 
     Attributes
     ----------
     pictures : list of dict
-        Their members in the answer.
+        Members of the pictures in the answer.
     views : set of Camera or Panorama
-        The new cameras.
+        The cameras of the undistorted pictures.
     warnings : list of CalibrationWarning
     """
 
@@ -235,7 +235,7 @@ class _Undistorted:
         self.warnings: list[CalibrationWarning] = []
 
     def photograph(self, photo: Path, path: Path) -> bytes:
-        """Return the content of the file of an undistorted photograph."""
+        """Undistort a photograph and return the content of the output file."""
         picture, tag = read_photograph(photo)
         check_depth(picture, path)
         with naming(photo):
@@ -250,7 +250,7 @@ class _Undistorted:
     def write_video(
         self, clip: Path, path: Path, progress: Callable[[int, int], None] | None, temporary: Path
     ) -> None:
-        """Write an undistorted video to a temporary file, which becomes that of the path."""
+        """Write an undistorted video to a temporary file, which later replaces that of the path."""
         with Video(clip) as video, naming(clip):
             used = self._undistorter_of(video.size)
 
@@ -296,14 +296,14 @@ def _warnings_of_video(video: Video, path: Path) -> Iterator[CalibrationWarning]
 
 
 def _is_repeated(warning: CalibrationWarning) -> bool:
-    """Tell whether a calibration's warning is one of its undistorted pictures as well."""
+    """Return whether a calibration's warning is repeated for undistorted pictures."""
     return warning.code in OF_THE_RIM or warning.severity == "high"
 
 
 def _warnings_of_views(
     lens: Camera, views: Collection[Camera | Panorama], *, has_black: bool
 ) -> Iterator[CalibrationWarning]:
-    """Say which part of the photographs is left out, and of a pinhole that it is too wide."""
+    """Yield warnings of a part of the photographs that is left out, and of too wide a pinhole."""
     unknown_part = 1.0 - known_part(lens)
     if unknown_part > 0.0 and has_black:
         text = (
@@ -323,7 +323,7 @@ def _warnings_of_views(
 
 
 def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
-    """Return the content of a file of the one camera that has taken all new pictures."""
+    """Return the content of the file of the camera of all new pictures, which must be one."""
     if len(views) > 1:
         raise ValueError(
             f"{path}: photographs of {len(views)} sizes have as many new cameras: undistort those "
@@ -335,7 +335,7 @@ def _camera_file(views: Collection[Camera | Panorama], path: Path) -> bytes:
 
 
 def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[str, Any]:
-    """Return the member of ``pictures`` for a photograph or a video."""
+    """Return the entry of a photograph or a video in ``pictures``."""
     return {
         "photo": str(photo),
         "output": str(path),
@@ -346,7 +346,7 @@ def _picture_members(photo: Path, path: Path, undistorter: Undistorter) -> dict[
 
 
 def _view_members(view: Camera | Panorama) -> dict[str, Any]:
-    """Return the ``camera`` or the ``panorama`` member of a picture."""
+    """Return the member ``camera`` or ``panorama`` of a picture."""
     if isinstance(view, Camera):
         return {"camera": camera_members(view)}
     names = ("projection", "focal", "cx", "cy")
@@ -354,7 +354,7 @@ def _view_members(view: Camera | Panorama) -> dict[str, Any]:
 
 
 def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Iterator[str]:
-    """Say what was written, and of which camera, once for those that have the same."""
+    """Describe the written files; consecutive files with the same camera share its line."""
     before = None
     for picture in pictures:
         camera = picture.get("camera") or picture["panorama"]

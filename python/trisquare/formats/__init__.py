@@ -1,4 +1,4 @@
-"""The formats in which cameras go from one program to another, one module each."""
+"""File formats for the exchange of cameras with other programs, one module each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nearest lens of a family that a file format can hold, and how far off it is."""
+"""The nearest lens of a file format's model, and its error."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ Lens: TypeAlias = "Camera | ForeignLens"
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """The lenses that one model of a file format can say.
+    """The lenses of one model of a file format.
 
-    Those of this class are cameras of one of `Camera`'s models with some of its numbers tied.
+    Lenses of this class are cameras of one of `Camera`'s models with some parameters constrained.
 
     Parameters
     ----------
     title : str
         The model's name in the format, and its coefficients.
     free : tuple of str
-        The coefficients it has, by the core's names; here some of `all_coefficients`.
+        The model's coefficients, by the core's names; here some of `all_coefficients`.
     square : bool
         Whether it has one focal length only.
     all_coefficients : tuple of str
-        Those of the camera's model, in OpenCV's order.
+        Coefficients of the camera's model, in OpenCV's order.
     skewed : bool
         Whether it may have a skew.
     """
@@ -49,15 +49,15 @@ class Family:
 
     @property
     def is_polynomial(self) -> bool:
-        """Whether the nearest of these lenses to another one can be found."""
+        """Whether the nearest of these lenses to another one can be computed."""
         return self.all_coefficients not in (RATIONAL, THIN_PRISM)
 
     def is_of(self, camera: Camera) -> bool:
-        """Return whether the camera has the coefficients of these lenses, or more."""
+        """Return whether the camera's model has `all_coefficients`."""
         return COEFFICIENTS[camera.model] == self.all_coefficients
 
     def exactly(self, camera: Camera) -> Any:
-        """Return the camera as the family has it, None if it has not: here, itself."""
+        """Return the camera as a lens of the family: here, itself; None if it is not one."""
         if not self.is_of(camera):
             return None
         values = camera_parameters(camera)
@@ -66,7 +66,7 @@ class Family:
         return None if missing else camera
 
     def is_unlike(self, camera: Camera) -> bool:
-        """Return whether the camera's K is none of these lenses'."""
+        """Return whether the camera's K is impossible for these lenses."""
         return (self.square and camera.fx != camera.fy) or (not self.skewed and camera.skew != 0)
 
     def lens(
@@ -76,7 +76,7 @@ class Family:
         coefficients: Sequence[float],
         image_size: tuple[int, int],
     ) -> Any:
-        """Return the lens of these parameters: here, a camera."""
+        """Return the lens with these parameters: here, a camera."""
         named = dict(zip(self.free, coefficients, strict=True))
         return simplest_camera(camera_matrix(*focal, *centre), named, image_size)
 
@@ -86,13 +86,13 @@ ANY_FISHEYE = Family("fisheye (k1, k2, k3, k4)", FISHEYE, all_coefficients=FISHE
 ANY_RATIONAL = Family("rational (k1 to k6, p1, p2)", RATIONAL, all_coefficients=RATIONAL)
 ANY_PRISM = Family("thin prism", THIN_PRISM, all_coefficients=THIN_PRISM)
 ANY_CAMERA = (ANY_FISHEYE, ANY_RATIONAL, ANY_PRISM, ANY_BROWN)
-"""All that a `Camera` without skew can be."""
+"""Families of all `Camera` without skew."""
 
 
 def nearest(lens: Lens, family: Family) -> Approximation:
-    """Fit a family's lens to another one over its picture, by least squares of pixels.
+    """Fit a lens of a family to another lens over its picture, by least squares in pixels.
 
-    Both keep the same axis: no rotation is fitted, so that poses stay what they were.
+    Both lenses have the same axis: no rotation is fitted, so that poses remain valid.
 
     Raises
     ------

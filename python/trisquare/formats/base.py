@@ -1,4 +1,4 @@
-"""What every camera format consists of."""
+"""Parts of every camera format."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from trisquare.formats.document import Document
 ImageSize: TypeAlias = tuple[int, int]
 
 SAY_THE_SIZE = "say it with image_size= (trisquare convert FILE camera.json --size WxH)"
-"""What to do about a file without the picture's size: no other command has ``--size``."""
+"""Advice about a file without the picture's size: no other command has ``--size``."""
 
 Cameras: TypeAlias = Mapping[str, Callable[[], Lens]]
-"""The cameras of a file by name, each read when it is asked for: one may be damaged, or of a
-model that nobody knows, beside the one that is wanted."""
+"""Cameras of a file by name, each read on demand: others of the file may be damaged, or of an
+unknown model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,20 +27,21 @@ class Format:
     Parameters
     ----------
     name : str
-        What ``format=`` and ``--from`` call it.
+        Name of the format for ``format=`` and ``--from``.
     title : str
-        For lists and messages.
+        Title in lists and messages.
     recognises : callable
-        Whether a document's text looks like it; raises nothing.
+        Whether a document looks like this format; raises nothing.
     read : callable
-        From a document and the image size that the caller knows, or None, to its cameras. Raises
-        ValueError naming the key that is missing or wrong.
+        Returns the cameras of a document, given the image size that the caller knows, or None.
+        Raises ValueError naming the key that is missing or wrong.
     write : callable
-        From a lens of one of the families and the extension of the file, with its dot, to text.
+        Returns the text for a lens of one of the families, given the file's extension, with its
+        dot.
     families : tuple of Family
         The models that it can write, the simplest first, the most general last.
     file_names : tuple of str
-        Endings of names, in small letters, that files of this format alone have.
+        Endings of file names, in small letters, that imply this format.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Format:
 
 
 def size_member(members: JsonFields, key: str) -> ImageSize:
-    """Return a member that is ``[width, height]``."""
+    """Return the value of a member of the form ``[width, height]``."""
     values = members.integers(key)
     if len(values) != 2:
         raise ValueError(f'"{key}" must be [width, height]')
@@ -61,5 +62,5 @@ def size_member(members: JsonFields, key: str) -> ImageSize:
 
 
 def only(lens: Callable[[], Lens]) -> Cameras:
-    """Return the cameras of a file that holds one without a name."""
+    """Return the cameras of a file with one camera that has no name."""
     return {"camera": lens}

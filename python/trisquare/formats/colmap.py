@@ -1,14 +1,15 @@
 """COLMAP's ``cameras.txt``.
 
-Pixels, ``(0, 0)`` the top-left **corner** of the top-left one, so that a principal point is half a
-pixel larger than trisquare's in each coordinate. Schema: COLMAP's documentation, "Output format":
-lines of ``CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]``, the parameters in the order of
+Pixels, with ``(0, 0)`` at the top-left **corner** of the top-left one, so that a principal point is
+half a pixel larger than trisquare's in each coordinate. Schema: COLMAP's documentation, "Output
+format": lines of ``CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]``, the parameters in the order of
 src/colmap/sensor/models.h.
 
 Written and read: the simplest of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and
-FULL_OPENCV that holds the camera, or of the fisheyes SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and
-OPENCV_FISHEYE. The last of each hold every such camera, FULL_OPENCV rational lenses as well; thin
-prisms are not held. THIN_PRISM_FISHEYE is read where its tangential and prism terms are zero.
+FULL_OPENCV that has the camera's coefficients, or of the fisheyes SIMPLE_RADIAL_FISHEYE,
+RADIAL_FISHEYE and OPENCV_FISHEYE. The last of each can write every such camera, FULL_OPENCV
+rational lenses as well; thin prisms cannot be written. THIN_PRISM_FISHEYE is read if its tangential
+and prism terms are zero.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from trisquare.formats.document import Document
 from trisquare.formats.other_lenses import fisheye_of, opencv_lens, simplest_camera
 
 HALF_PIXEL = 0.5
-"""From trisquare's origin to COLMAP's."""
+"""Offset from trisquare's pixel coordinates to COLMAP's."""
 
 FOCALS_AND_COEFFICIENTS = {
     "SIMPLE_PINHOLE": (1, 0),
@@ -40,7 +41,7 @@ FOCALS_AND_COEFFICIENTS = {
     "RADIAL_FISHEYE": (1, 2),
     "THIN_PRISM_FISHEYE": (2, 8),
 }
-"""How many focal lengths, one or two, and coefficients a model has."""
+"""Numbers of focal lengths, one or two, and of coefficients of each model."""
 
 FAMILIES = (
     Family("FULL_OPENCV", RATIONAL, all_coefficients=RATIONAL),
@@ -56,19 +57,19 @@ FAMILIES = (
 )
 
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
-# Blanks only, as white space at large would run on through a file of empty lines from each of them.
+# Spaces and tabs only: \s would match line ends, and take quadratic time on a file of empty lines.
 CAMERA_LINE = re.compile(
     r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$", re.MULTILINE
 )
 
 
 def recognises(document: Document) -> bool:
-    """Whether a line is an id, a model in capitals, a size, and parameters."""
+    """Return whether a line has an id, a model in capitals, a size, and parameters."""
     return CAMERA_LINE.search(document.text[:65536]) is not None
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read the cameras of a model, by their ids."""
+    """Read the cameras of a file, by their ids."""
     lines = [line.split() for line in document.text.splitlines()]
     cameras = {
         words[0]: partial(_camera, words)
@@ -130,7 +131,7 @@ def _real(word: str, name: str) -> float:
 
 
 def write(camera: Camera, suffix: str) -> str:
-    """Write a model of one camera, whose id is 1."""
+    """Write a file of one camera, with id 1."""
     family = next(family for family in FAMILIES if family.exactly(camera) is not None)
     in_order = (*camera.distortion.tolist(), *(0.0, 0.0, 0.0))
     coefficients = in_order[: FOCALS_AND_COEFFICIENTS[family.title][1]]

@@ -1,4 +1,4 @@
-"""A file that may hold a camera: its text, and its text parsed."""
+"""A file that may contain a camera: its text, raw and parsed."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from trisquare._support.paths import File, read_bytes, shown
 from trisquare.formats.yaml_text import parse_yaml
 
 MAX_BYTES = 64 << 20
-"""No camera file comes near, but one that lists ten thousand pictures."""
+"""Maximum size of a file; only a list of ten thousand pictures comes near."""
 
 BINARY_FILES = {
     "cameras.bin": ", which COLMAP makes of it: colmap model_converter --input_path FOLDER "
     "--output_path FOLDER --output_type TXT"
 }
-"""Names of files that programs write without text, and how text is made of them."""
+"""Names of binary files of other programs, and how to convert them to text."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """The text of a file, and the name it was found under.
+    """The text of a file, and the file's name.
 
     Parameters
     ----------
     text : str
-        All of it.
+        The whole text.
     name : str
-        Its path's last part, in small letters; empty if there is none.
+        The last part of its path, in small letters; empty if there is none.
     """
 
     text: str
@@ -38,14 +38,14 @@ class Document:
 
     @classmethod
     def read(cls, path: File) -> Document:
-        """Read a file, but not more of it than a camera file can have.
+        """Read a file, up to the maximum size of a camera file.
 
         Raises
         ------
         OSError
             If it cannot be read.
         ValueError
-            If it is too large, or no text.
+            If it is too large, or not text.
         """
         named = shown(path)
         content = read_bytes(path, MAX_BYTES + 1)
@@ -67,7 +67,7 @@ class Document:
         return PurePath(self.name).suffix
 
     def starts_with(self, text: str) -> bool:
-        """Whether the text begins so, after white space."""
+        """Return whether the text starts with `text`, after white space."""
         return self.text[:4096].lstrip("\ufeff \t\r\n").startswith(text)
 
     @cached_property
@@ -77,7 +77,7 @@ class Document:
         Raises
         ------
         ValueError
-            If it is none.
+            If it is not a JSON object.
         """
         return JsonFields(parse_json(self.text))
 
@@ -88,7 +88,7 @@ class Document:
         Raises
         ------
         ValueError
-            If it is none.
+            If it is not a YAML mapping.
         """
         parsed = parse_yaml(self.text)
         if not isinstance(parsed, dict):

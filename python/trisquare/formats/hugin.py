@@ -3,12 +3,12 @@
 Pixels; the lens's centre is ``d`` and ``e`` pixels right of and below the picture's, which is
 ``((w - 1) / 2, (h - 1) / 2)`` counted from the centre of the top-left pixel. Schema: PanoTools wiki
 "PTO file", lines ``i``: ``w``, ``h``, ``f0`` (rectilinear), ``v`` (the angle of view across the
-width, degrees, of the picture without distortion), ``a``, ``b``, ``c``, ``d``, ``e``; ``=n`` stands
-for what image n has.
+width, degrees, of the picture without distortion), ``a``, ``b``, ``c``, ``d``, ``e``; ``=n`` means
+the value of image n.
 
 Written: square pixels with k1 alone exactly; any other camera as the nearest a, b, c. Read: b
-alone exactly; a and c as the nearest. Images are named by their numbers, ``"0"``, ``"1"``, unless
-all have the same lens.
+alone exactly; a and c as the nearest. Cameras have the numbers of their images as names, ``"0"``,
+``"1"``, unless all have the same lens.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from trisquare.formats.document import Document
 from trisquare.formats.panotools import PanoFamily, PanoLens
 
 WORD = re.compile(r'(?:"[^"]*"|[^\s"])+')
-# All of one small letter; longer names begin with a capital.
+# Variables with a name of one small letter; longer names begin with a capital.
 LENS_VARIABLES = ("w", "h", "f", "v", "a", "b", "c", "d", "e", "g", "t")
-# What newer lines may leave out.
+# Values of variables that newer lines may omit.
 DEFAULTS = dict.fromkeys(("a", "b", "c", "d", "e", "g", "t"), "0")
 
 Variables = Mapping[str, str]
 
 
 def recognises(document: Document) -> bool:
-    """Whether there is a line of a panorama and one of an image."""
+    """Return whether there is a line of a panorama and one of an image."""
     return all(
         re.search(rf"^{letter} .*\b[fw]\d", document.text, re.MULTILINE) for letter in ("p", "i")
     )
@@ -57,7 +57,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 
 def _resolved(images: Sequence[Variables], index: int, key: str) -> str | None:
-    """Return what a variable says, or what the image that it is linked to says."""
+    """Return the value of a variable, or that of the image that it is linked to."""
     value = images[index].get(key, DEFAULTS.get(key))
     if value is None or not value.startswith("="):
         return value

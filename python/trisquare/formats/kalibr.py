@@ -5,7 +5,7 @@ wiki, page "Yaml formats": for ``cam0``, ``cam1``, ... a ``camera_model`` with i
 [fu, fv, pu, pv], a ``distortion_model`` with its ``distortion_coeffs``, the ``resolution`` [width,
 height] and the ``rostopic``.
 
-Written: ``pinhole`` with ``radtan`` (k1, k2, p1, p2), so that a camera with k3 is not held, or with
+Written: ``pinhole`` with ``radtan`` (k1, k2, p1, p2), which has no k3, or with
 ``equidistant`` (k1, k2, k3, k4). Read: these, and ``none``.
 """
 
@@ -27,7 +27,7 @@ CAMERA_NAME = re.compile(r"cam\d{1,4}")
 
 
 def recognises(document: Document) -> bool:
-    """Whether a member is called cam0 or the like."""
+    """Return whether a member has the name cam0 or the like."""
     return re.search(r"^cam\d+\s*:", document.text, re.MULTILINE) is not None
 
 

@@ -1,17 +1,18 @@
 """lensfun's database entries, XML: models poly3, poly5 and ptlens of rectilinear lenses.
 
-Lengths in millimetres of the sensor: a ``cropfactor`` is its diagonal's share of 43.27 mm, and
-``focal`` the focal length, of which PanoTools' models leave ``1 - a - b - c`` in the picture's
-centre, or all of it where ``real-focal`` says so. The picture's size is not in the file and must
-come from the caller. The lens's centre is the picture's, ``((w - 1) / 2, (h - 1) / 2)`` counted
-from the centre of the top-left pixel, moved by ``center`` in halves of the shorter side; these are
-``(min(w, h) - 1) / 2`` pixels, as lensfun 0.3 counts them, of a picture of the lens's
+Lengths are in millimetres on the sensor: ``cropfactor`` is 43.27 mm over the sensor's diagonal, and
+``focal`` the focal length, which PanoTools' models scale by ``1 - a - b - c`` in the picture's
+centre, or which ``real-focal`` gives after that scaling. The picture's size is not in the file and
+must come from the caller. The lens's centre is the picture's, ``((w - 1) / 2, (h - 1) / 2)``
+counted from the centre of the top-left pixel, moved by ``center`` in halves of the shorter side;
+these are ``(min(w, h) - 1) / 2`` pixels, as lensfun 0.3 counts them, of a picture of the lens's
 ``aspect-ratio``. Schema: lensfun's manual, "Lens correction models" and lensfun-database.xsd; the
 polynomials are PanoTools', from ideal to observed, of which poly3 is ``b`` alone, and poly5 is
 ``R_d = R_u (1 + k1 R_u^2 + k2 R_u^4)``.
 
 Written: square pixels with k1 and k2 exactly, as poly5; all else as the nearest ptlens. Read:
-poly3 and poly5 exactly, ptlens as the nearest. Lenses of several focal lengths are named by them.
+poly3 and poly5 exactly, ptlens as the nearest. A lens of several focal lengths has one camera for
+each, with the focal length in its name.
 """
 
 from __future__ import annotations
@@ -30,27 +31,27 @@ from trisquare.formats.panotools import PanoFamily, PanoLens
 from trisquare.formats.xml_text import number_in, parse_xml
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)
-"""Of a crop factor of 1, millimetres."""
+"""Diagonal of a sensor with a crop factor of 1, millimetres."""
 
 DEFAULT_ASPECT = 1.5
-"""Of lenses that do not say it (lensfun's manual)."""
+"""Aspect ratio of lenses that do not state it (lensfun's manual)."""
 
 TERMS = {"poly3": ("k1",), "poly5": ("k1", "k2"), "ptlens": ("a", "b", "c")}
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is XML with lensfun's root."""
+    """Return whether it is XML with lensfun's root element."""
     return document.starts_with("<") and "<lensdatabase" in document.text
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
     """Read the lenses of a database, by their names and focal lengths."""
     cameras: dict[str, Callable[[], Lens]] = {}
-    # Each at its own place: looked for at any depth, lenses within lenses would take for ever.
+    # Searched only at their own level: at any depth, nested lenses would take very long.
     for lens in parse_xml(document.text).findall("lens"):
         for distortion in lens.findall("calibration/distortion"):
             name = f"{lens.findtext('model', 'lens')} {distortion.get('focal', '')}".strip()
-            if name in cameras:  # for another sensor, or of another maker
+            if name in cameras:  # of another sensor, or of another maker
                 name += f", {lens.findtext('maker', '')} at crop {lens.findtext('cropfactor', '')}"
             while name in cameras:
                 name += "'"
@@ -98,7 +99,7 @@ def _lens(
 
 
 def _aspect(text: str | None) -> float:
-    """Return the longer side over the shorter one of ``3:2`` or ``1.5``."""
+    """Return the longer side over the shorter one, from ``3:2`` or ``1.5``."""
     if text is None:
         return DEFAULT_ASPECT
     sides = [number_in(part, "aspect-ratio") for part in text.split(":")]

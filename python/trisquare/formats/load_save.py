@@ -33,9 +33,9 @@ class Loaded:
     format : str
         The format of the file.
     name : str
-        What the file calls it, ``"camera"`` if nothing.
+        Name of the camera in the file, ``"camera"`` if it has none.
     approximation : Approximation or None
-        What was lost, where the file's lens is of a model that `Camera` has not.
+        The approximation, if `Camera` does not have the model of the file's lens.
     """
 
     camera: Camera
@@ -69,7 +69,7 @@ def camera_of_document(
     size: ImageSize | None = None,
     approximate: bool = False,
 ) -> Loaded:
-    """Read a camera from a file that has been read, by its path in messages: as `Camera.load`."""
+    """Read a camera from a document, as `Camera.load`; `path` is used in messages."""
     with naming(path):
         found = format_of_document(document) if known is None else known
         try:
@@ -112,7 +112,7 @@ def _chosen(cameras: Cameras, name: str | None, path: File) -> tuple[str, Lens]:
 
 
 def _extraction(path: File, name: str) -> str:
-    """Return the command that takes one of several cameras out: no other has ``--camera``."""
+    """Return the command that extracts one of several cameras: no other has ``--camera``."""
     words = ["trisquare", "convert", shown(path), "one.json", "--camera", name]
     return shlex.join(words)
 
@@ -140,12 +140,12 @@ def save_camera(
 
 
 def is_own(path: File, format: str | None) -> bool:
-    """Whether `save_camera` would write trisquare's own JSON, which holds results as well.
+    """Return whether `save_camera` would write trisquare's own JSON, which may also have results.
 
     Raises
     ------
     TypeError, ValueError
-        If the format is not known, or is None and the name tells none.
+        If the format is unknown, or is None and the name implies none.
     """
     return _format_to_write(path, format) is native_json.FORMAT
 
@@ -161,13 +161,13 @@ def _format_to_write(path: File, format: str | None) -> Format:
 def written(
     camera: Camera, known: Format, suffix: str, approximate: bool
 ) -> tuple[str, Approximation | None]:
-    """Return a file's text, and what is lost by it.
+    """Return a file's text, and the approximation of the camera in it, if any.
 
     Raises
     ------
     LensModelError
-        If the format has no model for the camera and `approximate` is not set, or none that comes
-        near.
+        If the format has no model for the camera and `approximate` is not set, or there is no
+        approximation.
     """
     for family in known.families:
         lens = family.exactly(camera)

@@ -3,13 +3,13 @@
 Pixels; ``cx`` and ``cy`` count from the middle of the picture, which is
 ``((w - 1) / 2, (h - 1) / 2)`` counted from the centre of the top-left pixel. Schema: Metashape's
 manual, appendix "Camera models": ``projection``, ``width``, ``height``, ``f``, ``cx``, ``cy``,
-``b1``, ``b2``, ``k1`` to ``k4``, ``p1`` to ``p4``, of which what is missing is 0. ``f`` is fy,
-``b1`` fx - fy and ``b2`` the skew; k1 to k3 are OpenCV's, and ``p1`` and ``p2`` are OpenCV's p2
-and p1. A fisheye's polynomial is that of the angle, with k1 to k4, as OpenCV's is.
+``b1``, ``b2``, ``k1`` to ``k4``, ``p1`` to ``p4``; missing ones are 0. ``f`` is fy, ``b1`` is
+fx - fy and ``b2`` the skew; k1 to k3 are OpenCV's, and ``p1`` and ``p2`` are OpenCV's p2 and p1. A
+fisheye's polynomial is that of the angle, with k1 to k4, as in OpenCV.
 
 *File > Export > Export Cameras* writes a ``<document>`` with the calibrations of all sensors: the
 same numbers, ``width`` and ``height`` as attributes of ``resolution``, the projection as ``type``.
-Those whose ``class`` is ``adjusted`` are read, by their sensors' labels.
+Those with the ``class`` ``adjusted`` are read, named by their sensors' labels.
 
 Written: ``frame`` with k1 to k3, p1 and p2, and ``fisheye`` with k1 to k4. Read: these; a frame
 with k4 as the nearest. Not read: other projections, p3 and p4, and a fisheye with p1 or p2.
@@ -36,7 +36,7 @@ OPTIONAL = ("cx", "cy", "b1", "b2", *RADIAL, "p1", "p2", "p3", "p4")
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is XML with a calibration of a projection, or with a chunk of cameras."""
+    """Return whether it is XML with a calibration of a projection, or a chunk of cameras."""
     start = document.text[:4096]
     return document.starts_with("<") and (
         ("<calibration" in start and "<projection" in start)
@@ -45,7 +45,7 @@ def recognises(document: Document) -> bool:
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read a camera, or those of all sensors."""
+    """Read one camera, or those of all sensors."""
     if "<document" not in document.text[:4096]:
         return only(lambda: _camera(_texts(parse_xml(document.text))))
     sensors = list(parse_xml(document.text).iter("sensor"))
@@ -77,7 +77,7 @@ def _camera_of_sensor(sensor: ElementTree.Element) -> Lens:
 
 
 def _texts(calibration: ElementTree.Element) -> dict[str, str]:
-    """Return the text of each element, of those of one name that of the first."""
+    """Return the texts of the elements by name; of several with one name, that of the first."""
     return {child.tag: child.text or "" for child in reversed(calibration)}
 
 
@@ -102,7 +102,7 @@ def _camera(texts: Mapping[str, str]) -> Lens:
             raise ValueError(f'"{key}" is {values[key]:g}; of a {projection} it must be 0')
     if projection == "fisheye":
         return fisheye_of(K, [values[key] for key in RADIAL], size)
-    # The two agree on the model, and name its terms the other way round.
+    # p1 and p2 are interchanged in Metashape.
     named = {key: values[key] for key in RADIAL} | {"p1": values["p2"], "p2": values["p1"]}
     if not values["k4"]:
         return simplest_camera(K, named, size)
@@ -115,7 +115,7 @@ def write(camera: Camera, suffix: str) -> str:
     """Write a calibration."""
     width, height = camera.image_size
     numbers = camera_parameters(camera)
-    # The two agree on the model, and name its terms the other way round.
+    # p1 and p2 are interchanged in Metashape.
     named = {key: numbers.get(key, 0.0) for key in RADIAL} | {
         "p1": numbers.get("p2", 0.0),
         "p2": numbers.get("p1", 0.0),

@@ -1,13 +1,13 @@
 """mrcal's ``.cameramodel``.
 
-Pixels, ``(0, 0)`` the centre of the top-left one. Schema: mrcal's documentation, "The
+Pixels, with ``(0, 0)`` at the centre of the top-left one. Schema: mrcal's documentation, "The
 .cameramodel file format": a Python dictionary of ``lensmodel``, ``intrinsics`` [fx, fy, cx, cy,
 distortion ...], ``imagersize`` [width, height] and ``extrinsics``, a Rodrigues rotation and a
-translation from the reference, of which only zeros are written and nothing is read.
+translation from the reference, which are written as zeros and not read.
 
 Written and read: the simplest of LENSMODEL_PINHOLE, LENSMODEL_OPENCV4 (k1, k2, p1, p2),
 LENSMODEL_OPENCV5 (and k3), LENSMODEL_OPENCV8 (and k4, k5, k6) and LENSMODEL_OPENCV12 (and s1 to s4)
-that holds the camera; fisheyes are not held.
+that has the camera's coefficients; fisheyes cannot be written.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ FAMILIES = (
     Family("LENSMODEL_OPENCV5", ("k1", "k2", "p1", "p2", "k3")),
 )
 
-# What a Python literal may have and JSON has not: other strings, comments, commas at the end, 1.
-# and .5 for numbers.
-# Strings come first, so that what they hold is left alone. A number begins where no digit stands
-# before it: tried from each digit of a long one, it would take for ever to be none.
+# Tokens of Python literals that JSON does not have: other strings, comments, trailing commas,
+# numbers such as 1. and .5.
+# Strings come first, so that their contents are left alone. A number must not follow a digit: a
+# match attempted from each digit of a long number would take quadratic time.
 PYTHON_TOKENS = re.compile(
     r"""b?'(?P<single>[^'"\\\n]*)'|b?"(?P<double>[^"\\\n]*)"|(?P<comment>\#[^\n]*)"""
     r"""|(?P<comma>,(?=(?:\s|\#[^\n]*(?:\n|$))*[\]})]))|(?P<open>\()|(?P<close>\))"""
@@ -50,7 +50,7 @@ PYTHON_TOKENS = re.compile(
 
 
 def recognises(document: Document) -> bool:
-    """Whether it has a lensmodel in quotes."""
+    """Return whether it has a lensmodel in quotes."""
     return re.search(r"""['"]lensmodel['"]\s*:""", document.text) is not None
 
 
@@ -60,7 +60,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 
 def _parse(text: str) -> JsonFields:
-    """Read a Python dictionary of strings and numbers without running Python's parser."""
+    """Read a Python dictionary of strings and numbers without Python's parser."""
 
     def as_json(token: re.Match[str]) -> str:
         if token["comment"] is not None or token["comma"] is not None:
@@ -90,7 +90,7 @@ def _camera(members: JsonFields) -> Lens:
 
 
 def write(camera: Camera, suffix: str) -> str:
-    """Write a camera model that stands at the reference."""
+    """Write a camera model whose pose is that of the reference."""
     family = next(family for family in FAMILIES if family.exactly(camera) is not None)
     count = COEFFICIENTS[family.title]
     numbers = [camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion.tolist()[:count]]

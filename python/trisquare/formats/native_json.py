@@ -27,12 +27,12 @@ VERSIONED = re.compile(r"trisquare(?:-camera)?/(\d{1,9})")
 
 
 def recognises(document: Document) -> bool:
-    """Whether there is a ``format`` that begins with trisquare's name."""
+    """Return whether there is a ``format`` that begins with trisquare's name."""
     return re.search(r'"format"\s*:\s*"trisquare', document.text[:4096]) is not None
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read a camera, or a calibration's."""
+    """Read a camera, or that of a calibration."""
     return only(lambda: _camera(document.json))
 
 

@@ -1,14 +1,14 @@
-"""nerfstudio's ``transforms.json``, and the one of instant-ngp that it descends from.
+"""nerfstudio's ``transforms.json``, and that of instant-ngp, its predecessor.
 
-Pixels, ``(0, 0)`` the top-left **corner** of the top-left one (nerfstudio samples pixels at their
-centres by adding half a pixel, and takes it off again for OpenCV), so that a principal point is
+Pixels, with ``(0, 0)`` at the top-left **corner** of the top-left one (nerfstudio samples pixels at
+their centres by adding half a pixel, and subtracts it for OpenCV), so that a principal point is
 half a pixel larger than trisquare's in each coordinate. Schema: nerfstudio's documentation, "Data
 conventions": ``camera_model``, ``fl_x``, ``fl_y``, ``cx``, ``cy``, ``w``, ``h``, ``k1`` to ``k4``,
 ``p1``, ``p2`` for all frames, or for each of ``frames``; its k3 and k4 are the coefficients of r^6
 and r^8.
 
-Written: OPENCV or OPENCV_FISHEYE, with no frames. Read: these and the simpler relatives of the
-first; OPENCV with k4 as the nearest. Frames with intrinsics of their own are named by their
+Written: OPENCV or OPENCV_FISHEYE, without frames. Read: these and the simpler variants of OPENCV;
+OPENCV with k4 as the nearest. Cameras of frames with intrinsics of their own are named by
 ``file_path``.
 """
 
@@ -36,14 +36,14 @@ VERTICAL_KEYS = ("fl_y", "camera_angle_y")
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is JSON with focal lengths of this spelling, or with frames."""
+    """Return whether it is JSON with focal lengths under these names, or with frames."""
     return document.starts_with("{") and bool(
         re.search(r'"(fl_x|camera_angle_x|frames)"\s*:', document.text)
     )
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read the camera of all frames, or those of each."""
+    """Read the camera of all frames, or that of each frame."""
     members = document.json
     shared = any(members.has(key) for key in FOCAL_KEYS)
     if shared or not members.has("frames"):
@@ -58,7 +58,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
 
 
 def _camera(members: JsonFields, shared: JsonFields) -> Lens:
-    """Read intrinsics; what a frame lacks stands for all frames."""
+    """Read a frame's intrinsics; those that it lacks are taken from all frames'."""
 
     def number(key: str, default: float) -> float:
         return members.number_or(key, shared.number_or(key, default))
@@ -70,7 +70,7 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
     fl_x = _focal(_holder(members, shared, *FOCAL_KEYS), "x", width)
     vertical = _holder(members, shared, *VERTICAL_KEYS)
     fl_y = _focal(vertical, "y", height) if any(map(vertical.has, VERTICAL_KEYS)) else fl_x
-    # Where it is not said, instant-ngp takes the picture's centre.
+    # By default the picture's centre, as in instant-ngp.
     centre = (number("cx", width / 2) - HALF_PIXEL, number("cy", height / 2) - HALF_PIXEL)
     K = camera_matrix(fl_x, fl_y, *centre)
     named = {key: number(key, 0.0) for key in COEFFICIENTS}
@@ -95,7 +95,7 @@ def _camera(members: JsonFields, shared: JsonFields) -> Lens:
 
 
 def _model(members: JsonFields, shared: JsonFields) -> str:
-    """Return nerfstudio's name of the model; instant-ngp says only whether it is a fisheye."""
+    """Return nerfstudio's name of the model; instant-ngp states only whether it is a fisheye."""
     holder = _holder(members, shared, "camera_model")
     if holder.has("camera_model"):
         return holder.text("camera_model")
@@ -110,7 +110,7 @@ def _holder(members: JsonFields, shared: JsonFields, *keys: str) -> JsonFields:
 
 
 def _focal(members: JsonFields, axis: str, side: float) -> float:
-    """Return a focal length, stated or by the angle of view over the side of the picture."""
+    """Return a focal length, as stated or by the angle of view over the side of the picture."""
     length, angle_of_view = f"fl_{axis}", f"camera_angle_{axis}"
     if members.has(length) or not members.has(angle_of_view):
         return members.number(length)
@@ -121,7 +121,7 @@ def _focal(members: JsonFields, axis: str, side: float) -> float:
 
 
 def write(camera: Camera, suffix: str) -> str:
-    """Write a file that lacks nothing but its frames."""
+    """Write a file that is complete except for its frames."""
     named = dict.fromkeys(COEFFICIENTS, 0.0) | camera_parameters(camera)
     return dump_members(
         {

@@ -3,12 +3,12 @@
 Pixels, ``(0, 0)`` the centre of the top-left one: trisquare's own convention. Members
 ``camera_matrix`` (3 x 3), ``distortion_coefficients`` (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[,
 tx, ty]]]]), ``image_width`` and ``image_height``, as OpenCV's calibration sample writes them
-(samples/cpp/calibration.cpp); other common spellings are read too, and matrices as nested lists, as
-scripts write them that dump arrays. Files that do not say the size need it from the caller. The
-syntax of a file that is written follows its extension: ``.xml``, ``.json``, else YAML.
+(samples/cpp/calibration.cpp); other common names are read too, and matrices as nested lists, which
+scripts that dump arrays write. If a file does not state the size, the caller must. The syntax of a
+written file follows its extension: ``.xml``, ``.json``, else YAML.
 
-A fisheye has four coefficients, as a pinhole may: ``fisheye_model: 1``, which that sample writes
-too, tells them apart.
+A fisheye has four coefficients, as a pinhole may have: ``fisheye_model: 1``, which that sample also
+writes, distinguishes them.
 
 Read: all of these; a tilted sensor (tx, ty) as the nearest. A skew is neither written nor read.
 """
@@ -41,7 +41,7 @@ HEIGHT_NAMES = ("image_height", "image_Height", "imageHeight", "height")
 FISHEYE_NAME = "fisheye_model"
 LENGTHS = (0, *OPENCV_LENGTHS)
 AS_LISTS = re.compile(
-    # Blanks of one line each: over all of them hostile files would be searched for minutes.
+    # Spaces and tabs, not \s, which would make the search of hostile files take minutes.
     rf'^[ \t]*"?({"|".join(MATRIX_NAMES)})"?[ \t]*:(?:[ \t]*\n)?[ \t]*(\[|-[ \t])',
     re.MULTILINE,
 )
@@ -49,7 +49,7 @@ AS_LISTS = re.compile(
 
 
 def recognises(document: Document) -> bool:
-    """Whether it is FileStorage's XML, or has its tagged matrices, or lists by their names."""
+    """Return whether it is FileStorage's XML, or has its tagged matrices or lists by its names."""
     if document.starts_with("<"):
         return "<opencv_storage" in document.text[:4096]
     is_any = re.search(r"opencv-(nd-)?matrix", document.text) or _has_lists(document)
@@ -58,7 +58,7 @@ def recognises(document: Document) -> bool:
 
 def _has_lists(document: Document) -> bool:
     if not document.starts_with("{"):
-        # A longer text is no YAML that is read, and may be another program's.
+        # A longer text is not read as YAML, and may be another program's.
         return AS_LISTS.search(document.text[:MAX_CHARACTERS]) is not None
     try:
         members = document.json
@@ -69,7 +69,7 @@ def _has_lists(document: Document) -> bool:
 
 
 def read(document: Document, image_size: ImageSize | None) -> Cameras:
-    """Read a camera; `image_size` is needed where the file does not say it."""
+    """Read a camera; `image_size` is needed if the file does not state it."""
     return only(lambda: _camera(_members(document), image_size))
 
 
@@ -112,7 +112,7 @@ def _size(members: JsonFields, image_size: ImageSize | None) -> ImageSize:
 
 
 def _name(members: JsonFields, names: tuple[str, ...]) -> str:
-    """Return the spelling that the file uses, or the usual one."""
+    """Return the name that the file uses, or the usual one."""
     return next((name for name in names if members.has(name)), names[0])
 
 
@@ -124,7 +124,7 @@ def _matrix(members: JsonFields, names: tuple[str, ...]) -> FloatArray:
         return members.array(name, (None, None) if is_nested else (None,))
     matrix = members.object(name)
     data = matrix.array("data", (None,))
-    # Arrays of one dimension, which OpenCV writes since version 5.
+    # Arrays of one dimension, as written by OpenCV since version 5.
     if matrix.has("sizes") and not matrix.has("rows"):
         return data
     rows, columns = matrix.integer("rows"), matrix.integer("cols")
@@ -144,7 +144,7 @@ def _xml_value(element: ElementTree.Element) -> Any:
 
 
 def _number(text: str) -> Any:
-    """Return a number, or the text that is none, which whoever wants a number refuses."""
+    """Return a number, or the text itself if it is not one, which later checks refuse."""
     for kind in (int, float):
         try:
             return kind(text.strip())
@@ -154,7 +154,7 @@ def _number(text: str) -> Any:
 
 
 def write(camera: Camera, suffix: str) -> str:
-    """Write a camera in the syntax that the extension stands for."""
+    """Write a camera in the syntax of the extension."""
     writers = {".xml": _xml, ".json": _json}
     width, height = camera.image_size
     numbers = {"image_width": width, "image_height": height}
@@ -203,7 +203,7 @@ def _json(numbers: dict[str, int], matrices: Matrices) -> str:
 
 
 def _real(value: float) -> str:
-    """Write a number with 17 digits where it needs them, and never as a whole one."""
+    """Write a number exactly, with up to 17 digits, and always as a floating-point number."""
     return repr(float(value))
 
 

@@ -1,4 +1,4 @@
-"""Lenses that other programs' files may hold and a `Camera` may not."""
+"""Lenses of other programs' files that `Camera` cannot represent."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from trisquare.camera.lens_models import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignLens:
-    """A camera of a model that `Camera` has not.
+    """A camera of a model that `Camera` does not have.
 
     Parameters
     ----------
     title : str
-        What it is, for messages: ``"OpenCV's tilted-sensor model"``.
+        Description in messages: ``"OpenCV's tilted-sensor model"``.
     K : ndarray, shape (3, 3)
         As `Camera.K`; ``(0, 0)`` is the centre of the top-left pixel.
     image_size : (int, int)
@@ -35,7 +35,7 @@ class ForeignLens:
         The core's name of the distortion: ``"opencv"``, or the names of coefficients, separated by
         blanks, such as ``"k1 k2 k3 k4 p1 p2"`` or ``"c b a"``.
     coefficients : sequence of float
-        Of the model, for ideal normalised points.
+        Coefficients of the model, for ideal normalised points.
     """
 
     title: str
@@ -45,7 +45,7 @@ class ForeignLens:
     coefficients: Sequence[float]
 
     def __post_init__(self) -> None:
-        Camera(self.K, np.zeros(5), self.image_size)  # says what is wrong with K or the size
+        Camera(self.K, np.zeros(5), self.image_size)  # raises an error if K or the size is wrong
 
 
 def simplest_camera(
@@ -53,14 +53,14 @@ def simplest_camera(
     coefficients: Mapping[str, float],
     image_size: tuple[int, int],
 ) -> Camera:
-    """Make a camera of the simplest model that has all coefficients that are not zero.
+    """Return a camera of the simplest model that has all non-zero coefficients.
 
     Parameters
     ----------
     K : array_like, shape (3, 3)
         As `Camera.K`.
     coefficients : mapping of str to float
-        Of ``k1 k2 p1 p2 k3``; those that are missing are zero.
+        Values of ``k1 k2 p1 p2 k3``; missing ones are zero.
     image_size : (int, int)
         Width and height.
     """
@@ -70,12 +70,12 @@ def simplest_camera(
 
 
 def check_opencv_matrix(K: FloatArray) -> None:
-    """Say what is wrong with a camera matrix of OpenCV's, which has no skew.
+    """Check a camera matrix of OpenCV's, which has no skew.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If it is not a camera matrix, or has a skew.
     """
     Camera(K, np.zeros(5), (1, 1))
     if K[0, 1]:
@@ -87,7 +87,7 @@ def opencv_lens(
     coefficients: Sequence[float],
     image_size: tuple[int, int],
 ) -> Camera | ForeignLens:
-    """Make a camera of OpenCV's coefficients, in its order, of the simplest model that has them.
+    """Return a camera of the simplest model that has OpenCV's coefficients, given in its order.
 
     Parameters
     ----------
@@ -108,11 +108,11 @@ def opencv_lens(
 
 
 def fisheye_of(K: FloatArray, coefficients: Sequence[float], image_size: tuple[int, int]) -> Camera:
-    """Make a camera whose observed radius is a polynomial of the angle (Kannala & Brandt).
+    """Return a camera whose observed radius is a polynomial of the angle (Kannala & Brandt).
 
-    ``r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)``, what OpenCV's
-    ``fisheye``, Kalibr's ``equidistant`` and COLMAP's ``OPENCV_FISHEYE`` share; coefficients that
-    are missing are zero.
+    ``r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)``, the model of OpenCV's
+    ``fisheye``, Kalibr's ``equidistant`` and COLMAP's ``OPENCV_FISHEYE``; missing coefficients are
+    zero.
     """
     values = np.zeros(len(FISHEYE))
     values[: len(coefficients)] = coefficients

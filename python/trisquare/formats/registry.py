@@ -1,4 +1,4 @@
-"""Which formats there are, and which of them a file is."""
+"""All formats, and how the format of a file is recognised."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trisquare.formats import (
 from trisquare.formats.base import Format
 from trisquare.formats.document import Document
 
-# Those that demand more of a text come before those that demand less.
+# In the order in which they are tried: formats with stricter tests first.
 FORMATS = (
     native_json.FORMAT,
     opencv.FORMAT,
@@ -33,16 +33,16 @@ FORMATS = (
 )
 FORMAT_NAMES = tuple(known.name for known in FORMATS)
 ENDINGS = sorted({ending for known in FORMATS for ending in known.file_names})
-"""Of the names of files that tell a format."""
+"""Endings of file names that imply a format."""
 
 
 def format_called(name: str) -> Format:
-    """Return the format of a name.
+    """Return the format with a name.
 
     Raises
     ------
     TypeError, ValueError
-        If there is none.
+        If there is no such format.
     """
     if not isinstance(name, str):
         raise TypeError(f"format must be a string, not {type(name).__name__}")
@@ -53,17 +53,17 @@ def format_called(name: str) -> Format:
 
 
 def format_of_document(document: Document) -> Format:
-    """Return the format that a text looks like, or else that its file's name promises.
+    """Return the format that a text looks like or, failing that, that its file's name implies.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If neither is a known format.
     """
     for known in FORMATS:
         if known.recognises(document):
             return known
-    # The format's own reader says best what is wrong with it.
+    # The error of the format's own reader is the most specific one.
     promised = _format_by_name(document.name)
     if promised is None:
         if not document.text.strip():
@@ -80,14 +80,14 @@ def format_of_name(
 ) -> Format:
     """Return the format in which to write a file of this name.
 
-    ``transforms.json``, ``camchain.yaml`` and the like are their programs' own; of a plain
-    ``.json`` it is trisquare's, of a plain ``.yaml`` or ``.xml`` OpenCV's. `remedy` is what the
-    error says to do, where the name alone decides.
+    ``transforms.json``, ``camchain.yaml`` and the like are their programs' own; a plain ``.json``
+    is trisquare's, a plain ``.yaml`` or ``.xml`` OpenCV's. `remedy` is the advice in the error,
+    for callers where only the name decides.
 
     Raises
     ------
     ValueError
-        If the name tells none.
+        If the name implies no format.
     """
     promised = _format_by_name(name)
     if promised is None:
@@ -96,7 +96,7 @@ def format_of_name(
 
 
 def _format_by_name(name: str) -> Format | None:
-    """Return the format with the longest ending that fits: it says most."""
+    """Return the format with the longest ending that fits, which is the most specific one."""
     fitting = [
         (len(ending), known)
         for known in FORMATS

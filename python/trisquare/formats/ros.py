@@ -8,8 +8,8 @@ cols and row-major data.
 
 Written: ``plumb_bob`` (k1, k2, p1, p2, k3), ``rational_polynomial`` (and k4, k5, k6, s1 to s4) or
 ``equidistant`` (k1, k2, k3, k4), no rectification, a projection by K itself. Read: these, and
-``fisheye``, which some call the last; a tilted sensor as the nearest. A skew is neither written nor
-read.
+``fisheye``, another name of ``equidistant``; a tilted sensor as the nearest. A skew is neither
+written nor read.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ WRITTEN = {
 
 
 def recognises(document: Document) -> bool:
-    """Whether it names a distortion model beside a camera matrix."""
+    """Return whether it has the keys ``distortion_model`` and ``camera_matrix``."""
     return not document.starts_with("{") and all(
         re.search(rf"^{key}\s*:", document.text, re.MULTILINE)
         for key in ("distortion_model", "camera_matrix")
@@ -98,7 +98,7 @@ def _matrix(name: str, rows: int, columns: int, data: list[float]) -> list[str]:
 
 
 def yaml_real(value: float) -> str:
-    """Write a number so that YAML 1.1 takes it for one: with a point before an exponent."""
+    """Write a number in a form that YAML 1.1 reads as one: with a point before an exponent."""
     text = repr(float(value))
     return text if "." in text else text.replace("e", ".0e")
 

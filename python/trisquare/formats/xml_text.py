@@ -1,4 +1,4 @@
-"""XML as camera files use it, read without trust."""
+"""Parsing of XML from untrusted camera files."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from xml.parsers import expat
 from trisquare._support.arrays import real_number
 
 MAX_LEVELS = 32
-"""No camera file has half as many."""
+"""Maximum depth of nesting; no camera file has half as many levels."""
 
 
 def parse_xml(text: str) -> ElementTree.Element:
-    """Parse a text; nothing outside it is fetched.
+    """Parse a text; no external entities are loaded.
 
     Raises
     ------
     ValueError
-        If it is not XML, is nested deeply, or declares entities, with which a small file unfolds
-        into a large one.
+        If it is not XML, is nested too deeply, or declares entities, by which a small file may
+        expand to a large one.
     """
     builder = ElementTree.TreeBuilder()
     levels = 0
@@ -49,12 +49,12 @@ def parse_xml(text: str) -> ElementTree.Element:
 
 
 def number_in(text: str | None, name: str) -> float:
-    """Return the number that an element or attribute has as its text.
+    """Return the number that is the text of an element or attribute.
 
     Raises
     ------
     ValueError
-        If there is none (`text` is None), or no finite number.
+        If it is missing (`text` is None), or is not a finite number.
     """
     if text is None:
         raise ValueError(f'"{name}" is missing')

@@ -1,4 +1,4 @@
-"""YAML as calibration files use it: plain data, read without trust."""
+"""Parsing of YAML from untrusted calibration files: plain data only."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ from typing import Any
 import yaml
 
 MAX_CHARACTERS = 1 << 20
-"""Of a text; calibrations of a hundred views have half."""
+"""Maximum length of a text; calibrations of a hundred views have half of it."""
 
 MAX_VALUES = 100_000
-"""Keys, numbers and texts; calibrations of a hundred views have a third. They are read in a second,
-and take 50 MB."""
+"""Maximum number of keys, numbers and texts; calibrations of a hundred views have a third of it. As
+many are read in a second, and take 50 MB."""
 
 MAX_LEVELS = 32
-"""Of nesting, of which camera files have six. Parsers take time by the product with the length."""
+"""Maximum depth of nesting; camera files have six levels. The time of parsers is proportional to
+its product with the length."""
 
 MAX_DIGITS = 400
-"""Of a number: all that Python writes of the largest float are 309."""
+"""Maximum number of digits; the largest float has 309 when written in full."""
 
 OPENCV_TAG = "tag:yaml.org,2002:opencv-"
 OPENCV_HEADER = re.compile(r"\A%YAML[: ]1\.0[^\n]*\n")
 
 
-# The parser in C is ten times faster. It would not survive hostile nesting, but that is refused.
+# The parser in C is ten times faster. Deep nesting would crash it, but is refused.
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _PlainLoader(_Loader):  # type: ignore[misc]
-    """Reads plain data, with numbers of so many digits."""
+    """Loader of plain data, which limits the number of digits."""
 
 
 def _number(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Let a constructor refuse long numbers: those to the base of 60 take a quadratic time."""
+    """Make a constructor refuse long numbers: those to base 60 take quadratic time."""
 
     def constructed(loader: Any, node: Any) -> Any:
         if len(node.value) > MAX_DIGITS:
@@ -45,7 +46,7 @@ def _number(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
 
 
 def _opencv_value(loader: yaml.SafeLoader, tag: str, node: Any) -> Any:
-    """Read a matrix as the mapping that it is written as, and whatever else OpenCV tags."""
+    """Read a matrix as a mapping, and other values that OpenCV tags as what they are."""
     if isinstance(node, yaml.MappingNode):
         return loader.construct_mapping(node, deep=True)
     if isinstance(node, yaml.SequenceNode):
@@ -58,14 +59,14 @@ _PlainLoader.add_constructor("tag:yaml.org,2002:int", _number(yaml.SafeLoader.co
 _PlainLoader.add_constructor(
     "tag:yaml.org,2002:float", _number(yaml.SafeLoader.construct_yaml_float)
 )
-# YAML 1.2 and the libraries in C++ write numbers such as 1e-05, which YAML 1.1 took for text.
+# YAML 1.2 and libraries in C++ write numbers such as 1e-05, which YAML 1.1 reads as text.
 _PlainLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+\Z"), list("-+0123456789")
 )
 
 
 class _LimitError(ValueError):
-    """A text is beyond a limit."""
+    """A text exceeds a limit."""
 
 
 def parse_yaml(text: str) -> Any:
@@ -74,12 +75,12 @@ def parse_yaml(text: str) -> Any:
     Raises
     ------
     ValueError
-        If it is not YAML, or beyond the limits above; if it holds aliases or tags other than
+        If it is not YAML, or exceeds the limits above; if it has aliases, or tags other than
         OpenCV's.
     """
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"the YAML text is longer than {MAX_CHARACTERS} characters")
-    # OpenCV's header is none that YAML knows.
+    # OpenCV's header is not valid YAML.
     plain = OPENCV_HEADER.sub("", text)
     try:
         _check_events(yaml.parse(plain, _PlainLoader))
@@ -90,12 +91,12 @@ def parse_yaml(text: str) -> Any:
         lines = (line.strip() for line in str(error).splitlines())
         raise ValueError(f"not YAML: {'; '.join(lines)}") from error
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        # What the parser's own converters stumble over: numbers and dates that are none.
+        # Errors of the parser's own converters, for invalid numbers and dates.
         raise ValueError(f"not YAML that can be read: {error}") from error
 
 
 def _check_events(events: Iterable[Any]) -> None:
-    """Raise ValueError at the first event that is beyond a limit; no more is parsed then."""
+    """Raise ValueError at the first event that exceeds a limit, before more is parsed."""
     values = levels = 0
     for event in events:
         if isinstance(event, yaml.CollectionStartEvent):
@@ -103,7 +104,7 @@ def _check_events(events: Iterable[Any]) -> None:
         elif isinstance(event, yaml.CollectionEndEvent):
             levels -= 1
         elif isinstance(event, yaml.AliasEvent):
-            # With these, a small file unfolds into a large one.
+            # By aliases, a small file may expand to a large one.
             raise yaml.YAMLError("it holds an alias (*name), which camera files do without")
         values += isinstance(event, yaml.NodeEvent)
         if levels > MAX_LEVELS:

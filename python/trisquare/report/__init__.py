@@ -1,4 +1,4 @@
-"""A calibration as a page: one HTML file that opens anywhere, offline, and can be printed.
+"""Report on a calibration: one HTML file that opens anywhere, offline, and can be printed.
 
 Its text is laid out by Jinja and its plots are drawn by matplotlib: the extra `trisquare[report]`.
 """
@@ -23,26 +23,26 @@ def write_report(
     *,
     command: str | None = None,
 ) -> None:
-    """Write a calibration as one HTML file that needs no other.
+    """Write a calibration as one self-contained HTML file.
 
     Parameters
     ----------
     calibration : Calibration
-        What to report.
+        The calibration to report.
     path : str or path
-        The file; it is written whole or not at all.
+        The file; it is written completely or not at all.
     image : path, bytes, binary file, PIL.Image.Image or ndarray, or several of them
         The photographs, in the order they were given to `calibrate`; without them the page has
-        plots and tables only. The residuals are those that the calibration holds.
+        only plots and tables. The residuals are those of the calibration.
     command : str, optional
-        A command line that repeats the calibration, to be stated.
+        A command line that repeats the calibration, shown on the page.
 
     Raises
     ------
     ImportError
         If Jinja or matplotlib is not installed.
     ImageError
-        If a photograph cannot be read whole.
+        If a photograph cannot be read completely.
     OSError
         If the file cannot be written.
     TypeError, ValueError
@@ -62,9 +62,9 @@ def report_page(
     *,
     command: str | None = None,
 ) -> bytes:
-    """Return the page that `write_report` writes, in UTF-8; the same for the same arguments.
+    """Return the page that `write_report` writes, in UTF-8; it depends only on the arguments.
 
-    Photographs that are loaded already may be given as such.
+    Photographs that are already loaded may be given as `Photographs`.
 
     Examples
     --------
@@ -75,14 +75,14 @@ def report_page(
     check_extra()
     if not isinstance(calibration, Calibration):
         raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
-    from trisquare.report.page import page_of  # it needs the extra
+    from trisquare.report.page import page_of  # requires the extra
 
     photographs = image if isinstance(image, Photographs) else Photographs(sources_of(image))
     return page_of(calibration, photographs, command)
 
 
 def check_extra() -> None:
-    """Raise ImportError, which says what to install, unless a report can be made."""
+    """Raise ImportError, with what to install, unless a report can be written."""
     try:
         import jinja2  # noqa: F401
         import matplotlib  # noqa: F401

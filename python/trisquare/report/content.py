@@ -1,4 +1,4 @@
-"""What a report says: the numbers of a calibration as rows and sentences."""
+"""Content of a report: the numbers of a calibration as rows and sentences."""
 
 from __future__ import annotations
 
@@ -58,21 +58,21 @@ _OF_PINHOLE = {
 
 
 MAX_ANGLED = 4
-"""Planes whose angles are told: six pairs."""
+"""Maximum number of planes whose angles are listed: six pairs."""
 
 
 def meanings(camera: Camera) -> dict[str, str]:
-    """Return what the parameters of a camera mean, by name."""
+    """Return the meanings of the parameters of a camera, by name."""
     return _INTRINSICS | (_OF_FISHEYE if is_fisheye(camera.model) else _OF_PINHOLE)
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of a parameter; coefficients of distortion have none."""
+    """Return the unit of a parameter; coefficients of distortion have no unit."""
     return "px" if name in _INTRINSICS else ""
 
 
 def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str, str]]:
-    """Yield name, unit, value and std of the free parameters, and of the held ones that matter."""
+    """Yield name, unit, value and std of all free parameters and of the relevant fixed ones."""
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
             yield name, unit_of(name), *with_its_std(value, calibration.std[name])
@@ -81,7 +81,7 @@ def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str, s
 
 
 def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> str:
-    """Say the focal length in millimetres, beside what a photograph's Exif block states."""
+    """Return a sentence on the focal length in millimetres, and on that of the Exif block."""
     camera, scales = calibration.camera, stated.pixels_per_millimetre
     length = float(np.mean(np.divide((camera.fx, camera.fy), scales)))
     std = calibration.std.get("fx", 0.0) / scales[0]
@@ -99,14 +99,14 @@ def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> st
 
 
 def distance_unit(planes: Iterable[Plane]) -> str:
-    """Return the unit of the distances of planes: metres where any knows its side."""
+    """Return the unit of the distances of planes: metres if any plane has a side."""
     return "sides" if all(plane.side is None for plane in planes) else "m"
 
 
 def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
     """Return a plane's distance, tilt in degrees, rms and samples.
 
-    The distance is in the unit of `distance_unit`, or names its own.
+    The distance is in the unit of `distance_unit`, or is followed by its own unit.
     """
     own = "sides" if plane.side is None else "m"
     distance = f"{np.linalg.norm(plane.tvec):.3f}"
@@ -119,7 +119,7 @@ def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
 
 
 def angles_between_planes(calibration: Calibration) -> str:
-    """Say the angles between the planes of one picture; nothing of more than a few planes."""
+    """Return a sentence on the angles between planes of one picture; empty for many planes."""
     planes = [
         (number, plane)
         for number, plane in enumerate(calibration.planes)
@@ -135,7 +135,7 @@ def angles_between_planes(calibration: Calibration) -> str:
 
 
 def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
-    """Say in sentences what came out."""
+    """Yield sentences that summarise the result."""
     camera = calibration.camera
     width, height = camera.image_size
     angles = angles_of_view(camera)
@@ -169,14 +169,14 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
 
 
 def copied(camera: Camera) -> str:
-    """Return the camera matrix and the distortion as Python text, all digits."""
+    """Return the camera matrix and the distortion as Python text, with all digits."""
     rows = ", ".join(str(row) for row in camera.K.tolist())
     name = "cv2.fisheye takes it" if is_fisheye(camera.model) else "cv2 takes it"
     return f"K = [{rows}]\ndistortion = {camera.distortion.tolist()}  # as {name}"
 
 
 def settings(calibration: Calibration) -> list[tuple[str, str]]:
-    """Return what was asked for, and what it was computed with."""
+    """Return the settings of the calibration, and the software versions."""
     methods = {"ml": "maximum likelihood (ml)", "linear": "the three linear steps (linear)"}
     method = methods.get(calibration.method, calibration.method)
     evidence = evidence_text(calibration.alternatives)
@@ -198,7 +198,7 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
 
 
 def held_text(calibration: Calibration) -> str:
-    """Return what is held, each at its values, and between planes; nothing where nothing is."""
+    """Return what is fixed, with its values, and relations of planes; empty if there is nothing."""
     camera = calibration.camera
     coefficients = zip(COEFFICIENTS[camera.model], camera.distortion, strict=True)
     bending = [f"{name} {value:.6g}" for name, value in coefficients if value != 0.0]
@@ -215,7 +215,7 @@ def held_text(calibration: Calibration) -> str:
 
 
 def _today() -> str:
-    """Return the date; a build that is to be repeated sets it."""
+    """Return the date; reproducible builds set it."""
     stated = os.environ.get("SOURCE_DATE_EPOCH")
     now = time.time() if stated is None else float(stated)
     return time.strftime("%Y-%m-%d", time.gmtime(now))

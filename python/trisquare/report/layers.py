@@ -1,4 +1,4 @@
-"""What a report shows of a photograph: it and its undistorted self, measured lines over both."""
+"""Layers of a report's pictures: the photograph, undistorted too, with measured lines over both."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from trisquare.results.calibration import Calibration
 from trisquare.undistortion.undistort import Undistorter
 
 CURVE_POINTS = 25
-"""Points of a drawn side: no lens bends one so much that a screen shows the chords."""
+"""Number of points of a drawn side: the chords between them are not visible on a screen."""
 
 MAX_NEEDLES = 3000
-"""Residuals drawn in a picture: more would be one blot, and a file too large for a mail."""
+"""Maximum number of residuals drawn in a picture: more would overlap, and make the file too large
+to be sent by mail."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlaneLayer:
-    """A plane's lines as paths of SVG, in pixels of the photograph or of the undistorted one."""
+    """A plane's lines as SVG paths, in pixels of the photograph or of the undistorted picture."""
 
     number: int
     x: float
@@ -37,11 +38,11 @@ class PlaneLayer:
 
 @dataclass(frozen=True, slots=True)
 class PictureLayers:
-    """A photograph and its undistorted self, each with its lines.
+    """A photograph and its undistorted version, each with its lines.
 
-    `photograph` and `undistorted` are data URIs, or None where there is no photograph, or no
-    undistorting it; `rejected` are paths of SVG. `exaggeration` and `rms` are those of the
-    residuals, of which one in `every` is drawn; `rms` is None where there are none.
+    `photograph` and `undistorted` are data URIs, or None if there is no photograph or it cannot be
+    undistorted; `rejected` are SVG paths. `exaggeration` and `rms` are those of the residuals, of
+    which one in `every` is drawn; `rms` is None if there are none.
     """
 
     index: int
@@ -56,7 +57,7 @@ class PictureLayers:
 
 
 def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -> PictureLayers:
-    """Prepare what is shown of a picture; `pixels` are those of its photograph, as shown."""
+    """Return the layers of a picture; `pixels` are those of its photograph, as shown."""
     camera = calibration.camera
     sides = list(measured_sides(calibration, index))
     rms, exaggeration = drawn_residuals(sides, camera.image_size)
@@ -67,7 +68,7 @@ def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -
         if plane.image != index:
             continue
         own = [side for side in sides if side.plane == number]
-        # Without samples, the corners tell where the plane is.
+        # Without samples, the outline of the corners is drawn.
         curves = [_thinned(side.curve) for side in own] or [_closed(plane.corners)]
         centre = plane.corners.mean(axis=0, keepdims=True)
         lines = [_path(n) for side in own for n in needles(side, exaggeration)[::every]]
@@ -91,10 +92,10 @@ def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -
 
 
 def _undistorted(camera: Camera, pixels: Image | None) -> tuple[Camera | None, Image | None]:
-    """Return the pinhole that `trisquare undistort` looks through, and what it sees.
+    """Return the pinhole of `trisquare undistort`, and the picture that it sees.
 
-    None where nothing of the picture can be undistorted. The pinhole is of the photograph's own
-    size, whatever size is shown.
+    Both are None if no part of the picture can be undistorted. The size of the pinhole's picture is
+    that of the photograph, whatever size is shown.
     """
     try:
         pinhole = camera.undistorted()
@@ -121,7 +122,7 @@ def _thinned(curve: FloatArray) -> FloatArray:
 
 
 def _through(pinhole: Camera, camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Return where a pinhole sees what pixels show, but for those that the camera cannot tell."""
+    """Return the pixels of a pinhole that show the same; those without a direction are left out."""
     known = np.array(_core.can_unproject(camera_for_core(camera), np.ascontiguousarray(pixels)))
     return pinhole.project(camera.unproject(pixels[known.astype(bool)]))
 
@@ -131,7 +132,7 @@ def _closed(corners: FloatArray) -> FloatArray:
 
 
 def _path(points: FloatArray) -> str:
-    """Return a polyline as SVG's path; a tenth of a pixel is finer than a screen's."""
+    """Return a polyline as an SVG path; a tenth of a pixel is finer than a screen's."""
     return "".join(
         f"{'L' if place else 'M'}{x:.1f} {y:.1f}" for place, (x, y) in enumerate(points.tolist())
     )

@@ -1,4 +1,4 @@
-"""What a report says of the lens: its equations, how far they hold, its radial displacement."""
+"""Description of the lens in a report: equations, valid radius, radial displacement."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ ADDED = {
     "s3": ("", "s3·r²"),
     "s4": ("", "s4·r⁴"),
 }
-"""What coefficients add to x and to y of the observed point."""
+"""Terms of the coefficients that are added to x and to y of the observed point."""
 
 CURVE_POINTS = 200
-"""Of the radial displacement: more than a plot of it is wide on a phone."""
+"""Number of points of the curve of radial displacement: more than a plot's width on a phone."""
 
 
 def lens_equations(camera: Camera, named: Collection[str]) -> Iterator[str]:
-    """Yield the way from a point (X, Y, Z) of the camera's frame to its pixel, step by step.
+    """Yield the equations from a point (X, Y, Z) of the camera's frame to its pixel, in order.
 
     Parameters
     ----------
     camera : Camera
     named : collection of str
-        The parameters that the equations have; others are zero.
+        The parameters in the equations; others are zero.
     """
     if is_fisheye(camera.model):
         factor = _polynomial("θ", ("k1", "k2", "k3", "k4"), named)
@@ -66,7 +66,7 @@ def _polynomial(variable: str, coefficients: Collection[str], named: Collection[
 
 
 def valid_radius_text(camera: Camera) -> str:
-    """Say how far from the principal point the distortion can be undone."""
+    """Return a sentence on the valid radius."""
     radius, pixels = camera.valid_radius, camera.valid_radius_px
     if radius is None or pixels is None:
         return "The distortion can be undone everywhere: the valid radius is infinite."
@@ -86,14 +86,14 @@ def farthest_corner(camera: Camera) -> float:
 
 
 def radial_displacement(camera: Camera) -> tuple[FloatArray, FloatArray] | None:
-    """Return how far the lens moves points outward, up to the picture's farthest corner.
+    """Return the outward displacement of points by the lens, up to the picture's farthest corner.
 
     Returns
     -------
     tuple of ndarray, shape (N,), or None
-        Distances of observed points from the principal point, pixels, and how much larger they are
-        than those of the ideal points: f times the tangent of the angle from the axis, of a fisheye
-        f times the angle; f is fx. None if the lens has no radial distortion.
+        Distances of observed points from the principal point, pixels, and their excess over those
+        of the ideal points: f times the tangent of the angle from the axis, for a fisheye f times
+        the angle; f is fx. None if the lens has no radial distortion.
     """
     radial = np.array(
         [
@@ -109,7 +109,7 @@ def radial_displacement(camera: Camera) -> tuple[FloatArray, FloatArray] | None:
     reach = farthest_corner(camera)
     if lens.valid_radius_px is not None:
         reach = min(reach, lens.valid_radius_px)
-    observed = np.linspace(0.0, reach, CURVE_POINTS + 1)[:-1]  # at the very end it turns back
+    observed = np.linspace(0.0, reach, CURVE_POINTS + 1)[:-1]  # without the turning point itself
     rays = lens.unproject(np.column_stack([lens.cx + observed, np.full(CURVE_POINTS, lens.cy)]))
     angles = np.arctan2(rays[:, 0], rays[:, 2])
     ideal = angles if is_fisheye(camera.model) else np.tan(angles)

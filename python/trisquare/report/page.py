@@ -1,4 +1,4 @@
-"""The page of a report: what was gathered, laid out by the template beside this file."""
+"""The page of a report, laid out by the template beside this file."""
 
 from __future__ import annotations
 
@@ -36,16 +36,17 @@ from trisquare.report.scene import scene_of
 from trisquare.results.calibration import Calibration
 
 MAX_PICTURES = 6
-"""Photographs shown: what is odd is seen in the first, and a page of hundreds would not open."""
+"""Maximum number of photographs shown: anomalies show in the first ones, and a page of hundreds
+would not open."""
 
 DIGEST_LETTERS = 16
-"""Of a file's SHA-256: enough to tell photographs apart."""
+"""Number of letters of a file's SHA-256 that are shown: enough to distinguish photographs."""
 
 MAX_OPEN = 3
-"""Photographs that are all shown; of more, those after the first are folded."""
+"""Number of photographs up to which all are unfolded; of more, only the first is."""
 
 MAX_REJECTED = 30
-"""Rows on candidates that were not used."""
+"""Maximum number of rows on rejected candidates."""
 
 
 def page_of(
@@ -53,7 +54,7 @@ def page_of(
     photographs: Photographs,
     command: str | None,
 ) -> bytes:
-    """Gather, draw and lay out; the arguments are those of `report_page`."""
+    """Return the page in UTF-8; the arguments are those of `report_page`."""
     names, files, layers, lengths = _pictures(calibration, photographs)
     sides = [side for index in names for side in measured_sides(calibration, index)]
     known = calibration.projection_map()
@@ -91,14 +92,14 @@ def page_of(
         scene=scene_of(calibration),
         **_plots(calibration, known, sides),
     )
-    # A file's name may hold bytes that are no text.
+    # A file's name may contain bytes that are not text.
     return page.encode("utf-8", "backslashreplace")
 
 
 def _pictures(
     calibration: Calibration, photographs: Photographs
 ) -> tuple[dict[int, str], list[tuple[str, str]], list[PictureLayers], list[str]]:
-    """Return names, what tells the files, what the first show, and the focal lengths in mm."""
+    """Return names, files with digests, layers of the first pictures, and focal lengths in mm."""
     names: dict[int, str] = {}
     files: list[tuple[str, str]] = []
     layers: list[PictureLayers] = []
@@ -134,7 +135,7 @@ def _plots(
     known: ProjectionMap,
     sides: Sequence[MeasuredSide],
 ) -> dict[str, Any]:
-    """Draw the plots: those that cannot be drawn are None."""
+    """Return the plots; those that cannot be drawn are None."""
     with plotting():
         uncertainty = uncertainty_map(calibration, known)
         by_radius, beyond_scale = residuals_by_radius(calibration, sides) or (None, 0)
@@ -152,7 +153,7 @@ def _svg(figure: Any, name: str) -> Markup | None:
 
 
 def _digest(encoded: bytes) -> str:
-    """Tell a file from others."""
+    """Return a text that identifies a file's content."""
     return f"SHA-256 {hashlib.sha256(encoded).hexdigest()[:DIGEST_LETTERS]}\u2026"
 
 

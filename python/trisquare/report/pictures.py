@@ -1,4 +1,4 @@
-"""Photographs as a page shows them."""
+"""Photographs in the form in which a page shows them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from trisquare.images.pixels import Image, picture_size
 
 LARGEST_SHOWN = 1600
-"""Pixels of a shown picture's longer side: no screen gives a page's picture more."""
+"""Maximum length of a shown picture's longer side (px): pages on screens are not wider."""
 
 JPEG_QUALITY = 85
-"""Its errors are under what a screen shows at this size."""
+"""JPEG quality; at this size its errors are invisible on a screen."""
 
 SRGB_KNEE = 0.0031308
 
 
 def shown_pixels(picture: Image, *, linear: bool) -> Image:
-    """Return a picture as a screen shows it: 8 bits, no larger than needed.
+    """Return a picture in the form for a screen: 8 bits, no larger than needed.
 
-    Linear light is coded as sRGB; float pictures are taken to span 0 to 1.
+    Linear light is coded as sRGB; float pictures are assumed to range from 0 to 1.
     """
     width, height = picture_size(picture)
     shrink = LARGEST_SHOWN / max(width, height)
@@ -39,6 +39,6 @@ def shown_pixels(picture: Image, *, linear: bool) -> Image:
 
 
 def jpeg_uri(pixels: Image) -> str:
-    """Return 8-bit pixels as the URI of a JPEG that it holds itself."""
+    """Return 8-bit pixels as a data URI of a JPEG."""
     encoded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")

@@ -1,4 +1,4 @@
-"""How plots look: vectors whose colours the page gives, so that they follow light and dark."""
+"""Style of plots: vector graphics with the page's colours, which follow light and dark themes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLOT_WIDTH, PLOT_HEIGHT = 4.8, 3.5
-"""Inches: at the 72 points of SVG about as wide as a phone, where its 10-point text can be read."""
+"""Size of a plot, inches: at 72 points per inch in SVG about the width of a phone, on which its
+10-point text is readable."""
 
 SERIES = 6
-"""Colours that are told apart; planes beyond take them again, and are numbered."""
+"""Number of distinct colours; further planes repeat them, and all planes are numbered."""
 
-# matplotlib writes colours as such numbers, and the page replaces them by its own. No colour that
-# is meant as a colour is so nearly black.
+# Placeholders of colours in matplotlib's output, which the page replaces by its own. No real colour
+# is so nearly black.
 INK, FAINT, GRID, GROUND = "#000001", "#000002", "#000003", "#000004"
 PAGE_COLOURS = {
     INK: "var(--ink)",
@@ -30,7 +31,7 @@ PAGE_COLOURS = {
 }
 
 SETTINGS = {
-    "svg.fonttype": "none",  # text stays text: small, found by a search, in the page's font
+    "svg.fonttype": "none",  # text is kept as text: small, searchable, in the page's font
     "font.size": 10.0,
     "text.color": INK,
     "axes.labelcolor": INK,
@@ -55,15 +56,15 @@ _settings_lock = threading.Lock()
 
 
 def plane_colour(plane: int) -> str:
-    """Return the colour of a plane, by its number."""
+    """Return the colour of a plane, given its number."""
     return f"#0000{plane % SERIES + 16:02x}"
 
 
 @contextmanager
 def plotting() -> Iterator[None]:
-    """Draw and save plots within: nobody's own settings of matplotlib matter.
+    """Set the style of plots that are drawn and saved within, whatever the user's settings are.
 
-    They belong to the process, so that one thread at a time draws a report.
+    matplotlib's settings belong to the process, so that only one thread at a time draws a report.
     """
     import matplotlib.style
 
@@ -72,31 +73,31 @@ def plotting() -> Iterator[None]:
 
 
 def inline_svg(figure: Figure, name: str) -> str:
-    """Return a figure as an ``svg`` element for a page; within `plotting`.
+    """Return a figure as an ``svg`` element for a page; to be called within `plotting`.
 
     Parameters
     ----------
     figure : Figure
     name : str
-        Begins the element's ids, lest two plots of a page share any.
+        Prefix of the element's ids, so that no two plots of a page share any.
     """
     import matplotlib
 
     stream = io.StringIO()
-    # The hash gives clip paths and markers their ids: the same plot, the same bytes.
+    # The salt determines the ids of clip paths and markers: equal plots have equal bytes.
     with matplotlib.rc_context({"svg.hashsalt": name}):
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
         figure.savefig(stream, format="svg", metadata=nothing)
     text = stream.getvalue()
     text = text[text.index("<svg") :]
-    # Its one style sheet would hold for the whole page, which has the same rules for plots.
+    # Its style sheet would apply to the whole page, which has the same rules for plots.
     text = re.sub(r"<style.*?</style>", "", text, count=1, flags=re.DOTALL)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     text = re.sub(r'^<svg([^>]*?) width="[^"]*"', r"<svg\1", text)
     text = re.sub(r'^<svg([^>]*?) height="[^"]*"', r'<svg\1 aria-hidden="true"', text)
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = text.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
-    # No font is named: the page's is used.
+    # Without the names of fonts, the page's font is used.
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", text)
     text = re.sub(r"font-family: [^;\"]*(; )?", "", text)
     return re.sub("#0000[0-9a-f]{2}", lambda found: PAGE_COLOURS.get(found[0], found[0]), text)

@@ -1,4 +1,4 @@
-"""The plots of a report: each takes numbers and returns a figure."""
+"""Plots of a report: functions of numbers that return figures."""
 
 from __future__ import annotations
 
@@ -22,45 +22,46 @@ if TYPE_CHECKING:
     from trisquare.results.calibration import Calibration
 
 MAX_DOTS = 1500
-"""Samples drawn one by one: more would only make the file larger, the means are of all."""
+"""Maximum number of samples drawn one by one: more would only enlarge the file. Means are of all
+samples."""
 
 RADIUS_BINS = 12
-"""Enough to show the bend that one missing coefficient of the lens leaves."""
+"""Number of bins over the radius: enough to show the effect of one missing lens coefficient."""
 
 ACROSS = 0.5
-"""Cosine between a side's normal and the radius from which its residual tells of the radius."""
+"""Minimum cosine between a side's normal and the radius for residuals to count as radial."""
 
 SHOWN_SPREAD = 5.0
-"""Robust standard deviations of residuals on a plot; those beyond are counted instead."""
+"""Range of residuals on a plot, in robust standard deviations; those outside are counted."""
 
 MAX_TICKS = 12
-"""Planes named along an axis."""
+"""Maximum number of planes named along an axis."""
 
 MAP_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
-"""Levels of the uncertainty in every power of ten, each about half as much again as the last."""
+"""Levels of the uncertainty in every power of ten, with ratios of about 1.5."""
 
 FEWEST_LEVELS = 5
-"""With fewer of those, levels are spread evenly."""
+"""Minimum number of such levels; with fewer, evenly spaced levels are used instead."""
 
 MAX_LEVELS = 14
-"""Shades that an eye can follow from the map to its scale."""
+"""Maximum number of levels: more shades could not be matched to the scale by eye."""
 
 NARROW = 8
-"""Times as long as wide: a line camera's picture, whose map would be a line as well."""
+"""Aspect ratio above which the map is not to scale: that of a line camera would be a line."""
 
 LARGEST_MAPPED = 1e6
-"""Pixels: an uncertainty beyond any picture's size is as good as infinite."""
+"""Uncertainty (px) above which it counts as infinite: it is larger than any picture."""
 
 
 def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:
-    """Draw each side's mean residual and the spread about it, plane by plane."""
+    """Draw the mean and the spread of each side's residuals, plane by plane."""
     figure, axes = _figure("sides, by plane", "residual, px")
     planes = np.array([side.plane for side in sides])
     order = np.argsort(planes, kind="stable")
     planes = planes[order]
     means = np.array([sides[i].residuals.mean() for i in order])
     spreads = np.array([sides[i].residuals.std() for i in order])
-    # A gap of one between planes.
+    # One empty place between planes.
     numbers = np.unique(planes)
     places = np.arange(len(order)) + np.searchsorted(numbers, planes)
     colours = [plane_colour(plane) for plane in planes.tolist()]
@@ -77,14 +78,14 @@ def residuals_by_side(sides: Sequence[MeasuredSide]) -> Figure:
 def residuals_by_radius(
     calibration: Calibration, sides: Sequence[MeasuredSide]
 ) -> tuple[Figure, int] | None:
-    """Draw how far samples lie outward of the model, over the distance from the centre.
+    """Draw the outward residuals of samples over their distance from the centre.
 
-    Only the samples of sides that run across the radius tell.
+    Only the samples of sides that run across the radius are used.
 
     Returns
     -------
     tuple of Figure and int, or None
-        The plot and how many samples lie beyond its scale; None if no sample tells.
+        The plot and the number of samples beyond its scale; None if no sample is used.
     """
     centre = np.array([calibration.camera.cx, calibration.camera.cy])
     rows = [np.empty((0, 3))]
@@ -115,7 +116,7 @@ def residuals_by_radius(
 
 
 def displacement_by_radius(camera: Camera, sides: Sequence[MeasuredSide]) -> Figure | None:
-    """Draw the radial displacement over the radius, and where the farthest sample lies.
+    """Draw the radial displacement over the radius, with the radius of the farthest sample.
 
     Returns
     -------
@@ -136,13 +137,13 @@ def displacement_by_radius(camera: Camera, sides: Sequence[MeasuredSide]) -> Fig
 
 
 def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | None:
-    """Draw how far the projection of a direction may be off, over the picture, and the planes.
+    """Draw the standard deviation of projections over the picture, with the planes.
 
     Returns
     -------
     Figure or None
-        None where nothing is to be drawn: a picture too small for a grid, no free parameter, or
-        nothing known at all.
+        None if there is nothing to draw: a picture too small for a grid, no free parameter, or
+        no part within the valid radius.
     """
     std = np.ma.masked_array(known.std, ~(known.std < LARGEST_MAPPED))
     if min(std.shape) < 2 or std.count() == 0 or not std.max() > 0.0:
@@ -153,7 +154,7 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
     bar = figure.colorbar(drawn, ax=axes, label="px", shrink=0.9)
     bar.outline.set_visible(False)  # type: ignore[operator]  # the stubs take it for a function
     bar.set_ticks(levels.tolist(), labels=[two_digits(level) for level in levels])
-    # Planes of several pictures lie over each other, and so would their numbers.
+    # Planes of several pictures overlap, and so would their numbers.
     one_picture = len({plane.image for plane in calibration.planes}) == 1
     for number, plane in enumerate(calibration.planes):
         outline = np.vstack([plane.corners, plane.corners[:1]])
@@ -162,7 +163,7 @@ def uncertainty_map(calibration: Calibration, known: ProjectionMap) -> Figure | 
         if one_picture:
             x, y = plane.corners.mean(axis=0)
             label = axes.text(x, y, str(number), color="white", ha="center", va="center")
-            label.set(clip_on=True, in_layout=False)  # it may stand outside the picture
+            label.set(clip_on=True, in_layout=False)  # it may be outside the picture
     width, height = calibration.camera.image_size
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     if max(width, height) < NARROW * min(width, height):

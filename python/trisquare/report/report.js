@@ -2,11 +2,11 @@
 for (const slider of document.querySelectorAll("input[data-split]")) {
   const move = () => slider.parentElement.style.setProperty("--split", `${slider.value}%`);
   slider.addEventListener("input", move);
-  // A browser that comes back to the page may have kept the slider where it was.
+  // The browser may restore an earlier position of the slider.
   move();
 }
 
-// The scene: a parallel projection that looks from beside and above the camera, in degrees.
+// The scene, in parallel projection. Views: angles beside and above the camera, degrees.
 const VIEWS = { side: [40, 24], above: [0, 90], camera: [0, 0] };
 const KEYS = {
   ArrowLeft: (view) => { view.beside -= 5; }, ArrowRight: (view) => { view.beside += 5; },
@@ -15,7 +15,7 @@ const KEYS = {
   "-": (view) => { view.zoom /= 1.2; }, Home: (view) => view.look("side"),
 };
 const DEGREES_PER_PIXEL = 0.5;
-const FILLED = 0.85; // of the picture by the scene as it is first seen
+const FILLED = 0.85; // initial size of the scene, as a fraction of the picture
 
 class Scene {
   constructor(figure) {
@@ -37,7 +37,7 @@ class Scene {
         view.above += event.movementY * DEGREES_PER_PIXEL;
       });
     });
-    // Who scrolls past has not chosen the scene: it takes the wheel when it has the focus.
+    // The wheel is used only if the scene has the focus, so that the page can be scrolled past it.
     svg.addEventListener("wheel", (event) => {
       if (document.activeElement !== svg) return;
       event.preventDefault();
@@ -76,7 +76,7 @@ class Scene {
     this.draw();
   }
 
-  /** The directions of the camera's frame that run right, down and away. */
+  /** Returns the directions, in the camera's frame, that point right, down and away on the screen. */
   axes() {
     const [beside, above] = [this.beside, this.above].map((degrees) => degrees * Math.PI / 180);
     const [c, s, C, S] = [Math.cos(beside), Math.sin(beside), Math.cos(above), Math.sin(above)];
@@ -88,7 +88,7 @@ class Scene {
     if (!width) return;
     const shown = this.planes.filter(({ image }) => this.image === null || image === this.image);
     const points = [[0, 0, 0], ...this.camera, ...shown.flatMap(({ corners }) => corners)];
-    // It turns about the middle of its box.
+    // The centre of rotation is the middle of the bounding box.
     const ends = [0, 1, 2].map((axis) => points.map((point) => point[axis]));
     const middle = ends.map((values) => (Math.min(...values) + Math.max(...values)) / 2);
     const [right, down, away] = this.axes();

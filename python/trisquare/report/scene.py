@@ -1,4 +1,4 @@
-"""Camera and planes in three dimensions, as numbers that the page's script draws and turns."""
+"""Camera and planes in three dimensions, as numbers that the page's script draws."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
 PYRAMID = 0.3
-"""Length of the camera's pyramid over the distance of the nearest plane."""
+"""Length of the camera's pyramid, relative to the distance of the nearest plane."""
 
 DIGITS = 5
-"""Of a coordinate: more than a screen shows."""
+"""Number of significant digits of a coordinate: more than a screen shows."""
 
 
 def scene_of(calibration: Calibration) -> dict[str, Any] | None:
-    """Return where the camera and the planes stand, in the camera's frame.
+    """Return the camera and the poses of the planes, in the camera's frame.
 
-    Each plane's own side is the unit: true sizes are not known, and a square that is twice as large
-    stands twice as far away in the same direction. Nor is known how the photographs stand to each
-    other: the planes of all of them are as the one camera saw them.
+    The unit is each plane's own side: true sizes are unknown, and a square of twice the size is at
+    twice the distance in the same direction. The relative poses of several photographs are unknown
+    too: the planes of all photographs are shown before one camera.
 
     Returns
     -------
     dict or None
         ``camera``, the four corners of its pyramid's base, and ``planes``, each with its
         ``number``, its ``image`` and its four ``corners``; points are lists of X, Y and Z. None if
-        no plane stands before the camera.
+        no plane is in front of the camera.
     """
     planes = [
         (number, plane.image, corners)
@@ -51,7 +51,7 @@ def scene_of(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def _corners(plane: Plane, camera: Camera) -> FloatArray | None:
-    """Return where a plane's corners stand; None if they do not stand before the camera."""
+    """Return a plane's corners in the camera frame; None if they are not in front of the camera."""
     try:
         flat = onto_plane(plane.corners, camera, plane)
     except ValueError:
@@ -61,7 +61,7 @@ def _corners(plane: Plane, camera: Camera) -> FloatArray | None:
 
 
 def _pyramid(camera: Camera, length: float) -> FloatArray:
-    """Return the base of the pyramid that the picture spans, without the lens's bend, (4, 3)."""
+    """Return the base of the pyramid of the picture's corners, without distortion, shape (4, 3)."""
     width, height = camera.image_size
     pixels = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
     rays = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(camera.K).T

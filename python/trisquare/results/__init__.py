@@ -1,1 +1,1 @@
-"""What a calibration returns: frozen data, checked, exact through JSON and pickle."""
+"""Results of a calibration: frozen data, checked, exact through JSON and pickle."""

@@ -71,7 +71,7 @@ JSON_ORDER = (
     *("image_size", "camera", "std", "parameters", "covariance", "rms_px", "noise_scale"),
     *("planes", "pictures", "warnings", "lines", "alternatives", "coherence", "rejected"),
 )
-"""Members of a result; the measured edges and their residuals follow if they are asked for."""
+"""Order of a result's JSON members; measured edges and their residuals, if requested, come last."""
 
 
 def _checked_deviations(value: Any, name: str) -> Mapping[str, float]:
@@ -117,13 +117,13 @@ class Calibration(Record):
     Parameters
     ----------
     camera : Camera
-        The estimate.
+        The estimated camera.
     std : mapping of str to float
-        One standard deviation of each free parameter, by name; with the aspect ratio held,
+        One standard deviation of each free parameter, by name; with a fixed aspect ratio,
         ``std["fy"]`` is ``std["fx"]`` times ``fy / fx``, although ``fy`` is not among
         `parameters`.
     covariance : array_like, shape (n, n)
-        Of the free parameters, in the order of `parameters`.
+        Covariance of the free parameters, in the order of `parameters`.
     parameters : sequence of str
         Names of the free parameters: of ``fx fy cx cy`` and the model's coefficients, these
         sorted by name: ``k1 k2 k3 p1 p2``; then ``skew`` if it was freed.
@@ -135,41 +135,41 @@ class Calibration(Record):
         The residuals' spread relative to the stated standard deviations; the covariance is
         scaled by its square.
     warnings : sequence of CalibrationWarning or str
-        What to do something about before relying on the numbers, the most severe first. Each is
-        its text, with a `code`, a `severity` and the `plane` it is about.
+        Problems to resolve before relying on the result, the most severe first. Each is its text,
+        with a `code`, a `severity` and the `plane` it is about.
     method : str
         ``"ml"`` or ``"linear"``.
     tone : str, float or None
-        Tone curve the pixels were read with; None if there were no pixels. An estimated one is
-        given as the pure gamma that codes mid-grey (18 % of white) alike.
+        Tone curve of the pixels; None if there were no pixels. An estimated curve is given as the
+        pure gamma that maps mid-grey (18 % of white) to the same value.
     fixed : sequence of str
-        What was held: of ``aspect``, ``principal_point``, ``focal``, ``distortion``.
+        What was fixed: any of ``aspect``, ``principal_point``, ``focal``, ``distortion``.
     stage : str
-        The stage of the pipeline that the numbers come from.
+        The stage of the pipeline that produced the result.
     software : str
-        Version of trisquare that computed it.
+        Version of trisquare that computed the result.
     alternatives : sequence of ModelAlternative
-        The models that ``model="auto"`` rejected, the simplest first; empty unless it chose.
+        The models that ``model="auto"`` rejected, the simplest first; empty with a named model.
     coherence : ResidualCorrelation, optional
-        How far the residuals are from independent noise, which the covariance allows for; None
-        in results of versions that did not ask.
+        Correlation of the residuals, which the covariance allows for; None in results of versions
+        that did not estimate it.
     rejected : sequence of Rejected
-        What was found in the pictures but not used, and why.
+        What was found in the pictures but not used, with the reason.
     tone_std : float, optional
-        One standard deviation of an estimated gamma; None where the tone curve was stated.
+        One standard deviation of an estimated gamma; None if the tone curve was stated.
     edges : sequence of PlaneEdges
-        What it was calibrated from; empty in results that were read from JSON without them.
+        Edges that it was calibrated from; empty in results that were read from JSON without them.
     residuals : sequence of FigureResiduals
-        How far the samples of each of the edges are from the calibrated model, in the order of
-        `edges`; empty where these are.
+        Distances of the samples of `edges` from the calibrated model, in the order of `edges`;
+        empty if `edges` are.
     lines : sequence of SceneLine
-        The lines of the scene that were given or found, used or rejected; they are no `edges`.
+        The lines of the scene that were given or found, used or rejected; `edges` are without them.
     pictures : sequence of str
-        Names of the photographs' files, without their folders, in the order that the `image` of
-        planes, lines and `rejected` counts; of a video's frame ``"frame 7 of clip.mp4"``, of what
-        is no file nothing. Empty of one photograph, and if none is a file.
+        Names of the photographs' files, without their folders, by the index `image` of planes,
+        lines and `rejected`; ``"frame 7 of clip.mp4"`` for a frame of a video, empty for what is
+        not a file. Without members for a single photograph, and if none is a file.
     orthogonal, parallel : sequence of (int, int)
-        The pairs of `planes` that were held at a right angle, or parallel.
+        The pairs of `planes` that were constrained to be at a right angle, or parallel.
 
     Examples
     --------
@@ -178,7 +178,7 @@ class Calibration(Record):
     fx is known to 0.077 px, from 3 planes
     """
 
-    # Without an annotation, lest it be among `__dataclass_fields__`.
+    # No annotation, which would add it to `__dataclass_fields__`.
     other_names = MappingProxyType(
         {
             name: f"camera.{name}"
@@ -249,7 +249,7 @@ class Calibration(Record):
             raise ValueError(f"residuals must be of one of the {len(self.planes)} planes")
 
     def __eq__(self, other: object) -> bool:
-        """Whether all is the same but the measured edges, their residuals, and names of files."""
+        """Compare everything but measured edges, residuals and names of files."""
         if not isinstance(other, Calibration):
             return NotImplemented
         return self._stated() == other._stated()
@@ -258,7 +258,7 @@ class Calibration(Record):
         return hash(self._stated())
 
     def _stated(self) -> str:
-        """Return what must agree for two results to be equal."""
+        """Return the text by which two results are compared."""
         return replace(self, pictures=()).to_json()
 
     def __repr__(self) -> str:
@@ -290,11 +290,11 @@ class Calibration(Record):
         return "\n".join(lines)
 
     def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the covariances of where the directions seen at pixels are projected.
+        """Return the covariances of the projections of the directions seen at pixels.
 
-        The uncertainty that counts for whoever uses the camera: a viewing direction, fixed in the
-        camera's frame, is projected by a camera that is known so well; the parameters' own
-        uncertainties may cancel or add up.
+        This is the uncertainty that matters to users of the camera: that of the pixel at which a
+        viewing direction, fixed in the camera's frame, is seen. The parameters' own uncertainties
+        may cancel or add up in it.
 
         Parameters
         ----------
@@ -319,7 +319,7 @@ class Calibration(Record):
         return projection_covariance(self._uncertain, points)
 
     def projection_std(self, points: npt.ArrayLike) -> FloatArray:
-        """Return how far the projections of the directions seen at pixels may be off.
+        """Return the standard deviations of the projections of the directions seen at pixels.
 
         Parameters
         ----------
@@ -347,17 +347,17 @@ class Calibration(Record):
     def projection_map(
         self, step: float | None = None, *, rotation: str = "fitted"
     ) -> ProjectionMap:
-        """Return how far projections may be off on a grid over the picture, border to border.
+        """Return the standard deviations of projections on a grid, border to border.
 
         Parameters
         ----------
         step : float, optional
-            The grid's lines are at most so many pixels apart; by default a 32nd of the width.
+            Maximum distance of the grid's lines, pixels; by default a 32nd of the width.
         rotation : {"fitted", "held"}
-            A principal point that is off by a few pixels is nearly a camera that is turned a
-            little, which goes unnoticed wherever the camera's pose is estimated with it, or does
-            not matter. ``"fitted"``: the rotation that fits the whole picture best is taken out,
-            as `compare` does. ``"held"``: directions are held in the camera's frame, as in
+            A principal point with an error of a few pixels is nearly equivalent to a small rotation
+            of the camera, which has no effect if the camera's pose is estimated with it, or does
+            not matter. ``"fitted"``: the rotation that fits the whole picture best is removed, as
+            in `compare`. ``"held"``: directions are fixed in the camera's frame, as in
             `projection_std`.
 
         Returns
@@ -383,7 +383,7 @@ class Calibration(Record):
         Parameters
         ----------
         edges : bool
-            Whether the measured edges and their residuals are part of it; they are most of it.
+            Whether to include the measured edges and their residuals, the largest part by far.
 
         Examples
         --------
@@ -394,7 +394,7 @@ class Calibration(Record):
         return dump_members(self.members(edges=edges))
 
     def members(self, *, edges: bool = False) -> dict[str, Any]:
-        """Return it as a JSON object, the one of which `to_json` makes a text.
+        """Return the result as a JSON object, whose text `to_json` returns.
 
         Parameters
         ----------
@@ -427,10 +427,10 @@ class Calibration(Record):
         Parameters
         ----------
         path : str, path or open file
-            The file; one that is named is written whole or left untouched.
+            The file; a named file is written completely or left untouched.
         format : str, optional
-            As in `Camera.save`; by default what the name tells. Only trisquare's own, ``.json``,
-            holds the uncertainties and planes.
+            As in `Camera.save`; by default by the file's name. Only trisquare's own format,
+            ``.json``, has the uncertainties and planes.
         approximate : bool
             As in `Camera.save`.
 
@@ -456,7 +456,7 @@ class Calibration(Record):
 
     @classmethod
     def load(cls, path: File) -> Calibration:
-        """Read the JSON that `save` or `to_json` wrote, from a file or what is open.
+        """Read the JSON that `save` or `to_json` wrote, from a file's name or an open file.
 
         Raises
         ------
@@ -482,7 +482,7 @@ class Calibration(Record):
 
     @classmethod
     def from_json(cls, text: str) -> Calibration:
-        """Read what `to_json` wrote; keys that are not known are ignored.
+        """Read the JSON that `to_json` wrote; unknown keys are ignored.
 
         Raises
         ------
@@ -498,7 +498,7 @@ class Calibration(Record):
         members = JsonFields.parse(text, RESULT_FORMAT)
         size = len(members.texts("parameters"))
         covariance = members.array("covariance", (size, size))
-        # Of the variances of its directions numpy takes roots.
+        # Callers take square roots of the variances along its directions.
         if not _core.is_covariance(covariance):
             raise ValueError('"covariance" must be symmetric and positive semidefinite')
         image_size = members.integers("image_size")

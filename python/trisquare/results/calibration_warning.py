@@ -1,4 +1,4 @@
-"""What a user should do something about before relying on a result."""
+"""Warnings about problems to resolve before relying on a result."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from trisquare.errors import help_of
 Severity = Literal["high", "medium", "low"]
 
 SEVERITIES: tuple[Severity, ...] = ("high", "medium", "low")
-"""In the order in which warnings are told."""
+"""Severities in the order in which warnings are listed."""
 
 
 class CalibrationWarning(str):
-    """A warning: its text, with a code that programs may rely on.
+    """A warning: its text, with a code that is stable across versions.
 
     Parameters
     ----------
     text : str
-        What is wrong, what it does to the result, and what helps.
+        The problem, its effect on the result, and the remedy.
     code : str
-        A name of what is wrong, the same in all versions; `help` names the page that explains it.
+        Name of the problem, the same in all versions; `help` names the page that explains it.
     severity : {"high", "medium", "low"}
-        ``"high"``: the answer may be wrong beyond its uncertainty; ``"medium"``: something is to
-        be looked at; ``"low"``: something was left out or an interval widened.
+        ``"high"``: the result may be wrong beyond its uncertainty; ``"medium"``: something should
+        be checked; ``"low"``: something was left out or an interval widened.
     plane : int, optional
-        The plane that it is about.
+        Index of the plane that it is about.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class CalibrationWarning(str):
         Raises
         ------
         TypeError, ValueError
-            If a part is of another class, or the severity is none.
+            If a part has the wrong type, or the severity is unknown.
         """
         if severity not in SEVERITIES:
             raise unknown("severity", str(severity), SEVERITIES)
@@ -75,7 +75,7 @@ class CalibrationWarning(str):
 
     @property
     def help(self) -> str:
-        """Where the documentation explains it, relative to the folder of its pages."""
+        """Page of the documentation that explains it, relative to the folder of the pages."""
         return help_of(self.code)
 
 
@@ -94,7 +94,7 @@ def _checked(values: Any, name: str) -> tuple[CalibrationWarning, ...]:
 
 
 def _read(members: JsonFields, key: str) -> tuple[CalibrationWarning, ...]:
-    """Read warnings; results of versions before the codes have texts alone."""
+    """Read warnings; results of versions before the codes have only texts."""
     given = members.value(key)
     if isinstance(given, list) and all(isinstance(value, str) for value in given):
         return tuple(CalibrationWarning(text) for text in members.texts(key))
@@ -110,7 +110,7 @@ def _read(members: JsonFields, key: str) -> tuple[CalibrationWarning, ...]:
 
 
 def warning_members(warnings: Iterable[CalibrationWarning]) -> list[dict[str, Any]]:
-    """Return warnings as members of JSON objects."""
+    """Return warnings as JSON objects."""
     return [
         {
             "code": warning.code,

@@ -1,4 +1,4 @@
-"""The lens models that the data spoke against."""
+"""The lens models that were not chosen."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ WORTH_A_MENTION = 1.0
 A. Raftery, *J. American Statistical Association* 90 (1995) 773-795)."""
 
 FAR_BEHIND = 100.0
-"""Natural logarithm of odds against a model, above which only that it is wrong can be read from it:
-it grows with the samples."""
+"""Natural logarithm of odds against a model beyond which it is not stated: it only means that the
+model is wrong, and grows with the number of samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class ModelAlternative(Record):
 
 
 def evidence_text(others: Sequence[ModelAlternative]) -> str:
-    """Return how the models that were not chosen compare with the chosen one, if there are any."""
+    """Return the evidence of the other models relative to the chosen one; empty without any."""
     if not others:
         return ""
     odds = ", ".join(f"{other.model} {_odds_text(other.log_evidence)}" for other in others)

@@ -1,4 +1,4 @@
-"""Where a target was found, whether or not a camera could be calibrated from it."""
+"""Detected targets, whether or not a camera could be calibrated from them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ PARALLEL = 0.1
 squares and grids are parallel or perpendicular."""
 
 FARTHEST = 1.0
-"""A corner further beyond the samples than so many of their spans has run toward the horizon."""
+"""Maximum distance of a corner from the samples' bounding box, relative to its size: a corner
+farther away is near the horizon."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,11 +29,11 @@ class PartialDetection(Record):
     Parameters
     ----------
     kind : str
-        What it is called: ``"square"``, ``"frame"``, ``"chessboard"``, ...
+        Kind of target: ``"square"``, ``"frame"``, ``"chessboard"``, ...
     image : int
         Index of the picture it was found in.
     corners : array_like, shape (4, 2)
-        Where it is, in pixels of the photograph; a board's outermost crossings.
+        Its corners, in pixels of the photograph; a board's outermost crossings.
 
     Examples
     --------
@@ -54,7 +55,7 @@ class PartialDetection(Record):
 
 
 def partial_detections(figures: Iterable[PlaneEdges]) -> list[PartialDetection]:
-    """Return where each plane's first figure was found."""
+    """Return the detection of the first figure of each plane."""
     planes: set[int] = set()
     found = []
     for figure in figures:
@@ -66,7 +67,7 @@ def partial_detections(figures: Iterable[PlaneEdges]) -> list[PartialDetection]:
 
 
 def _corners(figure: PlaneEdges) -> FloatArray:
-    """Corners of the rectangle that a figure's lines span, in the picture: good to a few pixels."""
+    """Return the corners of the rectangle around a figure's lines, exact to a few pixels."""
     samples = np.concatenate(figure.points)
     low, high = samples.min(axis=0), samples.max(axis=0)
     around = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
@@ -91,7 +92,7 @@ def _corners(figure: PlaneEdges) -> FloatArray:
 
 
 def _crossings(lines: FloatArray) -> FloatArray:
-    """Where the lines (L, 3) of a model cross, shape (C, 2)."""
+    """Return the crossings of the lines (L, 3) of a model, shape (C, 2)."""
     i, j = np.triu_indices(len(lines), 1)
     points = np.cross(lines[i], lines[j])
     across = np.abs(points[:, 2]) > PARALLEL
@@ -99,7 +100,7 @@ def _crossings(lines: FloatArray) -> FloatArray:
 
 
 def _line(points: FloatArray) -> FloatArray:
-    """Line ``(a, b, c)`` that fits points best."""
+    """Return the line ``(a, b, c)`` that fits points best."""
     centre = points.mean(axis=0)
     values, vectors = np.linalg.eigh((points - centre).T @ (points - centre))
     normal = vectors[:, int(np.argmin(values))]

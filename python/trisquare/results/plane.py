@@ -30,40 +30,40 @@ ROTATION = Kind(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane(Record):
-    """One physical plane: where it stands, and how well it fits.
+    """One physical plane: its pose and its residuals.
 
     Parameters
     ----------
     kind : str
-        What was found on it: ``"square"``, ``"frame"``, ``"rectangle"``, ``"facade"``,
+        Kind of target on it: ``"square"``, ``"frame"``, ``"rectangle"``, ``"facade"``,
         ``"chessboard"``, ...
     image : int
         Index of the picture it was seen in.
     corners : array_like, shape (4, 2)
-        Corners of its (first) figure in the photograph, distorted, in pixels: where the calibrated
-        camera sees them. Lengths between those of one plane are the target's own, and check
-        nothing.
+        Corners of its (first) figure in the photograph, distorted, in pixels: their projection by
+        the calibrated camera. Lengths between corners of one plane are the target's by
+        construction, and are no check of the calibration.
     rotation, translation : array_like, shape (3, 3) and (3,)
-        ``X_cam = rotation @ X_plane + translation``, in units of the square's side; of a
-        rectangle's shorter side, or where its aspect was unknown of its side 1; of a facade's
-        extent along Y, between its outermost lines; of circles in the unit of their radii.
+        ``X_cam = rotation @ X_plane + translation``. The unit is the square's side; the shorter
+        side of a rectangle, or its side 1 if its aspect was unknown; the extent of a facade along
+        Y, between its outermost lines; the unit of the radii of circles.
     rms : float
         Root mean square residual of its samples, in pixels.
     samples : int
-        How many samples it rests on.
+        Number of its samples.
     uncertainty : PoseUncertainty, optional
-        How well its pose is known; None in results of versions that did not say.
+        Uncertainty of its pose; None in results of versions that did not state it.
     aspect, aspect_std : float, optional
-        Of a rectangle whose aspect was unknown: side 0 over side 1, and its standard deviation;
-        of a facade its extent along X.
+        For a rectangle of unknown aspect: side 0 over side 1, and its standard deviation; for a
+        facade its extent along X.
     radii, radii_std : array_like, shape (C,), optional
-        Of circles of which some radii were unknown: those of all, and their standard deviations,
-        zero of one that was known.
+        For circles of which some radii were unknown: all radii, and their standard deviations,
+        zero for known ones.
     side : float, optional
-        Length of what `translation` has as its unit, in metres, as it was stated at calibration;
-        None for the hole of a frame whose outer outline was not measured.
+        Length of the unit of `translation`, in metres, as stated at calibration; None for the hole
+        of a frame whose outer outline was not measured.
     rejection : str, optional
-        Why the camera does not follow it; None if it does.
+        Why the camera is not estimated from it; None if it is.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class Plane(Record):
     [-1.04, -0.57, 2.33]
     """
 
-    # Without an annotation, lest it be among `__dataclass_fields__`.
+    # No annotation, which would add it to `__dataclass_fields__`.
     other_names = MappingProxyType(
         {
             "picture": "image",
@@ -105,22 +105,22 @@ class Plane(Record):
 
     @property
     def is_used(self) -> bool:
-        """Whether the camera follows it."""
+        """Whether the camera is estimated from it."""
         return self.rejection is None
 
     @property
     def stated_side(self) -> float:
-        """`side`, or 1 where it is not known."""
+        """`side`, or 1 if it is unknown."""
         return 1.0 if self.side is None else self.side
 
     @property
     def rvec(self) -> FloatArray:
-        """The rotation as OpenCV has it: axis times angle, shape (3,), radians."""
+        """The rotation in OpenCV's form: axis times angle, shape (3,), radians."""
         return rotation_vector(self.rotation)
 
     @property
     def tvec(self) -> FloatArray:
-        """`translation`, as OpenCV calls it, shape (3,): in metres where `side` is known."""
+        """`translation` under OpenCV's name, shape (3,): in metres if `side` is known."""
         return self.cam_from_plane()[:3, 3]
 
     def cam_from_plane(self, side: str | float | None = None) -> FloatArray:
@@ -129,15 +129,15 @@ class Plane(Record):
         Parameters
         ----------
         side : str or float, optional
-            Length of what `translation` has as its unit, mostly the square's side: a text such as
-            ``"84mm"``, which is taken in metres, or a number in any unit; the matrix then takes
-            points of the plane in that unit. By default the plane's own
-            `side` in metres, or 1 where that is not known.
+            Length of the unit of `translation`, in most cases the square's side: a text such as
+            ``"84mm"``, which is converted to metres, or a number in any unit; the matrix then
+            applies to points of the plane in that unit. By default the plane's own `side` in
+            metres, or 1 if it is unknown.
 
         Raises
         ------
         TypeError, ValueError
-            If `side` is no positive length.
+            If `side` is not a positive length.
 
         Examples
         --------

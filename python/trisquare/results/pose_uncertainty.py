@@ -1,4 +1,4 @@
-"""How well a plane's pose is known, together with the camera."""
+"""Uncertainty of a plane's pose, jointly with the camera's."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from trisquare._support.records import NUMBER, Record, array, member
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseUncertainty(Record):
-    """How well a pose is known, and how it would follow another camera.
+    """Uncertainty of a pose, and its dependence on the camera.
 
     A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
-    (radians), and the translation (units of the square's side). A tone curve that was estimated is
-    as unknown as the pose, and follows the camera with it.
+    (radians), and the translation (units of the square's side). An estimated tone curve counts as
+    unknown, like the pose, and depends on the camera like it.
 
     Parameters
     ----------
     given_camera : array_like, shape (6, 6)
-        Covariance of the pose where the camera is given.
+        Covariance of the pose for a given camera.
     by_camera : array_like, shape (6, n)
-        Derivative of the pose by all of the camera's parameters, free or held, in the order
-        ``fx fy cx cy k1 k2 k3 p1 p2``; of a fisheye ``fx fy cx cy k1 k2 k3 k4``; of a rational
-        lens ``fx fy cx cy k1 k2 k3 k4 k5 k6 p1 p2``, of one with prism terms also
-        ``s1 s2 s3 s4``; ``skew`` comes last where the camera has one or it was freed.
+        Derivative of the pose with respect to all of the camera's parameters, free or fixed, in the
+        order ``fx fy cx cy k1 k2 k3 p1 p2``; for a fisheye ``fx fy cx cy k1 k2 k3 k4``; for a
+        rational lens ``fx fy cx cy k1 k2 k3 k4 k5 k6 p1 p2``, with prism terms also
+        ``s1 s2 s3 s4``; ``skew`` comes last if the camera has one or it was free.
     side_error : float, optional
-        What the sides of the plane err by beyond their noise, where they do (paper that is not
-        flat): root mean square, pixels. `measure` expects as much of any point of the plane.
+        Root mean square error of the plane's sides beyond their noise, pixels, if there is one
+        (paper that is not flat). `measure` assumes the same error for any point of the plane.
 
     Examples
     --------

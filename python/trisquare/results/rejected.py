@@ -1,4 +1,4 @@
-"""What was found in a picture but plays no part in its calibration, and why."""
+"""Candidates that were found in a picture but not used in its calibration, with the reasons."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from trisquare._support.arrays import FloatArray
 from trisquare._support.records import INDEX, NUMBER, TEXT, Record, member, pixels
 
 CUT_BY_BORDER = "it is cut by the picture's border"
-"""Reason of a shape that is only partly in the picture: its corners are those of a box."""
+"""Reason for a shape that is only partly in the picture; its corners are those of a box."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,16 +19,16 @@ class Rejected(Record):
     Parameters
     ----------
     kind : str
-        What it was taken for: ``"square"``, ``"frame"``, ``"chessboard"``, ...
+        Assumed kind: ``"square"``, ``"frame"``, ``"chessboard"``, ...
     image : int
         Index of the picture it was found in.
     corners : array_like, shape (4, 2)
-        Where it is, in pixels of the photograph.
+        Its corners, in pixels of the photograph.
     reason : str
         Why it was not used.
     residual : float, optional
         Root mean square distance of its samples from the best square that the camera allows,
-        in pixels; None if that was not asked.
+        in pixels; None if it was not computed.
 
     Examples
     --------
@@ -49,5 +49,5 @@ class Rejected(Record):
 
 
 def is_reported(warning: str, rejected: Sequence[Rejected]) -> bool:
-    """Whether a warning says of one of the rejected why it was not used."""
+    """Return whether a warning includes the reason of one of the rejected candidates."""
     return any(candidate.reason in warning for candidate in rejected)

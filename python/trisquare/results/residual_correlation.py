@@ -1,4 +1,4 @@
-"""How far the residuals of a calibration are from independent noise."""
+"""Departure of a calibration's residuals from independent noise."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ NUMBERS = Kind(
 
 @dataclass(frozen=True, slots=True)
 class ResidualCorrelation(Record):
-    """How far the residuals are from independent noise; the covariance allows for it.
+    """Departure of the residuals from independent noise, which the covariance allows for.
 
     Parameters
     ----------
     neighbours : float
-        Variance of the mean of many neighbouring samples over what independent ones would have;
-        1 where neighbours are not correlated.
+        Variance of the mean of many neighbouring samples over that of independent samples; 1 if
+        neighbours are not correlated.
     probability : float
-        That the samples of a side share an error beyond their noise (paper that is not flat, a
-        lens beyond the model).
+        Probability that the samples of a side share an error beyond their noise (paper that is not
+        flat, a lens beyond the model).
     displacements : tuple of float
-        Root mean square of that error where there is one, for every plane, in pixels.
+        Root mean square of that error, if there is one, for every plane, in pixels.
     contradiction : float
-        Variance with which the planes contradict each other over what their sides' own
-        straightness lets expect; 1 where they do not.
+        Variance of the planes' contradictions over that expected from the straightness of their
+        sides; 1 if they do not contradict each other.
 
     Examples
     --------
@@ -46,5 +46,5 @@ class ResidualCorrelation(Record):
 
     @property
     def sides_err_together(self) -> bool:
-        """Whether the samples of a side share an error, likelier than not."""
+        """Whether the samples of a side probably share an error."""
         return self.probability > LIKELIER

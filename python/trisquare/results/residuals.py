@@ -1,4 +1,4 @@
-"""How far the measured edges are from where a calibration says that they should be."""
+"""Distances of the measured edges from their positions according to a calibration."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from trisquare._support.records import INDEX, Record, arrays, check_members, mem
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureResiduals(Record):
-    """How far the samples of a figure are from the images of its lines.
+    """Distances of the samples of a figure from the images of its lines.
 
     Parameters
     ----------
     plane : int
-        Which of the calibration's planes it lies on.
+        Index of the calibration's plane that it lies on.
     distances : sequence of array_like, shape (N_i,)
         Signed distances of the samples of each line from its image, in pixels of the photograph.
     normals : sequence of array_like, shape (N_i, 2)
-        Unit normals of the line's image at the samples, towards which the distances are positive:
-        to the side where ``a x + b y + c`` of the line is positive, which is inwards of squares
-        as `detect` returns them.
+        Unit normals of the line's image at the samples. Distances are positive along them, on the
+        side where ``a x + b y + c`` of the line is positive, which is the inside of squares from
+        `detect`.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from trisquare._support.records import INDEX, NUMBER, TEXT, Record, array, membe
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneLine(Record):
-    """A line of the scene, and whether the camera follows it.
+    """A line of the scene, and whether it was used.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class SceneLine(Record):
         Its samples, pixels of the photograph.
     rms : float, optional
         Root mean square distance of the samples from the image of the straight line that fits them
-        best, pixels; None where the lens does not see all of them.
+        best, pixels; None if some samples are beyond the valid radius.
     rejection : str, optional
         Why it was not used; None if it was.
 
@@ -45,7 +45,7 @@ class SceneLine(Record):
 
     @property
     def is_used(self) -> bool:
-        """Whether the camera follows it."""
+        """Whether it was used in the fit."""
         return self.rejection is None
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""A camera for the compiled core with its uncertainty, or as if it were exact."""
+"""A camera with its uncertainty for the compiled core; one without uncertainty counts as exact."""
 
 from __future__ import annotations
 

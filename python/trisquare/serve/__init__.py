@@ -1,6 +1,6 @@
-"""A page for people who do not type, and the API behind it: the extra `trisquare[serve]`.
+"""Graphical page in the browser, and the API behind it: the extra `trisquare[serve]`.
 
-Everything stays on the machine: pictures are kept in a folder of their own while a request lasts.
+Everything stays on the machine: pictures are kept in a folder of their own during a request.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ __all__ = ["check_extra"]
 
 
 def check_extra() -> None:
-    """Raise ImportError, which says what to install, unless the page can be served."""
+    """Raise ImportError, with what to install, unless the page can be served."""
     try:
         import python_multipart  # noqa: F401
         import starlette  # noqa: F401

@@ -1,6 +1,6 @@
-"""What each task answers: members for JSON, or the content of a file.
+"""Answers to all tasks: JSON members, or the content of a file.
 
-A worker imports this with its first task; the server, which only passes tasks on, never.
+A worker imports this module with its first task; the server, which only passes tasks on, does not.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ from trisquare.undistortion.undistort import Undistorter
 SHOWN = "image/jpeg"
 
 FRAMES = 10
-"""Of a video, where the request does not say how many."""
+"""Default number of frames of a video."""
 
 SIDE_POINTS = 8
-"""Of a measured side, that are drawn."""
+"""Number of drawn points of a measured side."""
 
 Made = tuple[dict[str, Any], bytes | None]
-"""Members of the answer, and the content of a file if that is the answer."""
+"""Members of the answer, and the content of a file if the answer is a file."""
 
 
 def _find(task: Task, limits: JobLimits) -> Made:
-    """Find outlines; or measure the edges at those that were drawn, which move onto them."""
+    """Find outlines, or measure the edges at outlines that were drawn, and move these onto them."""
     picture = as_recorded(_picture(task, limits))
     size = picture_size(picture)
     kinds = TargetKinds.parse(_targets(task))
@@ -83,7 +83,7 @@ def _find(task: Task, limits: JobLimits) -> Made:
 
 
 def _outlined(target: Any) -> dict[str, Any]:
-    """Return where a target is: its corners and, of a square, its curved sides and its hole."""
+    """Return a target's outline: corners and, for a square, its curved sides and its hole."""
     members = {"kind": target.kind, "corners": _rounded(target.quad)}
     outline = getattr(target, "outline", None)
     if outline is not None:
@@ -94,7 +94,7 @@ def _outlined(target: Any) -> dict[str, Any]:
 
 
 def _of_figures(figures: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return where measured squares are; the second figure on a plane is a frame's hole."""
+    """Return the outlines of measured squares; the second figure of a plane is a frame's hole."""
     outlined: dict[int, dict[str, Any]] = {}
     for figure in figures:
         (found,) = partial_detections([figure])
@@ -110,9 +110,9 @@ def _of_figures(figures: Sequence[Any]) -> list[dict[str, Any]]:
 
 
 def _at_corners(sides: Sequence[Any], coarse: Any) -> Any:
-    """Return where the ends of four curved sides meet, shape (4, 2); `coarse` is some pixels off.
+    """Return the intersections of four curved sides, shape (4, 2); `coarse` is some pixels off.
 
-    Corner i lies between sides i - 1 and i. A quarter of a side is straight enough.
+    Corner i lies between sides i - 1 and i. A quarter of a side is approximated by a line.
     """
 
     def end(points: Any, corner: Any) -> Any:
@@ -186,7 +186,7 @@ def _guidance(
         members = _object(outline, f"outlines[{number}]")
         kind = members.get("kind", "square")
         if kind not in ("square", "frame", "tag"):
-            others.append(str(kind))  # what it tells does not follow from its outline
+            others.append(str(kind))  # its outline is not enough for a prediction
             continue
         where = f"outlines[{number}]"
         inner, sides = members.get("inner"), members.get("sides")
@@ -240,17 +240,17 @@ def _undistort(task: Task, limits: JobLimits) -> Made:
 
 
 def _preview(task: Task, limits: JobLimits) -> Made:
-    """Return what a browser can show of a picture that it cannot read itself."""
+    """Return a picture that a browser cannot read in a form that it can show."""
     return _jpeg(_shown(_picture(task, limits)))
 
 
 def _frames(task: Task, limits: JobLimits) -> Made:
-    """Return frames of a video as a form, as `calibrate` is sent one."""
+    """Return frames of a video as a form, in the form in which `calibrate` accepts them."""
     count = whole_number(task.options.get("frames", FRAMES), "frames")
     if not 1 <= count <= MAX_PICTURES:
         raise ValueError(f"frames must be from 1 to {MAX_PICTURES}, not {count}")
     chosen = choose_frames(_only(task), count, limits.of_pictures)
-    # RFC 7578; the boundary occurs in no picture.
+    # RFC 7578; a random boundary, which occurs in no picture.
     boundary = secrets.token_hex(16)
     form = b"".join(
         f'--{boundary}\r\nContent-Disposition: form-data; name="picture"; '
@@ -299,7 +299,7 @@ def _picture(task: Task, limits: JobLimits) -> Any:
 
 
 def _only(task: Task) -> str:
-    """Return the picture of a task that is for one."""
+    """Return the picture of a task that accepts one."""
     if len(task.photographs) != 1:
         raise ValueError(f"give one picture, not {len(task.photographs)}")
     return task.photographs[0]
@@ -313,7 +313,7 @@ def _targets(task: Task) -> str:
 
 
 def _object(value: Any, name: str) -> Mapping[str, Any]:
-    """Return an option that is a JSON object: a text would name a file."""
+    """Return an option that must be a JSON object; a string would be the name of a file."""
     if not isinstance(value, dict):
         raise TypeError(f'"{name}" must be a JSON object, not {type(value).__name__}')
     return value
@@ -338,7 +338,7 @@ def _check_size(picture: Any, camera: Any) -> None:
 
 
 def _flag(task: Task, name: str) -> bool:
-    """Return whether an option is given as true; text that says "false" would count as true."""
+    """Return whether an option is true; a string such as "false", which is truthy, is refused."""
     value = task.options.get(name, False)
     if not isinstance(value, bool):
         raise ValueError(f"{name} must be true or false, not {value!r}")
@@ -369,4 +369,4 @@ ANSWERS: Mapping[str, Callable[[Task, JobLimits], Made]] = {
     "convert": _convert,
     "compare": _compare,
 }
-"""How each task of `TASKS` is done."""
+"""The function for each task of `TASKS`."""

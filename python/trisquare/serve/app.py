@@ -1,4 +1,4 @@
-"""The routes of the page and of the API behind it."""
+"""Routes of the page and of the API behind it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from trisquare.serve.tasks import CONTENT, FILES, Task
 from trisquare.serve.uploads import Upload, received
 
 UPLOAD_SECONDS = 300.0
-"""That a request may take to arrive."""
+"""Maximum time for a request to arrive, seconds."""
 
 TOKEN_HEADER = "x-trisquare-token"
 
@@ -59,10 +59,10 @@ HEADERS_OF_ERRORS: Mapping[str, Mapping[str, str]] = {
 MEDIA_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 
 OWN_ADDRESS = re.compile(r'(?<=")\./([\w.-]+\.(?:js|css))(?=")')
-"""How the page's own files name each other."""
+"""References from the page's own files to each other."""
 
 UPLOAD_TIMEOUT = 408
-"""The status of a request that does not arrive in time; one that computes too long has another."""
+"""Status of a request that does not arrive in time; one that computes too long has another."""
 
 
 def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> Starlette:
@@ -71,11 +71,11 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
     Parameters
     ----------
     token : str
-        That every request must bring, as the parameter ``token`` or in a header.
+        Token that every request must have, as the parameter ``token`` or in a header.
     limits : JobLimits
-        Of each request.
+        Limits of each request.
     processes : int
-        Requests that are worked on at a time.
+        Number of requests that are computed at a time.
     **queue
         ``most_accepted`` of `Jobs`.
     """
@@ -106,7 +106,7 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
         lifespan=lifespan,
         exception_handlers={HTTPException: _refused, Exception: _failed},
     )
-    # A redirect would name the host that a request states, with the token behind it.
+    # A redirect would go to the host that a request states, with the token in the address.
     app.router.redirect_slashes = False
     app.add_middleware(Guard, token=token, max_bytes=limits.max_bytes)
     app.add_middleware(EarlyAnswers, most_bytes=limits.max_bytes)
@@ -115,7 +115,7 @@ def create_app(token: str, limits: JobLimits, processes: int, **queue: int) -> S
 
 
 class Guard:
-    """Lets nobody in without the token, nor more bytes than allowed; adds the headers."""
+    """Refuses requests without the token or with too many bytes, and adds headers to answers."""
 
     def __init__(self, app: ASGIApp, token: str, max_bytes: int) -> None:
         self._app, self._token, self._max_bytes = app, token.encode(), max_bytes
@@ -163,7 +163,7 @@ class Guard:
 
 
 def problem(code: str, text: str, status: int | None = None, **more: Any) -> JSONResponse:
-    """Return an error with the status of its code, unless another is given."""
+    """Return an error answer, by default with the status of its code."""
     headers = {ERROR_HEADER: code, **HEADERS_OF_ERRORS.get(code, {})}
     error = {**code_members(code, text), **more}
     return JSONResponse({"error": error}, status or http_status(code), headers)
@@ -178,7 +178,7 @@ async def _refused(request: Request, error: Exception) -> Response:
     codes = {404: "NotFoundError", 405: "MethodError", 413: "TooLargeError"}
     code = codes.get(error.status_code, "ValueError")
     answer = problem(code, error.detail, error.status_code)
-    answer.headers.update(error.headers or {})  # as the methods that an address has
+    answer.headers.update(error.headers or {})  # such as the methods of an address
     return answer
 
 
@@ -205,7 +205,7 @@ def _status(limits: JobLimits) -> dict[str, Any]:
 
 
 async def _own_file(request: Request) -> Response:
-    """Return a file of the page; the files that it names get the token, where it is a parameter."""
+    """Return a file of the page, with the token added to references if it is a parameter."""
     name = request.path_params.get("name", "index.html")
     static = (resources.files("trisquare.serve") / "static").iterdir()
     file = {own.name: own for own in static}.get(name)
@@ -219,7 +219,7 @@ async def _own_file(request: Request) -> Response:
 
 
 async def _run(jobs: Jobs, name: str, request: Request) -> Response:
-    """Receive a request, have it done, and answer."""
+    """Receive a request, run its task, and answer."""
     try:
         place = jobs.accept()
     except BusyError:
@@ -265,6 +265,6 @@ def _task(name: str, request: Request, upload: Upload) -> Task:
 
 
 async def _until_left(request: Request) -> None:
-    """Return when the client has left; the body has been read before."""
+    """Return when the client has left; the body must have been read."""
     while (await request.receive())["type"] != "http.disconnect":
         pass

@@ -1,4 +1,4 @@
-"""Answers that come before the request has arrived wait for its rest."""
+"""Delay of early answers until the rest of the request has arrived."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LINGERING = 30.0
-"""Seconds that the rest of a request may take to arrive once it is answered."""
+"""Maximum time, in seconds, for the rest of a request to arrive once the answer is known."""
 
 
 class EarlyAnswers:
-    """Receives what is left of a request's body before its answer is sent.
+    """Receives the rest of a request's body before its answer is sent.
 
-    A server closes the connection after an answer that comes early. A proxy that still sends then
-    tells its client of a bad gateway (502) in place of the answer.
+    A server closes the connection after an early answer. A proxy that is still sending then reports
+    a bad gateway (502) to its client in place of the answer.
 
     Parameters
     ----------
     app : ASGI application
     most_bytes : int
-        Of a body; nobody waits for the rest of a larger one.
+        Maximum size of a body; the rest of a larger one is not waited for.
     """
 
     def __init__(self, app: ASGIApp, most_bytes: int) -> None:
@@ -38,11 +38,11 @@ class EarlyAnswers:
             nonlocal arrived, is_whole
             message = await receive()
             arrived += len(message.get("body", b""))
-            is_whole = not message.get("more_body", False)  # so, too, where the client has left
+            is_whole = not message.get("more_body", False)  # also if the client has left
             return message
 
         async def later(message: Message) -> None:
-            # Who asks whether to send the body at all is told by the answer.
+            # A client that asks first ("Expect") needs the answer before it sends the body.
             is_asked = headers.get("expect") is not None and not arrived
             if message["type"] == "http.response.start" and not is_asked:
                 with anyio.move_on_after(LINGERING):

@@ -1,8 +1,8 @@
-"""What a photograph would tell if it were taken now, and what would help most.
+"""Prediction for a photograph if it were taken now, and the change that would help most.
 
-The squares' poses come from their outlines alone, with a camera that is guessed: of square pixels,
-its principal point in the centre of the picture, and the focal length and, where sides are curved,
-the distortion that suit the outlines best. Standard deviations depend but weakly on the guess.
+The squares' poses come from their outlines alone, with a guessed camera: square pixels, the
+principal point in the centre of the picture, and the focal length and, if sides are curved, the
+distortion that fit the outlines best. Standard deviations depend only weakly on the guess.
 """
 
 from __future__ import annotations
@@ -31,44 +31,45 @@ from trisquare.results.plane import Plane
 
 ENOUGH_SQUARES = 3
 SIGMA = 0.03
-"""Pixels, of an edge sample of a sharp picture."""
+"""Standard deviation of an edge sample of a sharp picture, pixels."""
 
 COARSE = 8.0
-"""Pixels of edge per sample where only ratios are asked for: they hardly depend on it."""
+"""Pixels of edge per sample if only ratios are needed, which hardly depend on it."""
 
 OUTLINE_SAMPLES = 12
-"""Points of a straight side that stand for it."""
+"""Number of points that represent a straight side."""
 
 METHOD: Method = "linear"
-"""Good enough for a guess, and a hundred times as fast as the joint fit."""
+"""Method for a guess: accurate enough, and a hundred times as fast as the joint fit."""
 
 GUESSED_FOCAL = 0.9
-"""Of the picture's width, where the outlines do not tell: a phone's camera."""
+"""Focal length over the picture's width, if the outlines do not determine it: a phone's camera."""
 
 FOCAL_RANGE = (0.3, 4.0)
-"""Of the picture's width: what the outlines say beyond is noise."""
+"""Range of focal lengths over the picture's width; estimates outside it are noise."""
 
 MORE_TILT = 12.0  # degrees
 MAX_TILT = 60.0
-"""Degrees, beyond which a square is too foreshortened to be found."""
+"""Maximum tilt, degrees: beyond it, a square is too foreshortened to be found."""
 
 LARGER = 1.25
 ENOUGH = 5e-4
-"""Of the focal length, and of the picture's width: smaller standard deviations are good."""
+"""Standard deviation that is good enough, relative to focal length and picture width."""
 
 WORTHWHILE = 0.93
-"""Ratio of the standard deviations after and before, above which a change is not worth a word."""
+"""Ratio of the standard deviations after and before a change, above which it is not mentioned."""
 
 AWAY = {0.0: "lower", 90.0: "left", 180.0: "upper", 270.0: "right"}
-"""Directions of a tilt, and the edge of a square that it moves away from the camera."""
+"""Direction of a tilt, and the edge of the square that it moves away from the camera."""
 
 OFF_CENTRE = 0.12
-"""Of the picture's size from its centre, beyond which a place has a side."""
+"""Distance from the centre, as a fraction of the picture's size, above which a position has the
+name of a side."""
 
 
 @dataclass(frozen=True, slots=True)
 class Guidance:
-    """What to expect of a photograph, and what would help.
+    """Predicted precision of a photograph, and advice.
 
     Attributes
     ----------
@@ -76,11 +77,11 @@ class Guidance:
         Predicted standard deviations by parameter, pixels for ``fx fy cx cy``; None if the squares
         do not determine the camera.
     focal : float
-        Of the guessed camera, pixels.
+        Focal length of the guessed camera, pixels.
     advice : str
-        One sentence.
+        One sentence of advice.
     is_enough : bool
-        Whether the camera would be known well, or no single change would help much.
+        Whether the camera would be known well, or no single change would improve it much.
     """
 
     std: dict[str, float] | None
@@ -96,9 +97,9 @@ class OutlinedSquare(NamedTuple):
     ----------
     corners : ndarray, shape (4, 2)
     inner : ndarray, shape (4, 2), or None
-        Corners of its hole.
+        Corners of the hole, if it is a frame.
     sides : sequence of four ndarrays, shape (N, 2), or None
-        Points along the sides, where they were found; else they are taken to be straight.
+        Points along the sides, if they were found; else the sides are assumed to be straight.
     """
 
     corners: FloatArray
@@ -113,12 +114,12 @@ def guide(
     *,
     sigma: float = SIGMA,
 ) -> Guidance:
-    """Predict what a photograph of these outlines will tell.
+    """Predict the precision of a photograph of these outlines.
 
     Parameters
     ----------
     squares : sequence of OutlinedSquare
-        As found; good to a pixel or two.
+        Outlines as found, with errors of a pixel or two.
     image_size : (int, int)
         Width and height.
     camera : Camera, optional
@@ -143,7 +144,7 @@ def guide(
         found = predict(guess, planes, sigma, model=_estimated(guess))
     except (DegenerateGeometryError, NotEnoughPlanesError):
         found = None
-    except ValueError:  # the guessed camera sees one not wholly
+    except ValueError:  # a square is partly outside the guessed camera's picture
         return Guidance(None, guess.fx, "Show all squares wholly, with some margin.", False)
     ratio, change = _best_change(guess, planes, [square.corners for square, _ in standing])
     if found is None:
@@ -161,7 +162,7 @@ def guide(
 def _standing(
     squares: Sequence[OutlinedSquare], image_size: tuple[int, int], camera: Camera | None
 ) -> tuple[Camera, list[tuple[OutlinedSquare, PlannedSquare]]]:
-    """Return a camera and how the squares stand before it; those that cannot are left out."""
+    """Return a camera and the squares with their poses; those without a pose are left out."""
     if camera is not None and camera.image_size != image_size:
         camera = camera.rescaled(image_size)
     figures = [_edges(square) for square in squares]
@@ -191,7 +192,7 @@ def _standing(
 def _guessed(
     figures: list[PlaneEdges], are_curved: bool, image_size: tuple[int, int]
 ) -> Calibration | None:
-    """Calibrate by the outlines, or return None if that tells nothing."""
+    """Return a calibration from the outlines, or None if they do not determine it."""
     width, _ = image_size
     for model in ("radial2", "none") if are_curved else ("none",):
         held = ("aspect", "principal_point")
@@ -218,7 +219,7 @@ def _edges(square: OutlinedSquare) -> PlaneEdges:
 
 
 def _hole(square: OutlinedSquare) -> float:
-    """Return the side of a frame's hole over its own, by their areas."""
+    """Return the side of a frame's hole relative to the frame's, from their areas."""
     assert square.inner is not None
     ratio = math.sqrt(float(quad_areas(square.inner) / quad_areas(square.corners)))
     return min(max(ratio, 0.05), 0.95)
@@ -227,7 +228,7 @@ def _hole(square: OutlinedSquare) -> float:
 def _best_change(
     camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
 ) -> tuple[float, str | None]:
-    """Return the ratio of the std of fx and cx after and before the best change, and its words."""
+    """Return the ratio of the std of fx and cx after and before the best change, and its text."""
     before = _spread(camera, planes)
     if before is None:
         return 1.0, None
@@ -245,19 +246,19 @@ def _spread(camera: Camera, planes: Sequence[PlannedSquare]) -> float | None:
         model = _estimated(camera)
         std = predicted(camera, map(posed, planes), (), spacing=COARSE, model=model).std
     except (TrisquareError, ValueError):
-        return None  # one of them leaves the picture
+        return None  # a square leaves the picture
     return math.sqrt(std["fx"] * std["cx"])
 
 
 def _estimated(camera: Camera) -> LensModel:
-    """Return the model whose coefficients a photograph of squares is to tell."""
+    """Return the model whose coefficients are estimated from a photograph of squares."""
     return camera.model if is_fisheye(camera.model) else "radial2"
 
 
 def _changes(
     camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
 ) -> Iterator[tuple[str, list[PlannedSquare]]]:
-    """Yield what one may do with the squares, in words, and where they stand then."""
+    """Yield possible changes of the squares, as texts, and the changed poses."""
     nearer = [PlannedSquare(p.rotation, p.translation / LARGER, p.inner) for p in planes]
     yield "Come nearer, or show larger squares", nearer
     names = _names([quad.mean(axis=0) for quad in corners], camera.image_size)
@@ -272,7 +273,7 @@ def _changes(
 
 
 def _names(centres: Sequence[FloatArray], image_size: tuple[int, int]) -> list[str]:
-    """Call squares by their places: as few words as tell them apart."""
+    """Return names of squares by their positions, with the fewest words that distinguish them."""
     size = np.array(image_size)
     off = [(np.asarray(centre) - 0.5 * (size - 1)) / size for centre in centres]
     words = [

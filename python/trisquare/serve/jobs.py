@@ -1,4 +1,4 @@
-"""The tasks of requests: a bounded number wait, each is done in a process that may be killed."""
+"""Tasks of requests: a bounded queue, and processes that may be killed."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from trisquare.serve.tasks import Task
 from trisquare.serve.work import perform
 
 MAX_ACCEPTED = 64
-"""Requests that are received, wait or are done at a time; whoever comes next is told so."""
+"""Maximum number of requests that are received, waiting or running; more are refused."""
 
 
 FOLDER_PREFIX = "trisquare-serve-"
-"""Of the names of folders in the system's own for temporary files."""
+"""Prefix of the names of folders in the system's folder for temporary files."""
 
 
 class BusyError(Exception):
-    """As many requests are accepted as there may be."""
+    """The maximum number of requests is already accepted."""
 
 
 class AbandonedError(Exception):
-    """Nobody waits for the answer any more."""
+    """The client no longer waits for the answer."""
 
 
 class Jobs:
@@ -41,16 +41,16 @@ class Jobs:
     Parameters
     ----------
     limits : JobLimits
-        Of each request.
+        Limits of each request.
     processes : int
-        How many work at a time.
+        Number of tasks that run at a time.
     most_accepted : int
-        Requests at a time, waiting ones included.
+        Maximum number of requests at a time, including waiting ones.
 
     Attributes
     ----------
     folder : Path
-        Where the requests have their folders.
+        Parent of the requests' folders.
     """
 
     def __init__(
@@ -67,14 +67,14 @@ class Jobs:
         self.folder, self._held = own_folder()
 
     def accept(self) -> Place:
-        """Take one of the places; it is given back by the end of the ``with``.
+        """Reserve a place, which the end of its ``with`` block frees.
 
         Raises
         ------
         BusyError
-            If there is none.
+            If all places are taken.
         OSError
-            If its folder cannot be made.
+            If its folder cannot be created.
         """
         with self._lock:
             if self._accepted >= self._most_accepted:
@@ -84,7 +84,7 @@ class Jobs:
         return Place(self, folder)
 
     def give_back(self, place: Place) -> None:
-        """Make room for another request."""
+        """Free a place for another request."""
         shutil.rmtree(place.folder, ignore_errors=True)
         with self._lock:
             self._accepted -= 1
@@ -92,14 +92,14 @@ class Jobs:
     async def do(
         self, task: Task, folder: Path, until_left: Callable[[], Awaitable[None]]
     ) -> dict[str, Any]:
-        """Do a task on the files of a folder and return its record.
+        """Run a task on the files of a folder and return its record.
 
         Raises
         ------
         AbandonedError
-            If `until_left` returned before: what waited is not done, what was being done is ended.
+            If `until_left` returned first: a waiting task is not run, a running one is stopped.
         """
-        if self._turns is None:  # it belongs to the loop that runs
+        if self._turns is None:  # it belongs to the running event loop
             self._turns = anyio.CapacityLimiter(self._processes)
         records: list[dict[str, Any]] = []
         async with anyio.create_task_group() as group:
@@ -110,7 +110,7 @@ class Jobs:
                 group.cancel_scope.cancel()
 
             group.start_soon(watch)
-            # A thread that has begun is waited for, also when it is cancelled.
+            # A thread that has started is always waited for, even if it is cancelled.
             record, _ = await run_sync(self._workers.do, task, str(folder), limiter=self._turns)
             records.append(record)
             group.cancel_scope.cancel()
@@ -124,12 +124,12 @@ class Jobs:
         with suppress(OSError):
             shutil.rmtree(self.folder)
         if self._held is not None:
-            os.close(self._held)  # which releases the folder
+            os.close(self._held)  # releases the folder's lock
             self._held = None
 
 
 class Place:
-    """A request's place among those accepted, with a folder of its own; a context manager."""
+    """A request's place among the accepted ones, with its own folder; a context manager."""
 
     def __init__(self, jobs: Jobs, folder: Path) -> None:
         self._jobs, self.folder = jobs, folder
@@ -142,11 +142,11 @@ class Place:
 
 
 def own_folder() -> tuple[Path, int | None]:
-    """Make a folder and hold it as long as this process lives; the descriptor is what holds it."""
+    """Create a folder and lock it until the returned descriptor is closed or the process ends."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
         held = _hold(folder)
-        if folder.is_dir():  # else it was taken for an abandoned one before it was held
+        if folder.is_dir():  # else another process removed it as abandoned before it was locked
             return folder, held
 
 
@@ -160,12 +160,12 @@ def remove_abandoned_folders() -> None:
 
 
 def _hold(folder: Path) -> int | None:
-    """Lock a folder until the descriptor is closed; None if somebody holds it, or nobody can."""
+    """Lock a folder until the descriptor is closed; None if it is locked, or cannot be."""
     try:
         import fcntl
     except ImportError:  # Windows
         return None
-    with suppress(OSError):  # such as another user's
+    with suppress(OSError):  # such as a folder of another user
         held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,23 +1,23 @@
-"""What one request may take."""
+"""Limits of one request."""
 
 from __future__ import annotations
 
 from trisquare.batch.limits import JobLimits
 
 MAX_PIXELS = 100_000_000
-"""Of a picture: no phone and few cameras take more."""
+"""Maximum number of pixels of a picture: no phone and few cameras take more."""
 
 MAX_BYTES = 200_000_000
-"""Of a request: ten photographs of 20 MB."""
+"""Maximum number of bytes of a request: ten photographs of 20 MB."""
 
 MAX_SECONDS = 60.0
-"""That a request may compute: ten photographs of 24 megapixels take half of it."""
+"""Maximum time of computing a request, seconds; ten photographs of 24 megapixels take half."""
 
 MAX_MEMORY = 2e9
-"""Bytes that a request may take beside the program."""
+"""Maximum memory of a request in addition to the program, bytes."""
 
 MAX_PICTURES = 100
-"""Of a request."""
+"""Maximum number of pictures of a request."""
 
 REQUEST_LIMITS = JobLimits(MAX_PIXELS, MAX_BYTES, MAX_SECONDS, MAX_MEMORY)
-"""Where neither the command nor the environment states others."""
+"""Default limits, if neither the command nor the environment states others."""

@@ -1,4 +1,4 @@
-"""A line of the log for each request."""
+"""A log entry for each request."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from trisquare._support.log import LOG
 from trisquare._support.terminal_text import printable
 
 ERROR_HEADER = "X-Trisquare-Error"
-"""Holds the code of an answer that is an error."""
+"""Header with the code of an error in an answer."""
 
 
 class RequestLog:
-    """Tells the logger ``trisquare`` of every request: method, path, status, code and seconds.
+    """Logs method, path, status, code and seconds of every request to the logger ``trisquare``.
 
-    What stands behind the path is left out: the token is there.
+    The query after the path is left out: it includes the token.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, and tell how it ended."""
+        """Pass a request on, and log its result."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

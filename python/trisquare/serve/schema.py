@@ -1,4 +1,4 @@
-"""The API in OpenAPI's terms."""
+"""Description of the API in OpenAPI."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _object(required: tuple[str, ...], **properties: Any) -> dict[str, Any]:
 
 
 def _all(**properties: Any) -> dict[str, Any]:
-    """Return an object that always has all of these."""
+    """Return an object in which all of these properties are required."""
     return _object(tuple(properties), **properties)
 
 
@@ -117,7 +117,7 @@ ANSWERS: dict[str, dict[str, Any]] = {
         p_value=MAYBE_NUMBER,
     ),
 }
-"""Of the routes that answer with JSON."""
+"""Schemas of the routes that answer with JSON."""
 
 STATUS = _all(
     version=TEXT,

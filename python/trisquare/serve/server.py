@@ -1,4 +1,4 @@
-"""The server: where it listens, and when it ends."""
+"""The server: its address, and when it ends."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from starlette.applications import Starlette
 from trisquare.serve.request_log import RequestLog
 
 BACKLOG = 128
-"""Connections that wait to be accepted."""
+"""Maximum number of connections that wait to be accepted."""
 
 ALONE = {4: "127.0.0.1", 6: "::1"}
-"""By the version of IP: this machine without a network."""
+"""Loopback addresses, by IP version."""
 
 OUTSIDE = {4: "192.0.2.1", 6: "2001:db8::1"}
-"""Addresses beyond every network of one's own (RFC 5737, RFC 3849): the way there is the machine's
-way out."""
+"""Addresses outside every local network (RFC 5737, RFC 3849): the route to them gives the machine's
+own address in its network."""
 
 
 class Server(uvicorn.Server):
-    """A server that tells when it listens, and ends when nobody has asked for some time."""
+    """A server that reports when it listens, and ends after a time without requests."""
 
     def __init__(
         self, config: uvicorn.Config, idle: float | None, listening: Callable[[], None]
@@ -36,13 +36,13 @@ class Server(uvicorn.Server):
         self._listening = listening
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start; a signal that was sent before could be lost."""
+        """Start, and then report it; a signal sent earlier could be lost."""
         await super().startup(sockets)
         if self.started:
             self._listening()
 
     async def on_tick(self, counter: int) -> bool:
-        """Say whether to end."""
+        """Return whether to end."""
         requests, answering = self.server_state.total_requests, self.server_state.tasks
         if answering or requests > self._asked:
             self._asked, self._since = requests, time.monotonic()
@@ -62,22 +62,22 @@ def run_server(
     grace: int,
     listening: Callable[[str], None],
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM, or until nobody has asked for `idle` seconds.
+    """Serve until Ctrl-C or SIGTERM, or until there is no request for `idle` seconds.
 
-    Requests that are being answered then have `grace` seconds. `listening` is told the address of
-    the page, once signals are heeded.
+    Requests in progress then have `grace` seconds. `listening` is called with the address of the
+    page, once signals are handled.
 
     Raises
     ------
     ValueError
-        If nothing can listen there, or certificate and key are none.
+        If the address cannot be bound, or certificate and key are invalid.
     """
     config = uvicorn.Config(
         RequestLog(app),
         log_level="warning",
         access_log=False,  # the token is in the addresses; RequestLog leaves it out
         server_header=False,
-        proxy_headers=False,  # nothing is answered by what a proxy states
+        proxy_headers=False,  # headers of proxies are not used
         ssl_certfile=certificate,
         ssl_keyfile=key,
         timeout_graceful_shutdown=grace,
@@ -88,32 +88,32 @@ def run_server(
             config.load()
         except OSError as error:
             raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
-        with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # its usual end
+        with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # the usual way to end
             port = opened.getsockname()[1]
             address = f"{scheme}://{_reachable(host, opened)}:{port}/?token={token}"
             Server(config, idle, lambda: listening(address)).run(sockets=[opened])
 
 
 def _reachable(host: str, opened: socket.socket) -> str:
-    """Return the host as addresses name it; of all hosts of this machine, that in its network."""
+    """Return the host for addresses; if it stands for all, the machine's address in its network."""
     address = ip_address(opened.getsockname()[0])
     if address.is_unspecified:
         host = ALONE[address.version]
         with socket.socket(opened.family, socket.SOCK_DGRAM) as way, suppress(OSError):
-            way.connect((OUTSIDE[address.version], 9))  # which sends nothing
+            way.connect((OUTSIDE[address.version], 9))  # sends nothing
             host = way.getsockname()[0]
     return f"[{host}]" if ":" in host else host
 
 
 def _bound(host: str, port: int) -> socket.socket:
-    """Return a socket at an address, or raise ValueError, which names it."""
+    """Return a socket bound to an address, or raise ValueError, which names it."""
     try:
         family, kind, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         opened = socket.socket(family, kind)
         try:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             opened.bind(place)
-            opened.listen(BACKLOG)  # who is told the address may ask at once
+            opened.listen(BACKLOG)  # before the address is reported, so that requests can follow
         except OSError:
             opened.close()
             raise

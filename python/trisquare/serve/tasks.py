@@ -1,4 +1,4 @@
-"""What may be asked of the processes behind the routes: tasks, and the options that each knows."""
+"""Tasks of the processes behind the routes, and the options of each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TASKS: Mapping[str, Sequence[str]] = {
     "convert": ("format", "approximate"),
     "compare": (),
 }
-"""The options that each task knows."""
+"""Options of each task."""
 
 FILES: Mapping[str, tuple[str, ...]] = {
     "find": ("picture",),
@@ -34,10 +34,10 @@ FILES: Mapping[str, tuple[str, ...]] = {
     "convert": ("camera",),
     "compare": ("first", "second"),
 }
-"""Files that must be sent with a request; `picture` may be repeated where several make sense."""
+"""Files that a request must include; `picture` may be repeated in tasks for several."""
 
 CONTENT = "answer.bin"
-"""The file in the task's folder that holds an answer which is a file."""
+"""File in the task's folder with the answer, if the answer is a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Task:
     options : mapping of str to object
         From JSON, unchecked.
     files : mapping of str to str
-        Names of other files, by their fields.
+        Names of other files, by their form fields.
     """
 
     name: str

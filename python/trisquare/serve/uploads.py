@@ -1,4 +1,4 @@
-"""What comes with a request: photographs and other files into its folder, options from JSON."""
+"""Bodies of requests: photographs and other files are put into the folder, options are JSON."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from trisquare.serve.limits import MAX_PICTURES
 
 MAX_FIELDS = 10
 LARGEST_FIELD = 1 << 20
-"""Bytes of options: they are parsed where all requests are answered, and take ten times as many."""
+"""Maximum size of the options, bytes: they are parsed in the server's event loop, and take ten
+times as much memory."""
 
 DEEPEST = 50
-"""Levels of options: more than any has, and fewer than Python's own functions can follow."""
+"""Maximum depth of nesting of options: more than any option has, and within Python's recursion
+limit."""
 
 CHUNK = 1 << 20
 
@@ -37,15 +39,14 @@ class Upload:
 
 
 async def received(request: Request, folder: Path, known: Sequence[str]) -> Upload:
-    """Read the body of a request: a form with files of the fields known, or JSON of options.
+    """Read the body of a request: a form with files in the known fields, or JSON of options.
 
-    Files keep their names as far as these are names and nothing else, so that messages and
-    outlines can say them.
+    Files keep their names, without folders, so that messages and outlines can refer to them.
 
     Raises
     ------
     ValueError
-        If a field is unknown or given twice, or the options are no JSON object.
+        If a field is unknown or given twice, or the options are not a JSON object.
     HTTPException
         If the form is damaged, or the options are too large.
     """
@@ -129,7 +130,7 @@ def _members(value: Any) -> Iterable[Any]:
 
 
 def _file_name(text: str) -> str:
-    """Return a name that a file may have, and answers call it by: what none may hold is escaped."""
+    """Return a valid name for a file, which answers use; other characters are escaped."""
     return safe_file_name(text).replace("%25", "%")
 
 

@@ -1,6 +1,6 @@
-"""What the processes behind the routes do: each request is a task on files in a folder of its own.
+"""Work of the processes behind the routes: tasks on the files in a request's folder.
 
-The files are strangers': a process that reads them may die of them, or be killed.
+The files are untrusted: a process that reads them may crash, or be killed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from trisquare.serve.tasks import CONTENT, TASKS, Task
 
 
 def perform(task: Task, limits: JobLimits) -> Answer:
-    """Do a task; the current folder is its own.
+    """Run a task in its own folder, which is the current one.
 
     Raises
     ------

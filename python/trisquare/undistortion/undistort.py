@@ -28,20 +28,20 @@ Interpolation: TypeAlias = Literal["linear", "nearest", "cubic", "lanczos"]
 INTERPOLATIONS: Mapping[Interpolation, tuple[str, str]] = {
     "nearest": ("INTER_NEAREST", "BORDER_CONSTANT"),
     "linear": ("INTER_LINEAR", "BORDER_CONSTANT"),
-    # These weigh pixels beyond the next: black ones from outside would darken the border.
+    # These use pixels beyond the next ones: black ones outside would darken the border.
     "cubic": ("INTER_CUBIC", "BORDER_REPLICATE"),
     "lanczos": ("INTER_LANCZOS4", "BORDER_REPLICATE"),
 }
-"""What OpenCV calls them, and how each takes what lies outside the picture."""
+"""OpenCV's names of the method, and of the values that it takes outside the picture."""
 
 
 def checked_interpolation(name: str) -> Interpolation:
-    """Return a name of `INTERPOLATIONS`.
+    """Return a name of `INTERPOLATIONS` if it is known.
 
     Raises
     ------
     ValueError
-        If there is none of this name.
+        If there is no interpolation of this name.
     """
     known = next((own for own in INTERPOLATIONS if own == name), None)
     if known is None:
@@ -50,13 +50,13 @@ def checked_interpolation(name: str) -> Interpolation:
 
 
 PART_BITS = 5
-"""OpenCV resamples at positions rounded to so many binary digits of a pixel."""
+"""Number of binary digits of a pixel to which OpenCV rounds the positions of resampling."""
 
 
 class Undistorter:
     """Removes the distortion from any number of a camera's pictures.
 
-    Where every pixel comes from is worked out once; a frame of a video then costs no more than
+    The source position of every pixel is computed once; a frame of a video then costs no more than
     OpenCV's ``remap``. An object may be used by several threads at once.
 
     Parameters
@@ -64,16 +64,16 @@ class Undistorter:
     camera : Calibration or Camera
         The camera of the pictures.
     balance : float
-        From 0, where the new picture holds nothing but the photograph (no black border), to 1,
-        where it holds all of the photograph; see `Camera.undistorted`.
+        From 0, where the new picture shows nothing but the photograph (no black border), to 1,
+        where it shows all of the photograph; see `Camera.undistorted`.
     new_camera : Camera or Panorama, optional
-        The pinhole to look through, or the panorama to lay the picture on, of any size, instead of
-        the pinhole that `balance` gives.
+        The pinhole or panorama of the new pictures, of any size, instead of the pinhole that
+        `balance` gives.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is no camera or no number from 0 to 1, `new_camera` has a distortion
+        If an argument is not a camera or not a number from 0 to 1, `new_camera` has a distortion
         or a skew, a picture is larger than 32766 pixels, or none of it can be undistorted.
 
     Examples
@@ -122,7 +122,7 @@ class Undistorter:
 
     @property
     def new_camera(self) -> Camera | Panorama:
-        """The pinhole that has taken what `undistort` returns, or the panorama that it is."""
+        """The pinhole or panorama of the pictures that `undistort` returns."""
         return self._new_camera
 
     @property
@@ -134,38 +134,38 @@ class Undistorter:
     def valid_rectangle(self) -> tuple[int, int, int, int]:
         """The largest rectangle without a black pixel.
 
-        ``(x, y, width, height)``, so that ``picture[y : y + height, x : x + width]`` is it; all
-        zeros if nothing of the photograph is seen.
+        It is ``(x, y, width, height)``, for ``picture[y : y + height, x : x + width]``; all zeros
+        if no part of the photograph is visible.
         """
         return _core.largest_rectangle(self._valid)
 
     def undistort(self, image: ImageSource, *, interpolation: Interpolation = "linear") -> Image:
-        """Return a picture as `new_camera` shows it.
+        """Return a picture as seen by `new_camera`.
 
-        OpenCV resamples at places rounded to 1/32 pixel in x and in y, so that a grey level is that
-        of a place up to 0.022 pixels away (0.013 rms); ``"nearest"`` takes whole pixels. Points
-        that are measured in the photograph are not rounded: `Camera.undistort_points`.
+        OpenCV resamples at positions rounded to 1/32 pixel in x and in y, so that a grey level is
+        that of a position up to 0.022 pixels away (0.013 rms); ``"nearest"`` takes whole pixels.
+        `Camera.undistort_points` does not round points that are measured in the photograph.
 
         Parameters
         ----------
         image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
             A picture of the camera's size.
         interpolation : {"linear", "nearest", "cubic", "lanczos"}
-            ``"linear"`` gives what ``cv2.undistort`` gives; ``"nearest"`` is for labels, which must
-            not be mixed; the others are sharper, and may overshoot at edges.
+            ``"linear"`` gives the result of ``cv2.undistort``; ``"nearest"`` is for labels, which
+            must not be mixed; the others are sharper, and may overshoot at edges.
 
         Returns
         -------
         ndarray, shape (H', W') or (H', W', 3)
-            Of the same type, and of `new_camera`'s size. Black where `valid_mask` is not set, but
-            for a linear transition one pixel wide.
+            Same type as the picture, size of `new_camera`. Black where `valid_mask` is not set,
+            with a linear transition one pixel wide.
 
         Raises
         ------
         ImageError
-            If a file is no whole picture.
+            If a file is not a complete picture.
         TypeError, ValueError
-            If an array is no picture, the picture is of another size, or there is no such
+            If an array is not a picture, the picture is of another size, or there is no such
             interpolation.
 
         Examples
@@ -179,7 +179,7 @@ class Undistorter:
         picture = load_picture(image)
         if picture_size(picture) != self._camera.image_size:
             _refuse_size(picture_size(picture), self._camera)
-        import cv2  # loaded where a picture is first undistorted
+        import cv2  # loaded when the first picture is undistorted
 
         nearest = interpolation == "nearest"
         method, border = INTERPOLATIONS[interpolation]
@@ -196,7 +196,7 @@ class Undistorter:
 
     @cached_property
     def _nearest(self) -> npt.NDArray[np.int16]:
-        """The map rounded to whole pixels: OpenCV ignores the parts where nothing is mixed."""
+        """The map rounded to whole pixels: for this method OpenCV ignores the fractions."""
         half, most = 1 << (PART_BITS - 1), (1 << PART_BITS) - 1
         parts = np.stack([self._parts & most, self._parts >> PART_BITS], axis=-1)
         return self._whole + (parts >= half)
@@ -219,7 +219,7 @@ def _check_view(view: Any, name: str, *types: type[Camera | Panorama]) -> None:
 
 
 def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
-    camera.rescaled(found)  # says what to do about another aspect ratio
+    camera.rescaled(found)  # raises an error with advice for another aspect ratio
     width, height = camera.image_size
     raise ValueError(
         f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: if it was "
@@ -238,7 +238,7 @@ def undistort(
 ) -> Image:
     """Return a picture without its distortion.
 
-    For many pictures make an `Undistorter` once: most of the work does not depend on the
+    For many pictures create one `Undistorter`: most of the computation does not depend on the
     picture.
 
     Parameters
@@ -248,26 +248,26 @@ def undistort(
     camera : Calibration or Camera
         The camera that took it.
     balance : float
-        From 0, no black border, to 1, all of the photograph.
+        From 0, no black border, to 1, all of the photograph visible.
     new_camera : Camera or Panorama, optional
-        The pinhole or the panorama to show it by, instead of ``camera.undistorted(balance)``.
+        The pinhole or panorama of the new picture, instead of ``camera.undistorted(balance)``.
     rescale : bool
-        Take a picture of another size as scaled, by the rule of `Camera.rescaled`, before or after
-        it was taken. Otherwise such a picture is an error.
+        Whether a picture of another size is taken as scaled, by the rule of `Camera.rescaled`,
+        before or after it was taken. Otherwise such a picture is an error.
     interpolation : {"linear", "nearest", "cubic", "lanczos"}
         See `Undistorter.undistort`.
 
     Returns
     -------
     ndarray, shape (H, W) or (H, W, 3)
-        Of the same type; black where there is nothing of the photograph.
+        Same type as the picture; black outside the photograph.
 
     Raises
     ------
     ImageError
-        If a file is no whole picture.
+        If a file is not a complete picture.
     TypeError, ValueError
-        If an array is no picture, the picture's size is not the camera's (nor, with
+        If an array is not a picture, the picture's size is not the camera's (nor, with
         `rescale`, its shape), or another argument is wrong.
 
     Examples

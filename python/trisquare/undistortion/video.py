@@ -12,7 +12,8 @@ from trisquare.images.video import Video, write_video
 from trisquare.undistortion.undistort import Interpolation, Undistorter
 
 FRAMES_AHEAD = 3
-"""Of each thread: what evens out frames that take longer to decode or to encode."""
+"""Number of frames buffered per thread, which evens out frames that take longer to decode or to
+encode."""
 
 
 def undistort_video(
@@ -23,22 +24,22 @@ def undistort_video(
     interpolation: Interpolation = "linear",
     progress: Callable[[int], None] | None = None,
 ) -> int:
-    """Write a video as the undistorter's new camera shows it, and return its number of frames.
+    """Undistort a video, write it, and return its number of frames.
 
-    Decoding, undistorting and encoding are done at once, in a thread each. The frames are turned as
+    Decoding, undistorting and encoding run in parallel, in a thread each. The frames are turned as
     players turn those of `video`; sound is left out.
 
     Parameters
     ----------
     video : Video
-        Of the size of the undistorter's camera. It is read to its end.
+        A video of the size of the undistorter's camera. It is read to its end.
     undistorter : Undistorter
     path : str or path
         See `write_video`.
     interpolation : str
         See `Undistorter.undistort`.
     progress : callable, optional
-        Called with how many frames are undistorted.
+        Called with the number of undistorted frames.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def undistort_video(
     ValueError
         If its frames are of another size, or for a bad argument.
     OSError
-        If the file cannot be written whole.
+        If the file cannot be written completely.
     """
 
     def undistorted(frames: Iterator[Image]) -> Iterator[Image]:

@@ -1,9 +1,9 @@
-// Requests to the server that this page came from, below its own address: a proxy may add a path.
+// Requests to the page's own server, relative to the page's address: a proxy may add a path.
 
 const token = new URLSearchParams(location.search).get("token") ?? "";
 let mostBytes = Infinity;
 
-/** An error that the server states: its code, its text, and what was found before. */
+/** An error from the server: its code, its text, and the targets found and rejected. */
 export class Refusal extends Error {
   constructor({ code, text, found = [], rejected = [] }) {
     super(text);
@@ -44,32 +44,32 @@ function form(files, options) {
   return body;
 }
 
-/** Post files, each [field, Blob, name], and options; return JSON. */
+/** Posts files, each [field, Blob, name], and options; returns JSON. */
 export async function ask(route, files, options = {}, signal = undefined) {
   return (await sent(`api/${route}`, { method: "POST", body: form(files, options), signal })).json();
 }
 
-/** The same where the answer is a file: {blob, name}. */
+/** Posts files and options; returns the file in the answer, {blob, name}. */
 export async function askFile(route, files, options = {}) {
   const answer = await sent(`api/${route}`, { method: "POST", body: form(files, options) });
   const name = /filename="([^"]*)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1];
   return { blob: await answer.blob(), name: name ?? route };
 }
 
-/** The same where the answer is several files: an array of them. */
+/** Posts files and options; returns an array of the files in the answer. */
 export async function askFiles(route, files, options = {}) {
   const answer = await sent(`api/${route}`, { method: "POST", body: form(files, options) });
   return (await answer.formData()).getAll("picture");
 }
 
-/** Post JSON; return JSON. */
+/** Posts JSON; returns JSON. */
 export async function askJson(route, members, signal = undefined) {
   const headers = { "Content-Type": "application/json" };
   const init = { method: "POST", body: JSON.stringify(members), headers, signal };
   return (await sent(`api/${route}`, init)).json();
 }
 
-/** Let the browser save a file. */
+/** Lets the browser save a file. */
 export function save(blob, name) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);

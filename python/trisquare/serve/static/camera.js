@@ -1,14 +1,14 @@
-// The device's camera: what is found is outlined in the preview, and what it would tell is said.
+// The device's camera, with the outlines found in the preview and the predicted precision.
 
 import { ask, askJson } from "./api.js";
 import { outlineNodes, pathOf } from "./editor.js";
 
-const PREVIEW = 800; // pixels of the longer side that is searched
-const PAUSE = 60; // milliseconds between two searches
-const ENOUGH = 3; // squares
-const STILL = 0.006; // of the width, that corners may move from one search to the next
-const STEADY = 1200; // milliseconds
-const BEST = 0.0002, WORST = 0.05; // std over focal length or width, at the ends of the bars
+const PREVIEW = 800; // longer side of the searched picture, pixels
+const PAUSE = 60; // between two searches, milliseconds
+const ENOUGH = 3; // number of squares that is enough
+const STILL = 0.006; // maximum move of a corner between two searches, as a fraction of the width
+const STEADY = 1200; // time without larger moves before a photograph is taken, milliseconds
+const BEST = 0.0002, WORST = 0.05; // std over focal length or width at the ends of the bars
 
 const REASONS = {
   NotAllowedError: "The browser does not give this page the camera. Allow it in the address bar, or choose photographs.",
@@ -21,7 +21,7 @@ export class Camera {
   #last = null;
   #since = 0;
 
-  /** `taken(blob, name)` gets the picture; `failed(text)` what is wrong. */
+  /** `taken(blob, name)` is called with the picture, `failed(text)` with an error. */
   constructor({ section, video, svg, advice, bars, byItself }, { taken, failed }) {
     Object.assign(this, { section, video, svg, advice, bars, byItself, taken, failed });
   }
@@ -42,7 +42,7 @@ export class Camera {
     this.video.srcObject = this.#stream;
     await this.video.play();
     this.#last = null;
-    this.found = null; // of an earlier opening
+    this.found = null; // from the last time it was open
     this.#search();
     this.#predict();
   }
@@ -71,7 +71,7 @@ export class Camera {
         const blob = await new Promise((resolve) => frame.toBlob(resolve, "image/jpeg", 0.9));
         try {
           const found = await ask("find", [["picture", blob, "preview.jpg"]], { targets: "squares" });
-          // Opened again meanwhile, it may not have a size yet.
+          // If it was reopened in the meantime, its size may not be known yet.
           if (this.isOpen && this.video.videoWidth) this.#show(found);
         } catch (error) {
           if (this.isOpen) this.#say(error.message);
@@ -81,7 +81,7 @@ export class Camera {
     }
   }
 
-  /** Show what was found, in pixels of the picture that would be taken. */
+  /** Shows the squares that were found, in pixels of the picture that would be taken. */
   #show({ found, image_size: [width] }) {
     const { videoWidth, videoHeight } = this.video;
     const factor = videoWidth / width;
@@ -133,7 +133,7 @@ export class Camera {
   }
 
   #say(text) {
-    if (this.advice.textContent !== text) this.advice.textContent = text; // else it is read again
+    if (this.advice.textContent !== text) this.advice.textContent = text; // setting equal text would make screen readers read it again
   }
 
   async take() {
@@ -150,7 +150,7 @@ function goodness(relative) {
   return Math.min(Math.max(share, 0), 1);
 }
 
-/** How far any corner of these squares is from the nearest of those before, pixels. */
+/** Returns the largest distance of a corner from the nearest earlier one, pixels. */
 function largestMove(squares, before) {
   const others = before.flatMap((one) => one.corners);
   const nearest = ([x, y]) => Math.min(...others.map(([a, b]) => Math.hypot(a - x, b - y)));

@@ -1,12 +1,12 @@
-// The photograph with its outlines, to be moved by pointer, finger and keys.
+// The photograph with its outlines, which can be moved by pointer, finger and keys.
 
 import { isByCorners } from "./outlines.js";
 
 const SVG = "http://www.w3.org/2000/svg";
-const GRIP = 22; // pixels of the screen: what a finger hits
+const GRIP = 22; // radius that a finger hits, screen pixels
 const DOT = 7;
-const MAGNIFIED = 33; // pixels of the shown picture across the magnifier
-const SETTLED = 700; // milliseconds after the last key until the edges are measured
+const MAGNIFIED = 33; // width of the magnifier in pixels of the shown picture
+const SETTLED = 700; // time from the last key to the measurement of the edges, milliseconds
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export function element(name, attributes, ...children) {
@@ -21,20 +21,20 @@ export function pathOf({ corners, sides }) {
   return `M${points.map(([x, y]) => `${x},${y}`).join("L")}Z`;
 }
 
-/** A line that shows on any ground. */
+/** Returns the nodes of a line that is visible on any background. */
 export function outlineNodes(d, state) {
   return ["under", state].map((kind) => element("path", { d, class: `outline ${kind}` }));
 }
 
 export class Editor {
   #picture = null;
-  #drawn = null; // the corners of a square that is being drawn
+  #drawn = null; // corners of the square that is being drawn
   #held = null;
   #timer = 0;
   #moved = null;
-  #isRendering = false; // corners lose the focus and get it back
+  #isRendering = false; // while true, corners lose the focus and get it back
 
-  /** `changed(square)` is called when a square was moved or drawn, without one for all else. */
+  /** `changed(square)` is called after a square was moved or drawn, with null after other changes. */
   constructor(stage, { changed }) {
     this.stage = stage;
     [this.canvas, this.svg, this.magnifier] = stage.children;
@@ -48,7 +48,7 @@ export class Editor {
     new ResizeObserver(() => this.render()).observe(stage);
   }
 
-  /** Show a photograph: {bitmap, size, outlines}. */
+  /** Shows a photograph: {bitmap, size, outlines}. */
   show(picture) {
     this.#settle();
     this.#picture = picture;
@@ -64,14 +64,14 @@ export class Editor {
 
   get isDrawing() { return this.#drawn !== null; }
 
-  /** Begin to draw a square by its corners, or leave it. */
+  /** Starts or stops drawing a square by its corners. */
   draw(on) {
     this.#drawn = on ? [] : null;
     this.stage.classList.toggle("drawing", on);
     this.render();
   }
 
-  /** Pixels of the photograph for one of the screen. */
+  /** Number of pixels of the photograph per screen pixel. */
   get #unit() {
     return this.#picture.size[0] / Math.max(this.svg.getBoundingClientRect().width, 1);
   }
@@ -158,7 +158,7 @@ export class Editor {
     this.#magnify([x, y]);
   }
 
-  /** Where grips overlap, the corner that is nearest is meant. */
+  /** Returns the nearest corner, if several grips overlap. */
   #nearestHandle(event) {
     const under = document.elementsFromPoint(event.clientX, event.clientY)
       .filter((node) => node.classList?.contains("grip"));
@@ -215,7 +215,7 @@ export class Editor {
     }
   }
 
-  /** Measure what keys have moved. */
+  /** Measures the square that keys have moved. */
   #settle() {
     clearTimeout(this.#timer);
     const square = this.#moved;
@@ -233,7 +233,7 @@ export class Editor {
     this.changed(null);
   }
 
-  /** Add a square in the middle, to be moved by keys. */
+  /** Adds a square in the middle, to be moved by keys. */
   add(square) {
     const { outlines } = this.#picture;
     outlines.remember();
@@ -268,7 +268,7 @@ export class Editor {
     context.stroke();
     const box = this.svg.getBoundingClientRect();
     const left = (x / size[0]) * box.width, top = (y / size[1]) * box.height;
-    // Beside the finger, on the side where there is room.
+    // Beside the finger, on the side with enough room.
     const away = (value, most) => (value > side + 40 ? value - side - 30 : Math.min(value + 40, most - side));
     this.magnifier.style.left = `${Math.max(away(left, box.width), 0)}px`;
     this.magnifier.style.top = `${Math.max(away(top, box.height), 0)}px`;
@@ -280,7 +280,7 @@ export function middle(corners) {
   return [0, 1].map((axis) => corners.reduce((sum, point) => sum + point[axis], 0) / corners.length);
 }
 
-/** Four points in order round their middle, clockwise on the screen, however they were clicked. */
+/** Returns four points in clockwise order on the screen, whatever the order of the clicks. */
 function inOrder(points) {
   const [x, y] = middle(points);
   return points.toSorted((a, b) => Math.atan2(a[1] - y, a[0] - x) - Math.atan2(b[1] - y, b[0] - x));

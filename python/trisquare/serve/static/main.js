@@ -12,7 +12,7 @@ let current = null;
 let limits = null;
 let expecting = null;
 
-// What is said, and what fails.
+// Status and errors.
 
 function say(text) {
   byId("status").textContent = text;
@@ -23,7 +23,7 @@ function fail(text) {
   byId("problem").hidden = !text;
 }
 
-/** Do something that takes time: it is said while it lasts, and so is what fails. */
+/** Runs an action, with its description as the status; shows an error if it fails. */
 async function working(text, act) {
   fail("");
   try {
@@ -34,7 +34,7 @@ async function working(text, act) {
   }
 }
 
-/** Say what is done while it lasts. */
+/** Runs an action, with its description as the status. */
 async function said(text, act) {
   say(`${text} …`);
   try {
@@ -65,7 +65,7 @@ const camera = new Camera(
 
 // Photographs.
 
-/** Add photographs, and frames of videos; what is wrong with one of the files does not end it. */
+/** Adds photographs, and frames of videos; an error of one file does not affect the others. */
 async function addPictures(files) {
   const problems = [];
   fail("");
@@ -97,7 +97,7 @@ function isVideo({ name, type }) {
   return type.startsWith("video/") || !!limits?.videos.some((ending) => name.toLowerCase().endsWith(ending));
 }
 
-/** Photographs out of a video: sharp ones that differ. */
+/** Returns photographs from a video: sharp frames that differ. */
 async function framesOf(video) {
   const frames = await askFiles("frames", [["picture", video, video.name]]);
   const name = video.name.replace(/\.\w+$/, "");
@@ -151,14 +151,14 @@ function button(text, act) {
 
 // Outlines.
 
-/** Something was changed by hand; a square that was moved or drawn is measured. */
+/** Updates the page after a change by hand; measures a square that was moved or drawn. */
 async function changed(square) {
   if (editor.isDrawing && square === null) editor.draw(false);
   update();
   if (square) await measure(current, square);
 }
 
-/** Measure the edges at a square, which moves onto them. */
+/** Measures the edges at a square, and moves it onto them. */
 async function measure(picture, square) {
   const outlines = { format: FORMAT, squares: [memberOf(square)] };
   const corners = JSON.stringify(square.corners);
@@ -166,7 +166,7 @@ async function measure(picture, square) {
     const options = { outlines, targets: targets() };
     const { found, rejected } = await ask("find", [["picture", picture.blob, picture.name]], options);
     const now = picture.outlines.byId(square.id);
-    if (!now || JSON.stringify(now.corners) !== corners) return; // moved on
+    if (!now || JSON.stringify(now.corners) !== corners) return; // moved in the meantime
     if (found.length) Object.assign(now, found[0], { state: "measured", reason: "" });
     else Object.assign(now, { state: "refused", reason: shortened(rejected[0]?.reason) });
   } catch (error) {
@@ -176,7 +176,7 @@ async function measure(picture, square) {
   if (picture === current) update();
 }
 
-/** Without what it is called in a file that nobody sees here. */
+/** Returns a reason without the key of the square in the file of outlines. */
 function shortened(reason = "it cannot be measured") {
   return reason.replace(/^"?squares\[\d+\](\.\w+)?"?:? ?/, "").replace(/^.*?: ("?squares\S* ?)/, "");
 }
@@ -198,12 +198,12 @@ function update() {
   expect();
 }
 
-/** Whether the drawn squares are used and nothing else. */
+/** Returns whether only the drawn squares are used. */
 function isByHand() {
   return pictures.some(({ outlines }) => outlines.isEdited);
 }
 
-/** What a search has found that cannot be drawn, once something is drawn. */
+/** Returns the targets of a search that cannot be drawn, and are left out once squares are drawn. */
 function boardsLeftOut({ name, outlines }) {
   const boards = isByHand() ? outlines.used.filter((one) => !isByCorners(one)) : [];
   return boards.map(({ kind }) => `the ${kind} of ${name}`);
@@ -240,7 +240,7 @@ function listed(square, index) {
   return item;
 }
 
-/** Say what the outlines of this photograph would tell. */
+/** Shows the predicted precision of this photograph's outlines. */
 async function expect() {
   expecting?.abort();
   expecting = new AbortController();
@@ -299,7 +299,7 @@ async function loadOutlines(input) {
   input.value = "";
 }
 
-/** The photograph that outlines are of: by its name, by its place, or else the one that is shown. */
+/** Returns the photograph of outlines: by its name, by its index, or else the one that is shown. */
 function pictureOf({ file, index, width, height }, count) {
   const name = file?.split(/[\\/]/).at(-1);
   const picture = file ? pictures.find((one) => one.name === name)
@@ -349,7 +349,7 @@ async function calibrate() {
   await shown;
 }
 
-// What is pressed.
+// Event handlers.
 
 byId("files").onchange = async ({ target }) => {
   await addPictures([...target.files]);

@@ -1,16 +1,16 @@
-// The outlines of one photograph, with what was done to them, so that it can be undone.
+// The outlines of one photograph, with a history for undo.
 
 export const FORMAT = "trisquare-outlines/1";
 const BY_CORNERS = new Set(["square", "frame", "tag", "rectangle"]);
 
 let numbers = 0;
 
-/** A square as the editor has it; corners in pixels of the photograph as it is stored. */
+/** Returns a square for the editor; corners are in pixels of the photograph as it is stored. */
 export function squareOf({ kind = "square", corners, inner = null, sides = null }, state) {
   return { id: ++numbers, kind, corners, inner, sides, state, reason: "", isUsed: true };
 }
 
-/** Whether four corners tell all of it: more is measured of a board, which only a search finds. */
+/** Returns whether four corners define it; a board has more, which only a search finds. */
 export function isByCorners({ kind }) {
   return BY_CORNERS.has(kind);
 }
@@ -24,7 +24,7 @@ export class Outlines {
     this.isEdited = false;
   }
 
-  /** Remember how it is, before something is changed by hand. */
+  /** Saves the current state before a change by hand. */
   remember() {
     this.#past.push(this.#copy());
     this.#future = [];
@@ -45,7 +45,7 @@ export class Outlines {
 
   #copy() { return structuredClone({ squares: this.squares, isEdited: this.isEdited }); }
 
-  /** Take what a search has found. */
+  /** Replaces the outlines by those that a search has found. */
   replace(found) {
     this.squares = found.map((one) => squareOf(one, "found"));
     this.isEdited = false;
@@ -53,10 +53,10 @@ export class Outlines {
 
   byId(id) { return this.squares.find((square) => square.id === id); }
 
-  /** Those that are not rejected. */
+  /** The squares that are not rejected. */
   get used() { return this.squares.filter(({ isUsed }) => isUsed); }
 
-  /** In trisquare's own format, as the option --outline reads it. */
+  /** Returns the outlines in trisquare's own format, which the option --outline reads. */
   members() {
     return this.used.filter(isByCorners).map(memberOf);
   }
@@ -66,7 +66,7 @@ export function memberOf({ corners, inner }) {
   return inner ? { corners, inner: { corners: inner } } : { corners };
 }
 
-/** Read a file of outlines: [{file, index, width, height, squares}], the squares by their corners. */
+/** Reads a file of outlines: [{file, index, width, height, squares}], squares by corners. */
 export function readOutlines(text) {
   let members = null;
   try {

@@ -1,10 +1,10 @@
-// What a calibration has found: numbers, pictures and files.
+// The result of a calibration: numbers, pictures and files.
 
 import { ask, askFile, jsonBlob, save } from "./api.js";
 
 const byId = (id) => document.getElementById(id);
 
-/** As many digits as the standard deviation leaves. */
+/** Formats a number with the digits that its standard deviation justifies. */
 function rounded(value, std) {
   if (!std) return Number(value.toPrecision(6)).toString();
   const digits = Math.max(0, 1 - Math.floor(Math.log10(std)));
@@ -36,7 +36,7 @@ export class Results {
 
   hide() { byId("results").hidden = true; }
 
-  /** Show an answer of /api/calibrate to these pictures, each {blob, name}. */
+  /** Shows an answer of /api/calibrate to these pictures, each {blob, name}. */
   async show(answer, pictures, index) {
     this.#answer = answer;
     this.#pictures = pictures;
@@ -63,7 +63,7 @@ export class Results {
     return row;
   }
 
-  /** Draw the result over one of the pictures. */
+  /** Shows the result drawn over one of the pictures. */
   async showPicture(index) {
     this.#shown = this.#pictures[index];
     if (!this.#shown || byId("results").hidden) return;
