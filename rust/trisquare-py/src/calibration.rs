@@ -258,8 +258,8 @@ impl Task<'_> {
             let photographs = self.photographs.as_ref();
             let found = trisquare::calibrate_photographs(edges, size, options, photographs);
             let found = found.map(|mut calibration| {
-                trisquare::heed_fisheye(edges, size, options, &mut calibration);
-                trisquare::heed_opencv_lens(edges, size, options, &mut calibration);
+                trisquare::warn_of_fisheye(edges, size, options, &mut calibration);
+                trisquare::warn_of_opencv_lens(edges, size, options, &mut calibration);
                 ModelChoice::without_alternatives(options.model, calibration)
             });
             let found = found.map_err(|error| trisquare::or_fisheye(edges, size, options, error));

@@ -94,7 +94,7 @@ pub use lens::{
 };
 pub use lens_choice::{
     FamilyChoice, ModelAlternative, ModelChoice, RejectedFamily, calibrate_by_evidence,
-    calibrate_by_family, heed_fisheye, heed_opencv_lens, or_fisheye,
+    calibrate_by_family, or_fisheye, warn_of_fisheye, warn_of_opencv_lens,
 };
 pub use linear::{Straightening, fit_distortion};
 pub use localise::{

@@ -159,7 +159,9 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         }
         let (mut calibration, fitted) = self.stated(problem, (&solution, outliers));
         let causes = match &verdict {
-            Some(verdict) => problem.heed(verdict, (&self.planes, &solution), &mut calibration),
+            Some(verdict) => {
+                problem.apply_verdict(verdict, (&self.planes, &solution), &mut calibration)
+            }
             None => Vec::new(),
         };
         let optimum = (&solution, fitted.as_ref());

@@ -278,20 +278,20 @@ mod tests {
             PictureError::Channels { channels: 2 }
         );
         assert!(Picture::from_u8(2, 2, 1, vec![0; 5]).is_err());
-        let told = |width, height, count| {
+        let message = |width, height, count| {
             let refused = Picture::from_u8(width, height, 3, vec![0; count]).unwrap_err();
             let text = refused.to_string();
             assert_eq!(Error::from(refused).to_string(), text);
             text
         };
         assert_eq!(
-            told(5, 4, 64),
+            message(5, 4, 64),
             "a picture of 5 x 4 pixels with 3 channels needs 60 values, 15 a row without \
              padding, not 64: if each row of 16 values ends in 1 of padding, leave these out"
         );
-        assert!(told(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));
-        assert!(told(0, 4, 64).ends_with("is empty, but 64 values are given"));
-        assert!(told(usize::MAX, 1, 1).ends_with("is empty, but 1 values are given"));
+        assert!(message(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));
+        assert!(message(0, 4, 64).ends_with("is empty, but 64 values are given"));
+        assert!(message(usize::MAX, 1, 1).ends_with("is empty, but 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());
         assert!(Picture::from_u16(usize::MAX, 2, 3, vec![0; 6]).is_err());
     }

@@ -25,7 +25,7 @@ const WORTH_WEIGHING: f64 = 0.75;
 /// both lenses: call this after it if the lens may be a fisheye, with the same edges, size and
 /// options. It costs nothing if the calibration has no warnings that suggest it.
 /// [`calibrate_by_family`](crate::calibrate_by_family) chooses the lens instead.
-pub fn heed_fisheye<L: Lens>(
+pub fn warn_of_fisheye<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,

@@ -13,6 +13,6 @@ mod models;
 mod opencv_cure;
 
 pub use families::{FamilyChoice, RejectedFamily, calibrate_by_family};
-pub use fisheye_cure::{heed_fisheye, or_fisheye};
+pub use fisheye_cure::{or_fisheye, warn_of_fisheye};
 pub use models::{ModelAlternative, ModelChoice, calibrate_by_evidence};
-pub use opencv_cure::heed_opencv_lens;
+pub use opencv_cure::warn_of_opencv_lens;

@@ -20,9 +20,9 @@ const CHANCE: f64 = 1e-4;
 ///
 /// With targets that are not squares that is rare: a few more coefficients hardly ever turn them
 /// into squares of a usual camera, with sides that show noise alone. Call this after
-/// [`heed_fisheye`](crate::heed_fisheye), with the same edges, size and options. It costs nothing
+/// [`warn_of_fisheye`](crate::warn_of_fisheye), with the same edges, size and options. It costs nothing
 /// without such warnings.
-pub fn heed_opencv_lens<L: Lens>(
+pub fn warn_of_opencv_lens<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,

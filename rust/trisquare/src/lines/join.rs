@@ -170,9 +170,9 @@ impl Balance {
     fn contradiction(&self, said: &Said, covariance: &DMatrix<f64>) -> Option<f64> {
         let square = said.deviation.dot(&(&said.information * &said.deviation));
         let square = square.max(said.square);
-        let told = self.step.len() as f64 - (&said.information * covariance).trace();
-        let contradicts = chi_square_tail(square, told.max(1.0)) < CHANCE;
-        contradicts.then(|| (square / told.max(1.0)).sqrt())
+        let determined = self.step.len() as f64 - (&said.information * covariance).trace();
+        let contradicts = chi_square_tail(square, determined.max(1.0)) < CHANCE;
+        contradicts.then(|| (square / determined.max(1.0)).sqrt())
     }
 }
 

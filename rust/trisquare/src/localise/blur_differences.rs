@@ -22,11 +22,11 @@ pub(super) fn settle<'a>(measured: impl Iterator<Item = &'a mut Measured>) {
     // On a crossed line the effect of a curved tone changes sign at every crossing, and so does
     // that of a changing blur.
     let mut sides: Vec<&mut Measured> = measured.filter(|own| !own.is_crossed).collect();
-    let told = sides.iter().filter_map(|own| own.changes_of_blur());
-    let told: Vec<[(f64, f64); LIGHT]> = told.collect();
+    let changes = sides.iter().filter_map(|own| own.changes_of_blur());
+    let changes: Vec<[(f64, f64); LIGHT]> = changes.collect();
     let mut precisions = [0.0; LIGHT];
     for (k, precision) in precisions.iter_mut().enumerate().skip(1) {
-        let of_power: Vec<_> = told.iter().map(|changes| changes[k]).collect();
+        let of_power: Vec<_> = changes.iter().map(|own| own[k]).collect();
         *precision = variance_about_zero(&of_power).sqrt().max(LEAST).powi(-2);
     }
     for own in &mut sides {

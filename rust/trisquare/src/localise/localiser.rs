@@ -76,7 +76,7 @@ impl<'a> Localiser<'a> {
 
     /// The same localiser, with its sides used to estimate the tone curve, for this kurtosis of the
     /// lens's blur.
-    pub fn telling_tone(self, lens_kurtosis: f64) -> Self {
+    pub fn for_tone(self, lens_kurtosis: f64) -> Self {
         Self {
             lens_kurtosis: Some(lens_kurtosis),
             ..self

@@ -223,8 +223,7 @@ fn with_curve(
     previews: &[Result<Preview, NoEdge>],
     first: &ToneEstimate,
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
-    let mut localiser =
-        Localiser::new(picture, Tone::Power(first.curve)).telling_tone(first.kurtosis);
+    let mut localiser = Localiser::new(picture, Tone::Power(first.curve)).for_tone(first.kurtosis);
     let measured = localiser.measure_all(&sought.spans, previews);
     let (edges, mut estimate) = displacement::corrected(first.curve, measured);
     // A misfit that a subset of the pixels does not show is chance, or that of a single side.

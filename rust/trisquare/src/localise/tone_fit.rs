@@ -210,8 +210,8 @@ impl ToneShare {
         let mut profile = ResidualProfile::default();
         let blur = side.mean_blur();
         let of_box = box_kurtosis(&side.curve.along, blur);
-        let told = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
-        let rows = told.map(|(pixel, p)| {
+        let usable = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
+        let rows = usable.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * blur * p.blurs * (p.blurs * p.blurs - 3.0);
@@ -311,10 +311,10 @@ pub(super) fn pool<'a>(
     let mut sides = 0_u32;
     let mut profile = ResidualProfile::default();
     let mut blurs = 0.0;
-    let mut told = (SharedMatrix::zeros(), Shared::zeros());
+    let mut of_sides = (SharedMatrix::zeros(), Shared::zeros());
     for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
-        told.0 += share.information;
-        told.1 += share.gradient;
+        of_sides.0 += share.information;
+        of_sides.1 += share.gradient;
         profile.merge(&share.profile);
         blurs += share.blur;
         sides += 1;
@@ -324,8 +324,8 @@ pub(super) fn pool<'a>(
         Trust::Full => 1.0,
         Trust::ByMisfit => 1.0 / (1.0 + (misfit / TRUSTED_MISFIT).powi(2)),
     };
-    information += told.0 * trust;
-    gradient += told.1 * trust;
+    information += of_sides.0 * trust;
+    gradient += of_sides.1 * trust;
     let fits = sides > 0 && misfit < MAX_MISFIT;
     let mean_blur = blurs / f64::from(sides);
     // The prior makes it positive definite, unless it overflows.
@@ -371,12 +371,12 @@ pub(super) fn pool<'a>(
 fn unread_shift(curve: &PowerCurve) -> f64 {
     let excess = curve.effective_gamma() - 1.0;
     // A fit that diverged has no effective gamma, and gives no information.
-    let told = if excess.is_nan() {
+    let part = if excess.is_nan() {
         0.0
     } else {
         excess / USUAL_EXCESS
     };
-    (USUAL_SHIFT * (1.0 - told.clamp(0.0, 1.0))).max(MIN_UNREAD_SHIFT)
+    (USUAL_SHIFT * (1.0 - part.clamp(0.0, 1.0))).max(MIN_UNREAD_SHIFT)
 }
 
 /// Additional shift of all edges towards the dark, compared with a curve below the usual ones, if

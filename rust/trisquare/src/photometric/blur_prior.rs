@@ -19,9 +19,9 @@ const KINDS: usize = 2;
 
 /// Estimated differences of figures, by kind: the value, and the variance of its error.
 #[derive(Default)]
-pub(super) struct Told([Vec<(f64, f64)>; KINDS]);
+pub(super) struct BlurDifferences([Vec<(f64, f64)>; KINDS]);
 
-impl Told {
+impl BlurDifferences {
     /// Adds one of a figure's differences.
     pub fn add(&mut self, difference: usize, value: f64, variance: f64) {
         self.0[kind(difference)].push((value, variance));

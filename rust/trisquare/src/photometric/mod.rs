@@ -16,10 +16,10 @@ mod misfit;
 mod optimum;
 mod outline;
 mod photographs;
+mod prior_step;
 mod refine;
 mod scene;
 mod stated_tone;
-mod told_step;
 
 pub use kept::pixels_to_keep;
 pub use photographs::Photographs;

@@ -1,7 +1,7 @@
 //! Steps to the joint optimum of camera, planes and exposures.
 
 use super::fit::{PixelFit, PixelState, PixelSystem};
-use super::told_step::told_step;
+use super::prior_step::step_with_priors;
 use crate::lens::Lens;
 use crate::numeric::ArrowStep;
 
@@ -44,6 +44,6 @@ pub(super) fn optimum<L: Lens>(
     near: PixelState<L>,
 ) -> Option<(PixelState<L>, PixelSystem)> {
     let (state, mut found, free) = converge(fit, near)?;
-    let step = told_step(fit, &state, &free, &mut found)?;
+    let step = step_with_priors(fit, &state, &free, &mut found)?;
     Some((fit.advance(&state, &step), found))
 }

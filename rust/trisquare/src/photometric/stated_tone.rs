@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use super::fit::{PixelFit, PixelState};
 use super::misfit::misfit;
 use super::optimum::optimum;
-use super::told_step::told_step;
+use super::prior_step::step_with_priors;
 use crate::image::{PictureState, PictureTone, PowerCurve, ToneFit};
 use crate::lens::Lens;
 use crate::localise::MAX_MISFIT;
@@ -46,7 +46,7 @@ pub(super) fn contradicted_tone<L: Lens>(
     };
     let mut found = fit.evaluate(&state)?;
     let free = fit.step(&found.system)?;
-    let step = told_step(&fit, &state, &free, &mut found)?;
+    let step = step_with_priors(&fit, &state, &free, &mut found)?;
     let factor = found.spread.covariance_factor(fit.free.len() as f64);
     let near = fit.advance(&state, &step).with_free_kurtosis();
     let fits = fit.tone_fits(&near, &found.system, factor)?;

@@ -67,12 +67,12 @@ impl Lattice {
         photograph: &Photograph<'_>,
         others: &[&Outline],
     ) -> Self {
-        let foretold = self.with_neighbours(picture.size());
+        let predicted = self.with_neighbours(picture.size());
         let at_fold = AT_FOLD * self.pitch();
         let is_new = |site: &Site| !self.has(beside(*site, (-1, -1), 1));
-        let new = foretold.found().filter(|(site, point)| {
+        let new = predicted.found().filter(|(site, point)| {
             is_new(site)
-                && photograph.alternates(&foretold, *site)
+                && photograph.alternates(&predicted, *site)
                 && !others
                     .iter()
                     .any(|outline| outline.is_near(*point, at_fold))

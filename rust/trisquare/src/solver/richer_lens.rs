@@ -40,7 +40,7 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// Adds the uncertainty of a verdict to the covariance of a calibration; returns the warnings
     /// that come first.
-    pub fn heed(
+    pub fn apply_verdict(
         &self,
         verdict: &LensVerdict,
         (planes, solution): (&[ObservedPlane], &Solution<L>),

@@ -1,7 +1,7 @@
 //! Differences of blurs, and the common shift of all edges of a picture, as estimated from the
 //! pixels.
 
-use super::blur_prior::{self, Told};
+use super::blur_prior::{self, BlurDifferences};
 use super::exposure::{BLUR_DIFFERENCES, DIFFERENCES, EXPOSURE_PARAMETERS};
 use super::fit::{PixelFit, PixelState, PixelSystem};
 use crate::image::SHIFT;
@@ -16,26 +16,30 @@ const MIN_SHIFT: f64 = 1e-4;
 /// The step from a state with priors on the blurs' differences and the edges' shift, whose widths
 /// are estimated per picture from the values after the `free` step, which is without them; `None`
 /// if a figure does not determine its exposure.
-pub(super) fn told_step<L: Lens>(
+pub(super) fn step_with_priors<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
     free: &ArrowStep,
     found: &mut PixelSystem,
 ) -> Option<ArrowStep> {
     let covariance_factor = found.spread.covariance_factor(fit.free.len() as f64);
-    tell_blurs(fit, state, free, &mut found.system, covariance_factor)?;
-    tell_shifts(fit, state, free, &mut found.system, covariance_factor)?;
+    add_blur_priors(fit, state, free, &mut found.system, covariance_factor)?;
+    add_shift_priors(fit, state, free, &mut found.system, covariance_factor)?;
     fit.step(&found.system)
 }
 
-fn tell_blurs<L: Lens>(
+fn add_blur_priors<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
     free: &ArrowStep,
     system: &mut ArrowSystem,
     covariance_factor: f64,
 ) -> Option<()> {
-    let mut told: Vec<Told> = state.pictures.iter().map(|_| Told::default()).collect();
+    let mut differences_of: Vec<BlurDifferences> = state
+        .pictures
+        .iter()
+        .map(|_| BlurDifferences::default())
+        .collect();
     for (index, figure) in fit.figures.iter().enumerate() {
         let offset = fit.exposure_offset(state, index);
         // Marginal over the pose, which is correlated with them; other figures of the plane hardly
@@ -49,10 +53,13 @@ fn tell_blurs<L: Lens>(
         let differences = state.exposures[index].differences.all();
         for (k, difference) in differences.into_iter().enumerate() {
             let value = difference + free.blocks[figure.plane][offset + DIFFERENCES + k];
-            told[figure.image].add(k, value, covariance[(first + k, first + k)]);
+            differences_of[figure.image].add(k, value, covariance[(first + k, first + k)]);
         }
     }
-    let precisions: Vec<_> = told.iter().map(Told::precisions).collect();
+    let precisions: Vec<_> = differences_of
+        .iter()
+        .map(BlurDifferences::precisions)
+        .collect();
     for (index, figure) in fit.figures.iter().enumerate() {
         let offset = fit.exposure_offset(state, index);
         let block = &mut system.blocks[figure.plane];
@@ -65,7 +72,7 @@ fn tell_blurs<L: Lens>(
 /// Narrows the prior of a shift that the pixels do not show; otherwise it would widen every
 /// interval without need. A curve of gamma 1.8 looks like a usual one of a picture that was made
 /// smaller, and is rare. Nearly linear light was mostly blurred.
-fn tell_shifts<L: Lens>(
+fn add_shift_priors<L: Lens>(
     fit: &PixelFit<'_>,
     state: &PixelState<L>,
     free: &ArrowStep,
@@ -85,12 +92,12 @@ fn tell_shifts<L: Lens>(
         let prior = widest.powi(-2);
         // Information of the pixels alone, without the prior.
         let posterior = 1.0 / covariance[(own, own)];
-        let told = posterior - prior;
-        if told <= 0.0 {
+        let information = posterior - prior;
+        if information <= 0.0 {
             continue;
         }
-        let value = (shift + free.shared[own]) * posterior / told;
-        let std = variance_about_zero(&[(value, 1.0 / told)]).sqrt();
+        let value = (shift + free.shared[own]) * posterior / information;
+        let std = variance_about_zero(&[(value, 1.0 / information)]).sqrt();
         let precision = std.max(MIN_SHIFT).min(widest).powi(-2) - prior;
         system.prior[(own, own)] += precision;
         system.prior_gradient[own] += precision * shift;
