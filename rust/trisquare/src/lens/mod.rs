@@ -256,7 +256,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         self.line_distance_and_normal(pixel_ray, line).0
     }
 
-    /// As [`Self::line_distance`], with derivatives; columns that are not wanted may be left zero.
+    /// The signed distance with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(
         &self,
         pixel_ray: &Self::PixelRay,

@@ -82,7 +82,7 @@ impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
 /// families.
 trait ErasedLens {
     fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>>;
-    /// `None` where the lens is not invertible, or only barely.
+    /// `None` where the lens is not invertible, or nearly so.
     fn unproject_with_derivatives(&self, pixel: &Vector2<f64>) -> Option<Unprojected>;
 }
 

@@ -327,7 +327,7 @@ impl Rectangle {
             let count = pixels * least.div_ceil(pixels.max(1));
             (0..=count).map(move |i| f64::from(i) / f64::from(count.max(1)))
         };
-        // One side after the other: a regular subset of the points is still on all sides.
+        // One side after the other: a regular subset of the points still covers all sides.
         let ends = || [0.0, 1.0].into_iter();
         let rows = ends().flat_map(move |y| along(size.width).map(move |x| (x, y)));
         let columns = ends().flat_map(move |x| along(size.height).map(move |y| (x, y)));

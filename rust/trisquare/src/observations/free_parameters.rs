@@ -123,7 +123,7 @@ impl FreeParameters {
         }
     }
 
-    /// Adds a penalty that draws the rim of the lens beyond the corners that it has to see; returns
+    /// Adds a penalty that moves the rim of the lens beyond the corners that it has to see; returns
     /// its cost.
     ///
     /// The distortion folds back at the rim: to first order a parameter moves the rim as it moves

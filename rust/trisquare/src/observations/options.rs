@@ -182,7 +182,7 @@ impl<L: Lens> Options<L> {
 
     /// # Errors
     /// [`Error::InvalidArgument`] for a focal length held without an initial camera, a skew that
-    /// cannot be freed, or an initial camera out of range; [`Error::NotFinite`] for one that is not
+    /// cannot be freed, or an initial camera out of range; `Error::NotFinite` for one that is not
     /// finite.
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !self.fixed.skew && (self.method == Method::Linear || L::skew_column().is_none()) {

@@ -17,8 +17,8 @@ pub enum Polarity {
     LightInside,
 }
 
-/// The unknowns of a figure: a further one on a plane that another figure already determines, or
-/// the first one.
+/// The unknowns of a figure, whether it is a further one on a plane that another figure already
+/// determines, or the first one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]

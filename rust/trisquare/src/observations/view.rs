@@ -96,10 +96,10 @@ impl PlaneState {
 
     /// Returns the tangent of a circle whose image is nearest to a pixel.
     ///
-    /// The distance to this tangent's image is stationary as the tangent rolls on: its value and
-    /// derivatives are those of the distance to the circle's image, up to the second order in the
-    /// distance over the radius. The tangent is found from the one in the direction of the pixel's
-    /// ray, through the foot of the pixel on its image.
+    /// The distance to this tangent's image is stationary as the tangent rolls along the circle:
+    /// its value and derivatives are those of the distance to the circle's image, up to the second
+    /// order in the distance over the radius. The tangent is found from the one in the direction of
+    /// the pixel's ray, through the foot of the pixel on its image.
     fn tangent<L: Lens>(
         &self,
         lens: &L,

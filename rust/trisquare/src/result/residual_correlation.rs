@@ -27,7 +27,7 @@ pub struct ResidualCorrelation {
     /// Height difference between the lowest and the highest place of every plane's relief, over its
     /// extent; 0 for planes that are taken as flat.
     pub heights: Vec<f64>,
-    /// Addition to the covariance of the free parameters because of all this.
+    /// Covariance that all of this adds to that of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples, relative to that from pixels with independent noise, if the
     /// samples' stated standard deviations are based on such noise.

@@ -116,8 +116,8 @@ fn test_of_free(
     }
     let seen = differences.iter().flatten();
     let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
-    // Number of ways in which parameters can change: they are the same in two cameras of one
-    // family.
+    // Number of parameters, those of two cameras of one family counted once: they cause the same
+    // changes.
     let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
     let kinds = first.len() + second.columns().iter().filter(is_new).count();
     tested(&difference, &spread, focal, kinds, matches).map(Some)

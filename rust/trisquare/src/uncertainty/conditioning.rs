@@ -8,8 +8,8 @@
 //! The rule: a geometry is refused if it predicts a standard deviation above [`MAX_STD`] of the
 //! focal length (`fx`, `fy`) or of the width (`cx`, `cy`). The evidence is from scenes of three
 //! squares measured every 4 px with noise of 0.05 to 0.5 px, each judged by its worst parameter:
-//! 3,000 sound scenes (tilts of 25 to 50 degrees) have a median of 0.5 % and a largest value of 2.9
-//! %; 2,000 scenes of parallel planes have a median of 43 % and a smallest value of 5.9 %. The
+//! 3,000 sound scenes (tilts of 25 to 50 degrees) have a median of 0.5 % and a largest value of
+//! 2.9 %; 2,000 scenes of parallel planes have a median of 43 % and a smallest value of 5.9 %. The
 //! latter does not depend on the noise, because the angle between planes that are parallel is
 //! estimated as some multiple of its own standard deviation, and the information about K from that
 //! angle has a relative error of one over that multiple; its distribution falls off like a
@@ -96,7 +96,7 @@ const ALIKE_DEGREES: f64 = 20.0;
 /// small.
 const SMALL_SPAN: f64 = 0.2;
 
-/// Extent of all figures together, as a fraction of width and height, below which they huddle
+/// Extent of all figures together, as a fraction of width and height, below which they lie close
 /// together.
 const HUDDLED_SPAN: f64 = 0.6;
 
@@ -253,8 +253,8 @@ impl<L: Lens> Conditioning<'_, L> {
         covariance(&system, factor)
     }
 
-    /// Adds the prior of the centre of distortion, where it is freed from the principal point: it
-    /// is the parameters after the free ones.
+    /// Adds the prior of the centre of distortion where it is freed from the principal point: to
+    /// the parameters after the free ones.
     pub(super) fn bound_centre(
         &self,
         system: &mut ArrowSystem,

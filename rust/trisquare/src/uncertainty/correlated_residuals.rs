@@ -25,7 +25,8 @@ const WORTH_TELLING: f64 = 1.1;
 /// which the plane has noise of its own.
 const DIFFERENT: f64 = 4.0;
 
-/// Standard deviation of the logarithm of a plane's noise, `0.71 / sqrt(n)`, without the root.
+/// Standard deviation of the logarithm of a plane's noise, for one degree of freedom; for `n` it is
+/// `0.71 / sqrt(n)`.
 const LOG_SCALE_STD: f64 = 0.71;
 
 /// Step of a tone curve's error, in standard deviations, that leaves the robust weights unchanged.

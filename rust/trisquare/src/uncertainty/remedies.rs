@@ -52,7 +52,7 @@ pub(crate) fn add_remedies<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     succeeds: impl Fn(Fixed) -> bool,
 ) {
-    // Freeing a parameter helps only if it is held at a wrong value: then nothing else helps.
+    // Freeing a parameter helps only if its held value is wrong, and then nothing else helps.
     let freed = remedies_by_freeing(conditioning, &succeeds);
     if !freed.is_empty() {
         ill_conditioning.remedies = freed;
