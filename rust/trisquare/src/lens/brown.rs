@@ -21,7 +21,7 @@ const NAMES: [&str; 10] = ["fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2",
 /// The column of the skew.
 const SKEW_COLUMN: usize = NAMES.len() - 1;
 
-/// What the coefficients `k1, k2, k3, p1, p2` multiply.
+/// Distortion terms of the coefficients `k1, k2, k3, p1, p2`.
 const TERMS: [DistortionTerm; 5] = [
     DistortionTerm::Radial(2),
     DistortionTerm::Radial(4),
@@ -30,19 +30,20 @@ const TERMS: [DistortionTerm; 5] = [
     DistortionTerm::TangentialX,
 ];
 
-/// Prior standard deviations of what `k1, k2, k3, p1, p2` do at the picture's corner, as a part of
-/// its radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses bend it by up to 0.3, each further term
-/// does about half as much as the one before, and decentred elements move it by some thousandths.
+/// Prior standard deviations of the displacements by `k1, k2, k3, p1, p2` at the picture's corner,
+/// as a fraction of its radius: `k1 r^2, k2 r^4, k3 r^6, p1 r, p2 r`. Lenses displace the corner by
+/// up to 0.3 of its radius, each further radial term by about half as much as the one before, and
+/// decentred elements by some thousandths.
 const PRIOR_EFFECTS: [Effect; 5] = [(0.2, 2), (0.1, 4), (0.05, 6), (0.002, 1), (0.002, 1)];
 
-/// What a coefficient does at a picture's corner, as a part of its radius, and the power of that
-/// radius in it.
+/// Displacement of a picture's corner by a coefficient, as a fraction of the corner's radius, and
+/// the power of that radius in it.
 pub(super) type Effect = (f64, i32);
 
-/// The coefficients that have some effects at the corner of a lens's picture.
+/// Returns the coefficients that have the given effects at the corner of a lens's picture.
 ///
-/// Beyond the radius 1 it counts no further: what sees more than 45 degrees from its axis has
-/// coefficients like those of `atan`, of 1/3, 1/5, 1/7.
+/// The corner's radius is limited to 1: lenses that see more than 45 degrees from their axis have
+/// coefficients like those of `atan`, 1/3, 1/5, 1/7.
 pub(super) fn coefficients_of(effects: &[Effect], lens: &impl Lens, size: ImageSize) -> Vec<f64> {
     let focal = lens.focal();
     let corner = (size.half_diagonal() / (focal.x * focal.y).sqrt()).min(1.0);
@@ -63,15 +64,17 @@ pub struct Brown {
     parameters: [f64; 9],
     /// Pixels.
     skew: f64,
-    /// Ideal radius up to which the distortion is trusted, and at most monotonic.
+    /// Ideal radius up to which the distortion is trusted; at most that up to which it is
+    /// monotonic.
     valid_radius: f64,
-    /// `A^-1`: every pixel asks for it.
+    /// `A^-1`, stored because every pixel needs it.
     inverse_focal: Matrix2<f64>,
 }
 
 impl Brown {
-    /// From `fx, fy, cx, cy, k1, k2, k3, p1, p2`, without skew. The focal lengths have to be positive;
-    /// calibrations and files are checked, this is not.
+    /// Creates a lens from `fx, fy, cx, cy, k1, k2, k3, p1, p2`, without skew. The focal lengths
+    /// must be positive: calibrations and files are checked for that, this function does not check
+    /// it.
     pub fn new(parameters: [f64; 9]) -> Self {
         let [fx, fy, _, _, k1, k2, k3, p1, p2] = parameters;
         Self {
@@ -82,7 +85,7 @@ impl Brown {
         }
     }
 
-    /// The same with a skew, in pixels.
+    /// Returns the same lens with a skew, in pixels.
     #[must_use]
     pub fn with_skew(self, skew: f64) -> Self {
         let skewed = Self { skew, ..self };
@@ -128,7 +131,7 @@ impl PlaneDistortion for Brown {
             )
     }
 
-    /// It is symmetric.
+    /// The Jacobian, which is symmetric.
     fn distortion_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2<f64> {
         let [.., p1, p2] = self.parameters;
         let (x, y, square) = (ideal.x, ideal.y, ideal.norm_squared());
@@ -161,8 +164,8 @@ impl Lens for Brown {
         Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0, 0.0]).with_skew(k.m12)
     }
 
-    /// With the forward coefficients `(k1, k2, k3)` that fit best over the radii which the image
-    /// covers.
+    /// Returns the lens with the forward coefficients `(k1, k2, k3)` that fit best over the radii
+    /// which the image covers.
     fn from_straightening(
         camera_matrix: &Matrix3<f64>,
         ideal_radius: impl Fn(f64) -> f64,
@@ -220,7 +223,7 @@ impl Lens for Brown {
         is_finite(&pixel).then_some(pixel)
     }
 
-    /// Beyond the valid radius where a pinhole would see it.
+    /// Beyond the valid radius, returns the pixel of a pinhole.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
         self.project(point)
             .unwrap_or_else(|| self.pixel_of(&(point.xy() / point.z)))
@@ -262,7 +265,7 @@ impl Lens for Brown {
 
     /// The image of the disc of valid radius `R` reaches at least
     /// `R (1 + k1 R^2 + ...) - 3 |q| R^2`, `q = (p2, p1)`, in every direction; the least focal
-    /// length makes it pixels.
+    /// length converts this to pixels.
     fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius;
         if radius.is_infinite() {

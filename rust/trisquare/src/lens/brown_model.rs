@@ -1,4 +1,4 @@
-//! Which of Brown's coefficients are estimated.
+//! Models of Brown's lens: the coefficients that are estimated.
 
 use super::{Columns, DistortionModel, INTRINSICS};
 

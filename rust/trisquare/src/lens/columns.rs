@@ -6,7 +6,7 @@ use super::MAX_LENS_COLUMNS;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Columns(u32);
 
-/// Columns that a set has room for.
+/// Maximum number of columns in a set.
 const SIZE: usize = u32::BITS as usize;
 
 impl Columns {
@@ -16,7 +16,7 @@ impl Columns {
     /// Every column.
     pub const ALL: Self = Self(u32::MAX);
 
-    /// The columns listed.
+    /// Returns the set of the listed columns.
     ///
     /// # Panics
     /// If one is 32 or more: no lens has as many.

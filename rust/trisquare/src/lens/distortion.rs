@@ -1,29 +1,31 @@
-//! Distortions that other programs' camera files hold: from ideal to observed normalised points.
+//! Distortions in other programs' camera files: maps from ideal to observed normalised points.
 
 use nalgebra::{Matrix2, Matrix3, Vector2};
 
 use crate::error::Error;
 
-/// Newton's steps: they double the digits once near, and a lens of 170 degrees takes some twenty to
-/// come near.
+/// Maximum number of Newton steps: near the solution each step doubles the number of digits, and a
+/// lens of 170 degrees needs some twenty steps to come near.
 const MAX_STEPS: usize = 60;
 
-/// Error of an inverse that no step lessens noticeably: a thousandth of a millionth of a pixel for
-/// any focal length in use.
+/// Error of an inverse, in normalised units, below which the iteration ends: a thousandth of a
+/// millionth of a pixel for any focal length in use.
 const SOLVED: f64 = 1e-12;
 
-/// Error of an inverse, relative to the observed point, beyond which it is none.
+/// Largest accepted error of an inverse, relative to one plus the size of the observed point.
 const ROUNDED: f64 = 1e-9;
 
-/// Places along the way from the axis at which a lens is checked not to fold back.
+/// Number of points between the axis and an ideal point at which a lens is checked for folding
+/// back.
 const PLACES_ON_THE_WAY: usize = 10;
 
-/// What a coefficient multiplies, and a distortion adds to the ideal point `u = (x, y)`, `r = |u|`.
+/// Term of a distortion: the displacement of the ideal point `u = (x, y)`, `r = |u|`, per unit of
+/// its coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DistortionTerm {
-    /// `u r^n`: of Brown's lens `k1`, `k2`, `k3`, `k4` for n = 2, 4, 6, 8; of the panorama
-    /// programs' `c`, `b`, `a` for n = 1, 2, 3.
+    /// `u r^n`: for n = 2, 4, 6, 8 the term of Brown's `k1`, `k2`, `k3`, `k4`; for n = 1, 2, 3 that
+    /// of the panorama programs' `c`, `b`, `a`.
     Radial(i32),
     /// Brown's `p1`: `(2 x y, r^2 + 2 y^2)`.
     TangentialY,
@@ -32,10 +34,11 @@ pub enum DistortionTerm {
 }
 
 impl DistortionTerm {
-    /// The terms of coefficients' names, separated by blanks: `"k1 k2 p1 p2"`, `"c b a"`.
+    /// Returns the terms of coefficients given by name, separated by blanks: `"k1 k2 p1 p2"`,
+    /// `"c b a"`.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for another name.
+    /// [`Error::InvalidArgument`] for an unknown name.
     pub fn of_names(names: &str) -> Result<Vec<Self>, Error> {
         let named = |name| match name {
             "k1" | "b" => Ok(Self::Radial(2)),
@@ -53,7 +56,7 @@ impl DistortionTerm {
         names.split_whitespace().map(named).collect()
     }
 
-    /// What is added to an ideal point, for a coefficient of 1.
+    /// Returns the displacement of an ideal point by a coefficient of 1.
     pub fn shift(self, ideal: &Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (ideal.x, ideal.y);
         let square = x * x + y * y;
@@ -65,7 +68,7 @@ impl DistortionTerm {
         }
     }
 
-    /// The derivative of the shift by the ideal point.
+    /// Derivative of the shift with respect to the ideal point.
     fn jacobian(self, ideal: &Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (ideal.x, ideal.y);
         match self {
@@ -79,7 +82,7 @@ impl DistortionTerm {
     }
 }
 
-/// How a lens bends ideal normalised points.
+/// Distortion of ideal normalised points by a lens.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Distortion {
@@ -91,12 +94,12 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// A distortion by its model's name: `"opencv"`, whose last coefficients may be missing, or the
-    /// names of coefficients as in [`DistortionTerm::of_names`].
+    /// Creates a distortion from the name of its model: `"opencv"`, whose last coefficients may be
+    /// omitted, or the names of coefficients as in [`DistortionTerm::of_names`].
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for another name or too many or too few coefficients,
-    /// [`Error::NotFinite`].
+    /// [`Error::InvalidArgument`] for an unknown name or a wrong number of coefficients,
+    /// [`Error::NotFinite`] for a coefficient that is NaN or infinite.
     pub fn of_model(model: &str, coefficients: &[f64]) -> Result<Self, Error> {
         if !coefficients.iter().all(|c| c.is_finite()) {
             return Err(Error::NotFinite {
@@ -131,8 +134,8 @@ impl Distortion {
         self.with_jacobian(ideal).0
     }
 
-    /// Inverts the distortion; `None` where Newton's method does not lead to an ideal point, or
-    /// only to one beyond a fold.
+    /// Inverts the distortion; `None` where Newton's method does not converge, or converges to a
+    /// point beyond a fold.
     pub fn undistort(&self, observed: &Vector2<f64>) -> Option<Vector2<f64>> {
         let mut ideal = *observed;
         let (mut seen, mut jacobian) = self.with_jacobian(&ideal);
@@ -160,7 +163,7 @@ impl Distortion {
         (has_arrived && (1..=PLACES_ON_THE_WAY).all(is_unfolded)).then_some(ideal)
     }
 
-    /// The observed point, and its derivative by the ideal one.
+    /// Returns the observed point and its derivative with respect to the ideal one.
     fn with_jacobian(&self, ideal: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         match self {
             Self::Terms(terms) => terms.iter().fold(
@@ -177,7 +180,7 @@ impl Distortion {
     }
 }
 
-/// The derivative of `u g(r)`: `g` across the radius, `slope = d(r g)/dr` along it.
+/// Derivative of `u g(r)`: `g` across the radius, `slope = d(r g)/dr` along it.
 fn radial_jacobian(ideal: &Vector2<f64>, factor: f64, slope: f64) -> Matrix2<f64> {
     let along = ideal.try_normalize(0.0).unwrap_or_else(Vector2::zeros);
     Matrix2::identity() * factor + along * along.transpose() * (slope - factor)
@@ -193,7 +196,8 @@ pub(super) struct RadialQuotient {
 }
 
 impl RadialQuotient {
-    /// The denominator, the factor, and the factor's first and second derivative by `s`.
+    /// Returns the denominator, the factor, and the factor's first and second derivative with
+    /// respect to `s`.
     pub fn at(&self, square: f64) -> [f64; 4] {
         let polynomial = |[a, b, c]: [f64; 3]| {
             (
@@ -211,7 +215,7 @@ impl RadialQuotient {
     }
 }
 
-/// The observed point of OpenCV's model, and its derivative by the ideal one.
+/// Returns the observed point of OpenCV's model and its derivative with respect to the ideal one.
 pub(super) fn opencv(
     coefficients: &[f64; 14],
     ideal: &Vector2<f64>,
@@ -296,7 +300,8 @@ mod tests {
                     let change =
                         distortion.distort(&(ideal + step)) - distortion.distort(&(ideal - step));
                     let error = (change / 2e-6 - jacobian.column(axis)).norm();
-                    // The slope of `u r` at the axis has a kink: its differences are off by the step.
+                    // The derivative of `u r` has a kink at the axis: its differences are off by
+                    // the step.
                     assert!(error < 1e-7, "{distortion:?} {ideal} {error}");
                 }
             }

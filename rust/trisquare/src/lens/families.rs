@@ -1,4 +1,4 @@
-//! The nearest lens of a family that can say less, or says it otherwise.
+//! Approximation of a lens by the nearest lens of a family with fewer or other terms.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
@@ -8,31 +8,32 @@ use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::numeric::{ArrowStep, ArrowSystem, Limits, Problem, minimise};
 
-/// Lines of the grid over the picture's longer side: enough for polynomials of the 7th degree, and
-/// the borders, where lenses differ most, are among them.
+/// Number of grid lines over the picture's longer side: enough for polynomials of the 7th degree.
+/// The grid includes the borders, where lenses differ most.
 const GRID_LINES: f64 = 41.0;
 
-/// Part of the picture that must have a direction at all before a lens can be fitted to it.
+/// Minimum fraction of the picture in which a lens must have a direction for another one to be
+/// fitted.
 const MIN_SEEN: f64 = 0.5;
 
-/// The problem is all but linear: a handful of steps suffice.
+/// Limits of the iteration. The problem is nearly linear: a few steps suffice.
 const LIMITS: Limits = Limits {
     iterations: 200,
     decrease: 1e-18,
 };
 
-/// All lenses `f (u + sum c_i s_i(u)) + c` of some terms.
+/// Family of lenses `f (u + sum c_i s_i(u)) + c` with the terms `s_i`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LensFamily {
-    /// What messages call it.
+    /// Name in messages.
     pub name: String,
-    /// Whether it has one focal length for both axes.
+    /// Whether both axes have the same focal length.
     pub square_pixels: bool,
     /// The terms whose coefficients are free.
     pub terms: Vec<DistortionTerm>,
 }
 
-/// The lens of a family that comes nearest to another one.
+/// The lens of a family that is nearest to another lens.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct NearestLens {
@@ -44,19 +45,19 @@ pub struct NearestLens {
     pub coefficients: Vec<f64>,
     /// Root mean square distance of the two projections, pixels.
     pub rms: f64,
-    /// The largest distance, pixels.
+    /// Largest distance of the two projections, pixels.
     pub worst: f64,
-    /// The part of the picture where the other lens has a direction.
+    /// Fraction of the picture in which the other lens has a direction.
     pub covered: f64,
 }
 
 impl LensFamily {
-    /// The lens whose projections come nearest to another one's over the picture, by least squares
-    /// of pixels.
+    /// Finds the lens whose projections are nearest to another lens's over the picture, by least
+    /// squares of pixels.
     ///
-    /// `ideal_point` gives the ideal normalised point that the other lens sees at a pixel. Both
-    /// keep the same axis: no rotation is fitted, so that poses stay what they were. `focal` and
-    /// `centre` (pixels) start the iteration.
+    /// `ideal_point` returns the ideal normalised point that the other lens sees at a pixel. Both
+    /// lenses have the same axis: no rotation is fitted, so that poses stay valid. The iteration
+    /// starts from `focal` and `centre` (pixels).
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if less than half the picture has directions ahead of the camera,
@@ -116,14 +117,14 @@ impl LensFamily {
         })
     }
 
-    /// Where a lens of the family sees an ideal point: normalised, and the pixel.
+    /// Returns the observed normalised point and the pixel of an ideal point.
     fn project(&self, lens: &NearestLens, ideal: &Vector2<f64>) -> (Vector2<f64>, Vector2<f64>) {
         let terms = self.terms.iter().zip(&lens.coefficients);
         let observed = terms.fold(*ideal, |sum, (term, c)| sum + term.shift(ideal) * *c);
         (observed, observed.component_mul(&lens.focal) + lens.centre)
     }
 
-    /// Whether the distortion folds back, or may, up to the farthest of the points: see
+    /// Whether the distortion may fold back within the radius of the farthest point: see
     /// [`invertible_radius`](super::invertible_radius).
     fn folds(&self, lens: &NearestLens, pairs: &[(Vector2<f64>, Vector2<f64>)]) -> bool {
         let largest = pairs.iter().map(|(u, _)| u.norm()).fold(0.0, f64::max);
@@ -147,7 +148,7 @@ impl LensFamily {
     }
 }
 
-/// Pixels of a grid over the picture from border to border.
+/// Returns the pixels of a grid over the picture from border to border.
 fn grid(size: ImageSize) -> Result<Vec<Vector2<f64>>, Error> {
     size.check()?;
     let far = size.centre() * 2.0;
@@ -160,7 +161,8 @@ fn grid(size: ImageSize) -> Result<Vec<Vector2<f64>>, Error> {
         .collect())
 }
 
-/// Least squares of pixels; parameters are `fx, fy` (or both in one), `cx, cy`, the coefficients.
+/// Least-squares problem in pixels. Its parameters are `fx, fy` (or one focal length for both),
+/// `cx, cy` and the coefficients.
 struct NearestFit<'a> {
     family: &'a LensFamily,
     pairs: &'a [(Vector2<f64>, Vector2<f64>)],
@@ -269,7 +271,7 @@ mod tests {
             };
             let (cost, system) = fit.evaluate(&found).unwrap();
             assert!((2.0 * cost / pairs.len() as f64 - found.rms.powi(2)).abs() < 1e-9 * found.rms);
-            // Where the residual does not fall along any parameter's own gradient.
+            // No step of a single parameter decreases the cost noticeably.
             for i in 0..system.blocks[0].gradient.len() {
                 let pull = system.blocks[0].gradient[i].powi(2) / system.blocks[0].hessian[(i, i)];
                 assert!(pull < 1e-12 * cost.max(1e-9), "{names} {i} {pull} {cost}");
@@ -323,7 +325,7 @@ mod tests {
                 .nearest(SIZE, focal, centre, corner)
                 .is_err()
         );
-        // A lens that its own polynomial folds: the picture's corners lie where its middle is.
+        // A distortion for which the nearest polynomial folds back within the picture.
         let folded = |p: &Vector2<f64>| Some((p - centre).component_div(&focal) * 2.0);
         let squeezed = |p: &Vector2<f64>| folded(p).map(|u| u * (1.0 + 4.0 * u.norm_squared()));
         assert!(

@@ -22,25 +22,27 @@ const NAMES: [&str; INTRINSICS + COEFFICIENTS + 1] =
 /// The column of the skew.
 const SKEW_COLUMN: usize = NAMES.len() - 1;
 
-/// Prior standard deviations of what each coefficient does where the field angle is one radian, as
-/// a part of it: the laws that lenses follow, from `sin` to `2 tan(theta / 2)`, have -1/6 to 1/12,
-/// and each further term does about half as much.
+/// Prior standard deviations of the effect of each coefficient at a field angle of one radian, as a
+/// fraction of that angle. The projection laws of lenses, from `sin` to `2 tan(theta / 2)`, have
+/// first coefficients from -1/6 to 1/12, and each further term has about half the effect.
 const PRIOR_EFFECTS: [f64; COEFFICIENTS] = [0.1, 0.05, 0.025, 0.0125];
 
-/// Newton steps when a pixel is followed back, or bisections where one leads astray.
+/// Maximum number of steps to unproject a pixel: Newton steps, or bisections where a Newton step
+/// leaves the bracket.
 const MAX_STEPS: usize = 100;
 
-/// After a Newton step of this part of the angle the next one would be rounding: each squares it.
+/// Newton step, as a fraction of the angle, below which the iteration ends: each step squares the
+/// error, so that the next one would be rounding.
 const LAST_STEP: f64 = 1e-10;
 
-/// Below this squared observed radius the power series is exact to rounding.
+/// Squared observed radius below which the power series is exact to rounding.
 const NEAR_AXIS: f64 = 1e-6;
 
 /// The coefficients of a [`Fisheye`] lens that are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FisheyeModel {
-    /// None: the angle with the axis is the distance from the centre.
+    /// None: the observed radius is the angle to the axis.
     Equidistant,
     /// `k1`.
     Fisheye1,
@@ -80,53 +82,54 @@ impl DistortionModel for FisheyeModel {
     }
 }
 
-/// A lens that maps the angle `theta` of a ray with the axis to the distance
-/// `theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)` from the principal point, in
-/// units of the focal lengths; the pixel of the observed point is `(fx x_d + skew y_d + cx, fy y_d +
-/// cy)`.
+/// A lens that maps the angle `theta` of a ray to the axis to the distance `theta (1 + k1 theta^2 +
+/// k2 theta^4 + k3 theta^6 + k4 theta^8)` from the principal point, in units of the focal lengths;
+/// the pixel of the observed point is `(fx x_d + skew y_d + cx, fy y_d + cy)`.
 ///
 /// J. Kannala & S. S. Brandt, IEEE Trans. Pattern Anal. Mach. Intell. 28 (2006) 1335-1340, without
-/// their asymmetric terms. Angles up to 180 degrees have their pixel.
+/// their asymmetric terms. Rays at angles up to 180 degrees are projected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fisheye {
     /// `fx, fy, cx, cy` (pixels), `k1, k2, k3, k4`.
     parameters: [f64; INTRINSICS + COEFFICIENTS],
     /// Pixels.
     skew: f64,
-    /// The angle up to which the distance from the centre grows, radians.
+    /// Angle up to which the observed radius increases, radians.
     valid_angle: f64,
 }
 
-/// A pixel followed back, with what its derivatives need.
+/// An unprojected pixel, with the quantities that its derivatives need.
 ///
-/// With `w = A^-1 (p - c)` the observed point of the pixel and `s = |w|^2`, its
-/// unit ray is `(A w, C)`, `A = sin(theta) / |w|`, `C = cos(theta)`.
+/// With `w = A^-1 (p - c)` the observed point of the pixel (here `A` is the focal matrix) and
+/// `s = |w|^2`, the unit ray is `(A w, C)`, `A = sin(theta) / |w|`, `C = cos(theta)`.
 #[derive(Debug, Clone, Copy)]
 pub struct FisheyePixelRay {
     w: Vector2<f64>,
     square: f64,
     theta: f64,
-    /// `sin(theta)` and `cos(theta)`.
+    /// `sin(theta)`.
     sine: f64,
+    /// `cos(theta)`.
     cosine: f64,
-    /// `theta / |w|` and `d theta / d|w|`, ...
+    /// `theta / |w|`.
     inverse_factor: f64,
+    /// `d theta / d|w|`.
     inverse_slope: f64,
-    /// ... and `d (d|w| / d theta) / d theta / theta`.
+    /// `d (d|w| / d theta) / d theta / theta`.
     bend: f64,
     /// `1 / (2 s)`.
     inverse_square: f64,
-    /// `A` and its first and second derivative by `s`.
+    /// `A` and its first and second derivative with respect to `s`.
     a: [f64; 3],
-    /// The first and second derivative of `C` by `s`.
+    /// The first and second derivative of `C` with respect to `s`.
     c: [f64; 2],
 }
 
 impl Fisheye {
-    /// From `fx, fy, cx, cy, k1, k2, k3, k4`, without skew.
+    /// Creates a lens from `fx, fy, cx, cy, k1, k2, k3, k4`, without skew.
     pub fn new(parameters: [f64; INTRINSICS + COEFFICIENTS]) -> Self {
         let [.., k1, k2, k3, k4] = parameters;
-        // Of the squared angle.
+        // The slope as a polynomial of the squared angle.
         let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
         let falls = sign_changes(&slope, PI * PI).first().map(|t| t.sqrt());
         Self {
@@ -136,7 +139,7 @@ impl Fisheye {
         }
     }
 
-    /// The same with a skew, in pixels.
+    /// Returns the same lens with a skew, in pixels.
     #[must_use]
     pub fn with_skew(self, skew: f64) -> Self {
         Self { skew, ..self }
@@ -147,7 +150,7 @@ impl Fisheye {
         [k1, k2, k3, k4]
     }
 
-    /// `M`, the derivative of a unit ray by `w`.
+    /// `M`, the derivative of a unit ray with respect to `w`.
     fn ray_jacobian(ray: &FisheyePixelRay) -> Matrix3x2<f64> {
         let mut jacobian = Matrix3x2::zeros();
         for i in 0..2 {
@@ -158,8 +161,8 @@ impl Fisheye {
         jacobian
     }
 
-    /// Of an angle: the observed radius over it, the derivative of that radius, and the derivative
-    /// of that over the angle.
+    /// Returns, for an angle, the ratio of the observed radius to the angle, the derivative of that
+    /// radius, and the ratio of its second derivative to the angle.
     fn factor_slope_bend(&self, theta: f64) -> [f64; 3] {
         let [k1, k2, k3, k4] = self.coefficients();
         let t = theta * theta;
@@ -170,7 +173,7 @@ impl Fisheye {
         ]
     }
 
-    /// The angle that is seen at an observed radius; `None` beyond the valid one.
+    /// Returns the angle that is seen at an observed radius; `None` beyond the valid angle.
     fn angle(&self, observed: f64) -> Option<f64> {
         let (mut low, mut high) = (0.0, self.valid_angle);
         let [rim, ..] = self.factor_slope_bend(high);
@@ -197,7 +200,8 @@ impl Fisheye {
         Some(theta)
     }
 
-    /// `A`, its derivatives by `s`, and those of `C`, near the axis by their power series.
+    /// Sets `A`, its derivatives with respect to `s` and those of `C`; near the axis by the power
+    /// series.
     fn with_series(&self, mut ray: FisheyePixelRay) -> FisheyePixelRay {
         let (s, inverse) = (ray.square, ray.inverse_square);
         let (p, f) = (ray.inverse_slope, ray.inverse_factor);
@@ -224,7 +228,8 @@ impl Fisheye {
         ray
     }
 
-    /// The derivative of `n = l . ray` by `w`, and how it changes with a step of `w`.
+    /// Returns the derivative of `n = l . ray` with respect to `w`, and a function that gives its
+    /// change by a step of `w`.
     fn gradient(
         ray: &FisheyePixelRay,
         line: &Vector3<f64>,
@@ -242,8 +247,8 @@ impl Fisheye {
         (along * a + w * radial, change)
     }
 
-    /// How `n` and its gradient by `w` change with a coefficient, the pixel at rest; `power` is
-    /// `theta^(2 index + 2)`.
+    /// Returns the derivatives of `n` and of its gradient by `w` with respect to a coefficient at a
+    /// fixed pixel; `power` is `theta^(2 index + 2)`.
     #[inline]
     fn by_coefficient(
         &self,
@@ -286,7 +291,7 @@ impl Lens for Fisheye {
         &NAMES
     }
 
-    /// None: a wide lens bends directions about the principal point and nowhere else.
+    /// None: a fisheye distorts directions about the principal point and nowhere else.
     fn centre_columns() -> Range<usize> {
         NAMES.len()..NAMES.len()
     }
@@ -295,7 +300,7 @@ impl Lens for Fisheye {
         Self::new([k.m11, k.m22, k.m13, k.m23, 0.0, 0.0, 0.0, 0.0]).with_skew(k.m12)
     }
 
-    /// With the coefficients that fit best over the radii which the image covers.
+    /// Returns the lens with the coefficients that fit best over the radii which the image covers.
     fn from_straightening(
         camera_matrix: &Matrix3<f64>,
         ideal_radius: impl Fn(f64) -> f64,
@@ -357,7 +362,7 @@ impl Lens for Fisheye {
         (is_seen && pixel.norm().is_finite()).then_some(pixel)
     }
 
-    /// Beyond the valid angle at its rim.
+    /// Beyond the valid angle, returns the pixel at that angle in the same direction from the axis.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let radius = point.xy().norm();
         if radius == 0.0 {
@@ -376,7 +381,8 @@ impl Lens for Fisheye {
         for axis in 0..2 {
             jacobian[(axis, axis)] = ray.w[axis];
             jacobian[(axis, 2 + axis)] = 1.0;
-            // The angle is that of the ray: the radius changes with it by theta^(2 i + 1).
+            // At a fixed angle, coefficient i changes the radius by theta^(2 i + 1) times its own
+            // change.
             let mut change = offset[axis] * ray.inverse_factor;
             for column in INTRINSICS..SKEW_COLUMN {
                 change *= ray.theta * ray.theta;
@@ -447,8 +453,8 @@ impl Lens for Fisheye {
     }
 
     /// With `g` the gradient of `n = l . ray` by `w`, the distance is `n / |A^-T g|`. The focal
-    /// lengths, the skew and the principal point move `w`, and all but the last divide `g` as well;
-    /// a coefficient changes `n` and `g` where they are.
+    /// lengths, the skew and the principal point change `w`, and all but the principal point change
+    /// `A^-T` as well; a coefficient changes `n` and `g` at a fixed `w`.
     fn line_distance_jacobian(
         &self,
         ray: &FisheyePixelRay,
@@ -530,7 +536,7 @@ mod tests {
             };
             let (distance, normal) = at(pixel);
             assert!(distance.abs() < 1e-9);
-            // Beside its line a pixel is as far from it as it was moved along the normal.
+            // The distance of a pixel that is moved along the normal equals the length of the move.
             let (beside, _) = at(pixel + normal * 1e-3);
             assert!((beside - 1e-3).abs() < 1e-7, "{pixel} {beside}");
         }

@@ -1,18 +1,19 @@
-//! How the distance of a pixel to the image of a line follows the parameters of a lens that bends
-//! the normalised plane.
+//! Derivatives of the distance of a pixel to the image of a line, for lenses that distort the
+//! normalised plane.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::INTRINSICS;
 use super::plane_distortion::PlanePixelRay;
 
-/// The distance of a pixel to the image of a line `l`, ready to be differentiated.
+/// The distance of a pixel to the image of a line `l`, with the quantities that its derivatives
+/// need.
 ///
 /// With `u` the ideal point, `J = du_d/du`, `q = J^-T (l1, l2)` and `G = A^-T q`, the distance is
-/// `n / |G|`, `n = l . (u, 1)`. A parameter moves `u` (the pixel stays) by `-J^-1 du_d`, hence
+/// `n / |G|`, `n = l . (u, 1)`. At a fixed pixel, a parameter moves `u` by `-J^-1 du_d`, hence
 /// `dn = -q . du_d`; and `J^T q = (l1, l2)` gives `dq = -J^-T (d(J^T) q)`, where the change of
-/// `J^T q` at constant `q` is the gradient of `q . u_d`, differentiated by the parameter, plus its
-/// Hessian times `du`.
+/// `J^T q` at constant `q` is the gradient of `q . u_d`, differentiated with respect to the
+/// parameter, plus its Hessian times `du`.
 pub(super) struct LineDerivatives {
     /// The distance, in pixels.
     pub value: f64,
@@ -29,14 +30,14 @@ pub(super) struct LineDerivatives {
     /// `A^-1 G / |G|`.
     along: Vector2<f64>,
     inverse_norm: f64,
-    /// `d|G| = pull . d(J^T q)`: its change, contracted.
+    /// `J^-1 A^-1 G / |G|`, so that `d|G| = -pull . (d(J^T) q)`.
     pull: Vector2<f64>,
-    /// How `|G|` answers to a change of `u_d`, by way of `u`.
+    /// Derivative of `|G|` with respect to `u_d` through the change of `u`.
     bend: Vector2<f64>,
 }
 
 impl LineDerivatives {
-    /// `hessian` gives, of `q` and a vector `v`, the Hessian of `q . u_d` by `u`, times `v`.
+    /// `hessian(q, v)` returns the Hessian of `q . u_d` with respect to `u`, times the vector `v`.
     #[inline]
     pub fn new(
         ray: &PlanePixelRay,
@@ -70,8 +71,8 @@ impl LineDerivatives {
         }
     }
 
-    /// The derivative by what changes `u_d` by `shift` at a fixed pixel, and `J^T q` by `twist` at a
-    /// fixed `u`.
+    /// Derivative with respect to a parameter that changes `u_d` by `shift` at a fixed pixel, and
+    /// `J^T q` by `twist` at a fixed `u`.
     #[inline]
     fn column(&self, shift: Vector2<f64>, twist: Vector2<f64>) -> f64 {
         let dn = -self.q.dot(&shift);
@@ -79,14 +80,16 @@ impl LineDerivatives {
         (dn - self.value * dg) * self.inverse_norm
     }
 
-    /// By the coefficient of `u g(s)`, with the derivative of `g` by `s`.
+    /// Derivative with respect to the coefficient of `u g(s)`, given `g` and its derivative with
+    /// respect to `s`.
     #[inline]
     pub fn radial(&self, factor: f64, slope: f64) -> f64 {
         let (u, q) = (self.u, self.q);
         self.column(u * factor, q * factor + u * (2.0 * slope * self.qu))
     }
 
-    /// By the tangential coefficient of the axis `along`: `p2` for 0, `p1` for 1.
+    /// Derivative with respect to the tangential coefficient of the axis `along`: `p2` for 0, `p1`
+    /// for 1.
     #[inline]
     pub fn tangential(&self, along: usize) -> f64 {
         let (u, q, across) = (self.u, self.q, 1 - along);
@@ -98,7 +101,8 @@ impl LineDerivatives {
         self.column(shift, twist)
     }
 
-    /// By the coefficient of `h(s)` along an axis, with the derivative of `h` by `s`.
+    /// Derivative with respect to the coefficient of `h(s)` along an axis, given `h` and its
+    /// derivative with respect to `s`.
     #[inline]
     pub fn prism(&self, axis: usize, shift: f64, slope: f64) -> f64 {
         self.column(
@@ -107,8 +111,8 @@ impl LineDerivatives {
         )
     }
 
-    /// By `fx, fy, cx, cy` and the skew, which move the observed point: the pixel is fixed, `u_d =
-    /// A^-1 (p - c)` changes.
+    /// Derivatives with respect to `fx, fy, cx, cy` and the skew, which move the observed point: at
+    /// a fixed pixel, `u_d = A^-1 (p - c)` changes.
     #[inline]
     pub fn intrinsics(&self) -> ByIntrinsics {
         let a = &self.inverse_focal;
@@ -123,15 +127,15 @@ impl LineDerivatives {
         )
     }
 
-    /// By a centre of distortion at `e`, of a pixel near the line: `u_d = e + d(u - e)`, so
-    /// `du_d = (I - J) de`.
+    /// Derivatives with respect to a centre of distortion at `e`, for a pixel near the line:
+    /// `u_d = e + d(u - e)`, so `du_d = (I - J) de`.
     #[inline]
     pub fn centre(&self) -> [f64; 2] {
         let centre = (self.line - self.q) * self.inverse_norm;
         [centre.x, centre.y]
     }
 
-    /// By the line.
+    /// Derivative with respect to the line.
     #[inline]
     pub fn wrt_line(&self) -> Vector3<f64> {
         let along = self.u.push(1.0) * self.inverse_norm;
@@ -140,20 +144,20 @@ impl LineDerivatives {
     }
 }
 
-/// The derivatives of a distance `n / |G|` by the camera matrix.
+/// Derivatives of a distance `n / |G|` with respect to the camera matrix.
 pub(super) struct ByIntrinsics {
-    /// By `fx, fy, cx, cy`.
+    /// With respect to `fx, fy, cx, cy`.
     pub intrinsics: [f64; INTRINSICS],
-    /// By the skew.
+    /// With respect to the skew.
     pub skew: f64,
 }
 
 impl ByIntrinsics {
-    /// From the derivatives by the principal point, the observed point, `G n / |G|^2` and
-    /// `A^-1 G / |G|`.
+    /// Computes them from the derivatives with respect to the principal point, the observed point,
+    /// `G n / |G|^2` and `A^-1 G / |G|`.
     ///
     /// An entry `(i, j)` of `A` moves the pixel of `u_d` as `c_i` does, `u_d_j` times as far, and
-    /// `G = A^-T q` by `-A^-T e_j G_i`.
+    /// changes `G = A^-T q` by `-A^-T e_j G_i`.
     #[inline]
     pub fn new(
         by_centre: [f64; 2],
@@ -170,8 +174,8 @@ impl ByIntrinsics {
     }
 }
 
-/// The Hessian of `q . u_d` by `u`, times `v`, of a radial factor with its first and second
-/// derivative by `s` and of the tangential coefficients `p1, p2`.
+/// The Hessian of `q . u_d` with respect to `u`, times `v`, for a radial factor with its first and
+/// second derivative with respect to `s`, and for the tangential coefficients `p1, p2`.
 #[inline]
 pub(super) fn hessian(
     u: Vector2<f64>,

@@ -1,4 +1,5 @@
-//! The image of a straight line over a chord: a smooth curve, known by a few of its pixels.
+//! The image of a straight line over a chord: a smooth curve, interpolated from a few of its
+//! pixels.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -6,13 +7,14 @@ use super::Lens;
 use crate::geometry::Line;
 use crate::numeric::{LANES, NODES, coefficients, node_places};
 
-/// Newton steps that bring a node onto the image of the line: from a chord two or three.
+/// Maximum number of Newton steps that move a node onto the image of the line; from a chord two or
+/// three suffice.
 const MAX_STEPS: usize = 8;
 
-/// Least cosine of the angle between the image of the line and the chord.
+/// Minimum cosine of the angle between the image of the line and the chord.
 const MIN_COSINE: f64 = 0.3;
 
-/// Some pixels by their coordinates; fewer than these, and the first again in place of the others.
+/// Coordinates of up to `LANES` pixels; unused lanes repeat the first pixel.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PixelLanes {
     x: [f64; LANES],
@@ -42,16 +44,16 @@ pub(crate) struct LineImage {
     chord: Line,
     along: Vector2<f64>,
     middle: f64,
-    /// One over half the length.
+    /// Reciprocal of half the chord's length.
     per_half: f64,
-    /// Of the curve over the chord.
+    /// Polynomial coefficients of the height of the curve over the chord, pixels.
     heights: [f64; NODES],
 }
 
 impl LineImage {
-    /// Of a line that a lens sees near a chord, which is as long as some pixels reach and so much
-    /// longer (px) at either end; `None` where it is no polynomial to a tolerance (px), or not
-    /// seen.
+    /// Computes the image of a line that a lens sees near a chord. The chord spans the given pixels
+    /// and extends `beyond` (px) at either end. `None` where the image is no polynomial to the
+    /// tolerance (px), or is not seen.
     pub fn over<L: Lens>(
         (lens, line): (&L, &Vector3<f64>),
         chord: Line,
@@ -91,20 +93,21 @@ impl LineImage {
         self.chord.normal()
     }
 
-    /// Where a pixel lies along the chord, from -1 to 1.
+    /// Position of a pixel along the chord, from -1 to 1.
     #[inline]
     pub fn place(&self, pixel: &Vector2<f64>) -> f64 {
         (self.along.dot(pixel) - self.middle) * self.per_half
     }
 
-    /// The same of several pixels.
+    /// Positions of several pixels along the chord.
     #[inline]
     pub fn places(&self, PixelLanes { x, y }: &PixelLanes) -> [f64; LANES] {
         let (along, middle, per_half) = (self.along, self.middle, self.per_half);
         std::array::from_fn(|i| (along.x * x[i] + along.y * y[i] - middle) * per_half)
     }
 
-    /// How far (px) pixels lie across the chord from the curve, given the polynomials at their places.
+    /// Signed distances (px) of pixels from the curve across the chord, given the polynomials at
+    /// their positions.
     #[inline]
     pub fn beside(
         &self,
@@ -122,8 +125,8 @@ impl LineImage {
     }
 }
 
-/// The pixel of a line's image that lies across from a start: the last step is from within the
-/// tolerance, and leaves its square.
+/// Returns the pixel of a line's image that lies across from a start. The last step starts within
+/// the tolerance, and leaves an error of its square.
 fn pixel_on_image<L: Lens>(
     (lens, line): (&L, &Vector3<f64>),
     start: Vector2<f64>,

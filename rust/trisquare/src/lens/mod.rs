@@ -1,8 +1,8 @@
 //! Lenses: from rays to pixels and back, and the distance of a pixel to the image of a line.
 //!
-//! The residual of everything that is refined is the distance, in pixels of the photograph, of a
-//! sample to the image of a straight line. A lens therefore only has to say which ray a pixel
-//! looks along, and how that distance changes with its parameters.
+//! The residual of all refinements is the distance, in pixels of the photograph, of a sample to the
+//! image of a straight line. A lens therefore only has to provide the ray of a pixel, and the
+//! derivatives of that distance with respect to its parameters.
 
 mod brown;
 mod brown_model;
@@ -52,32 +52,33 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SMatrix, Vector2, Vector3
 
 use crate::image_size::ImageSize;
 
-/// The lens of a calibration that names none: that of most cameras.
+/// The lens of most cameras, used by a calibration that does not specify one.
 pub type DefaultLens = Brown;
 
-/// Parameters of every lens that come first: `fx, fy, cx, cy`. Those that follow are its
-/// distortion coefficients, and [`SKEW`] where it has that.
+/// Number of the first parameters of every lens, `fx, fy, cx, cy`. The distortion coefficients
+/// follow, then [`SKEW`] if the lens has that parameter.
 pub const INTRINSICS: usize = 4;
 
-/// Room for the parameters of any lens and the two offsets of its centre of distortion.
+/// Maximum number of parameters of a lens, the two offsets of its centre of distortion included.
 pub const MAX_LENS_COLUMNS: usize = 19;
 
-/// Pixels to which it is told where a lens ends.
+/// Tolerance of the position of a lens's rim, pixels.
 const RIM_TOLERANCE: f64 = 1e-6;
 
-/// Halvings of the way there: floats have no more digits.
+/// Maximum number of bisections to find the rim: floats have no more digits.
 const MAX_HALVINGS: usize = 64;
 
-/// Name of the parameter that turns the columns of the sensor against its rows, pixels: the last.
+/// Name of the skew parameter (pixels), the last one of a lens: it slants the columns of the sensor
+/// against its rows.
 pub const SKEW: &str = "skew";
 
-/// The name of all coefficients of a lens, where they are held.
+/// Name of all distortion coefficients of a lens together, in lists of what is held fixed.
 pub(crate) const DISTORTION: &str = "distortion";
 
-/// Names of the parameters that make the camera matrix.
+/// Names of the parameters of the camera matrix.
 pub(crate) const MATRIX: [&str; INTRINSICS + 1] = ["fx", "fy", "cx", "cy", SKEW];
 
-/// Derivatives of a pixel by the lens parameters; columns that a lens has no parameter for are
+/// Derivatives of a pixel with respect to the lens parameters; columns without a parameter are
 /// zero.
 pub type ProjectionJacobian = SMatrix<f64, 2, MAX_LENS_COLUMNS>;
 
@@ -94,80 +95,81 @@ pub struct LineDistance {
     pub wrt_lens: [f64; MAX_LENS_COLUMNS],
 }
 
-/// Which distortion coefficients of a lens are estimated.
+/// Lens model: the distortion coefficients of a lens that are estimated.
 pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
-    /// All models of the lens, each nested in the next: it is the next one with coefficients at
-    /// zero.
+    /// All models of the lens, each nested in the next: it equals the next one with some
+    /// coefficients at zero.
     const NESTED: &'static [Self];
 
-    /// The parameters that are its coefficients, all of them from [`INTRINSICS`] on.
+    /// Columns of the model's coefficients, all of them from [`INTRINSICS`] on.
     fn columns(self) -> Columns;
 
-    /// Radial coefficients (0 to 2) by which the linear steps straighten the picture: 0 for what
-    /// sees straight lines as straight.
+    /// Number of radial coefficients (0 to 2) by which the linear steps straighten the picture; 0
+    /// for a model that images straight lines as straight.
     fn straightening_coefficients(self) -> usize;
 
-    /// What it is called where a model is asked for.
+    /// Name by which the model is selected.
     fn name(self) -> String {
         format!("{self:?}").to_lowercase()
     }
 
-    /// The next poorer model of one that is richer than the default, from whose optimum that one is
-    /// searched; the others need none.
+    /// Returns the next poorer model, from whose optimum the search for this one starts; `None`
+    /// unless this model is richer than the default, because the others do not need that start.
     fn poorer(self) -> Option<Self> {
         let place = |model: Self| Self::NESTED.iter().position(|other| *other == model);
         let (own, usual) = (place(self)?, place(Self::default())?);
         (own > usual).then(|| Self::NESTED[own - 1])
     }
 
-    /// The models richer than this one, the poorest first.
+    /// Returns the models richer than this one, the poorest first.
     fn richer(self) -> &'static [Self] {
         let own = Self::NESTED.iter().position(|other| *other == self);
         own.map_or(&[], |own| &Self::NESTED[own + 1..])
     }
 
-    /// The coefficients that only models richer than the default have: pictures seldom determine
-    /// them, and what lenses are like has to hold them.
+    /// Columns of the coefficients that the default model does not have: pictures seldom determine
+    /// them, so that they need a prior.
     fn further_columns(self) -> Columns {
         self.columns().without(Self::default().columns())
     }
 }
 
-/// A lens: what the whole pipeline needs to know of it.
+/// A lens, as the whole pipeline uses it.
 ///
-/// Viewing directions are 3-vectors of any length: nothing outside a lens takes for granted that
-/// their third component is positive.
+/// Viewing directions are 3-vectors of any length: no code outside a lens assumes that their third
+/// component is positive.
 pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
-    /// What is known of a pixel once its ray has been found.
+    /// An unprojected pixel, with the quantities that its derivatives need.
     type PixelRay: Copy;
 
-    /// Which of its coefficients are estimated.
+    /// Lens model: the coefficients that are estimated.
     type Model: DistortionModel;
 
     /// Names of the parameters, in the order of the Jacobian's columns: `fx, fy, cx, cy`, then the
-    /// distortion coefficients, then [`SKEW`] if it has one. At most [`MAX_LENS_COLUMNS`], the
-    /// centre's columns included.
+    /// distortion coefficients, then [`SKEW`] if the lens has that parameter. At most
+    /// [`MAX_LENS_COLUMNS`], the centre's columns included.
     fn parameter_names() -> &'static [&'static str];
 
-    /// The two columns after the parameters' that move the centre of distortion away from the
-    /// principal point: no parameters, but they tell what the planes alone know of the camera.
-    /// Empty where the law of the lens itself vouches for the principal point: where it bends
-    /// directions by a law that no coefficients can take back.
+    /// The two columns after those of the parameters, for an offset of the centre of distortion
+    /// from the principal point. The offset is not a parameter; its columns show what the planes
+    /// alone determine of the camera. Empty for a lens whose projection law itself determines the
+    /// principal point, because no coefficients can cancel that law.
     ///
-    /// With `d` what the lens does to a point of the normalised plane, they are the derivatives by
+    /// With `d` the distortion of the normalised plane, they are the derivatives with respect to
     /// `e`, in units of that plane, at 0 of the lens that sees the point `u` at `e + d(u - e)`.
-    /// [`line_distance_jacobian`](Self::line_distance_jacobian) has them in its `wrt_lens`, as those
-    /// of the parameters.
+    /// [`line_distance_jacobian`](Self::line_distance_jacobian) returns them in its `wrt_lens`,
+    /// like those of the parameters.
     fn centre_columns() -> Range<usize>;
 
-    /// The lens without distortion coefficients that sees the neighbourhood of its axis as a
-    /// pinhole with this camera matrix.
+    /// Creates the lens without distortion coefficients that projects the neighbourhood of its axis
+    /// as a pinhole with this camera matrix does.
     fn from_camera_matrix(camera_matrix: &Matrix3<f64>) -> Self;
 
-    /// The lens with which the refinement starts.
+    /// Creates the lens with which the refinement starts.
     ///
-    /// `ideal_radius` is what the linear steps found: the distance from the principal point, in
-    /// pixels, at which the pinhole of the camera matrix would see what is observed at a given one.
+    /// `ideal_radius` is the result of the linear steps: it maps an observed distance from the
+    /// principal point, in pixels, to the distance at which the pinhole of the camera matrix would
+    /// see the same point.
     fn from_straightening(
         camera_matrix: &Matrix3<f64>,
         ideal_radius: impl Fn(f64) -> f64,
@@ -178,7 +180,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// `fx, fy, cx, cy`, in pixels.
     fn intrinsics(&self) -> [f64; INTRINSICS];
 
-    /// The skew, in pixels; zero of a lens without that parameter.
+    /// The skew, in pixels; zero for a lens without that parameter.
     fn skew(&self) -> f64 {
         0.0
     }
@@ -190,10 +192,10 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
             .position(|name| *name == SKEW)
     }
 
-    /// The parameters' values, in the order of their names.
+    /// The values of the parameters, in the order of their names.
     fn parameters(&self) -> Vec<f64>;
 
-    /// The lens with other parameter values, in the order of their names.
+    /// Returns the lens with other parameter values, in the order of their names.
     ///
     /// # Panics
     /// If there are not as many values as [`Self::parameter_names`].
@@ -203,57 +205,58 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
     /// The distortion coefficients in OpenCV's order, those that are not estimated included.
     fn distortion(&self) -> Vec<f64>;
 
-    /// Standard deviations of the distortion coefficients beforehand, by what lenses are like.
+    /// Prior standard deviations of the distortion coefficients, from their usual spread over
+    /// lenses.
     fn coefficient_priors(&self, size: ImageSize) -> Vec<f64>;
 
     /// The pixel at which a point of camera coordinates is seen; `None` beyond the valid radius.
     fn project(&self, point: &Vector3<f64>) -> Option<Vector2<f64>>;
 
-    /// As [`Self::project`]; a point beyond the valid radius is drawn where the lens would see it
-    /// if it distorted no further.
+    /// As [`Self::project`], but returns a pixel for points beyond the valid radius as well: each
+    /// lens documents its extension.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64>;
 
-    /// Derivative, by the parameters, of where the direction seen at a pixel is projected.
+    /// Derivative, with respect to the parameters, of the projection of the direction seen at a
+    /// pixel.
     fn projection_jacobian(&self, pixel_ray: &Self::PixelRay) -> ProjectionJacobian;
 
-    /// Follows a pixel back; `None` where the distortion is not invertible.
+    /// Unprojects a pixel; `None` where the distortion is not invertible.
     fn unproject_with_jacobian(&self, pixel: &Vector2<f64>) -> Option<Self::PixelRay>;
 
     /// The direction along which a pixel looks, of any length.
     fn direction(&self, pixel_ray: &Self::PixelRay) -> Vector3<f64>;
 
-    /// The derivative of [`Self::direction`] by the pixel.
+    /// Derivative of [`Self::direction`] with respect to the pixel.
     fn direction_jacobian(&self, pixel_ray: &Self::PixelRay) -> Matrix3x2<f64>;
 
     /// The largest radius at which the lens is trusted, in its own measure: the tangent of the
     /// field angle for a distorted pinhole, the angle itself (radians) for a fisheye.
     fn valid_radius(&self) -> f64;
 
-    /// The same lens, trusted up to a smaller radius; a larger one changes nothing.
+    /// Returns the same lens, trusted up to a smaller radius; a larger one has no effect.
     #[must_use]
     fn within(self, radius: f64) -> Self;
 
     /// The field angle, radians, up to which the lens is trusted.
     fn valid_angle(&self) -> f64;
 
-    /// The distance from the principal point, in pixels, within which every pixel has its
-    /// direction.
+    /// Distance from the principal point, in pixels, within which every pixel has a direction.
     fn valid_pixel_radius(&self) -> f64;
 
-    /// Signed distance in pixels of a pixel to the image of the line `l`, and the unit normal of the
-    /// image towards which it is positive.
+    /// Signed distance, in pixels, of a pixel to the image of the line `l`, and the unit normal of
+    /// the image towards which it is positive.
     fn line_distance_and_normal(
         &self,
         pixel_ray: &Self::PixelRay,
         line: &Vector3<f64>,
     ) -> (f64, Vector2<f64>);
 
-    /// Signed distance in pixels of a pixel with its ray to the image of the line `l`.
+    /// Signed distance, in pixels, of a pixel with its ray to the image of the line `l`.
     fn line_distance(&self, pixel_ray: &Self::PixelRay, line: &Vector3<f64>) -> f64 {
         self.line_distance_and_normal(pixel_ray, line).0
     }
 
-    /// The same with its derivatives; columns that are not wanted may be left zero.
+    /// The signed distance with its derivatives; columns that are not wanted may be left zero.
     fn line_distance_jacobian(
         &self,
         pixel_ray: &Self::PixelRay,
@@ -261,8 +264,8 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         wanted: Columns,
     ) -> LineDistance;
 
-    /// Whether every pixel of a picture has its direction: where the distortion turns back inside
-    /// the picture, its corners have none.
+    /// Whether every pixel of a picture has a direction. Only the corners are checked: where the
+    /// distortion folds back inside the picture, they have none.
     fn sees_all_of(&self, size: ImageSize) -> bool {
         let corners = size.corners();
         corners
@@ -270,8 +273,8 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
             .all(|corner| self.unproject(corner).is_some())
     }
 
-    /// The last pixel that has its direction, on the way from the principal point to one that has
-    /// none; `None` where that one has its own.
+    /// Returns the last pixel with a direction on the way from the principal point to a pixel
+    /// without one; `None` if that pixel has a direction.
     fn rim_towards(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let centre = self.principal_point();
         let offset = pixel - centre;
@@ -299,11 +302,12 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         Some(self.direction(&pixel_ray).normalize())
     }
 
-    /// The derivative of the projection by the direction, at the direction of a pixel; `None` at
-    /// the rim of the lens.
+    /// Derivative of the projection with respect to the direction, at the direction of a pixel;
+    /// `None` at the rim of the lens.
     ///
-    /// A longer direction is seen at the same pixel, and a change of the pixel comes back: with
-    /// `d` the direction and `D` its derivative by the pixel, `J d = 0` and `J D = 1`.
+    /// The pixel does not depend on the length of the direction, and the direction's change with a
+    /// pixel projects back to that change of the pixel: with `d` the direction and `D` its
+    /// derivative with respect to the pixel, `J d = 0` and `J D = 1`.
     fn projection_by_direction(&self, pixel_ray: &Self::PixelRay) -> Option<Matrix2x3<f64>> {
         let by_pixel = self.direction_jacobian(pixel_ray);
         let (x, y) = (by_pixel.column(0), by_pixel.column(1));
@@ -336,8 +340,8 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         Matrix2::new(1.0 / fx, -self.skew() / (fx * fy), 0.0, 1.0 / fy)
     }
 
-    /// The smallest number of pixels that a unit of observed points becomes in any direction: the
-    /// smaller singular value of `A`.
+    /// The smallest scale from observed points to pixels in any direction: the smaller singular
+    /// value of `A`.
     fn least_focal(&self) -> f64 {
         let ([fx, fy, ..], skew) = (self.intrinsics(), self.skew());
         fx * fy / (0.5 * ((fx + fy).hypot(skew) + (fx - fy).hypot(skew)))
@@ -349,7 +353,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         Matrix3::new(fx, self.skew(), cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     }
 
-    /// The same distortion with another camera matrix.
+    /// Returns the lens with the same distortion and another camera matrix.
     #[must_use]
     fn with_camera_matrix(&self, camera_matrix: &Matrix3<f64>) -> Self {
         let k = camera_matrix;
@@ -361,7 +365,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         self.with_parameters(&parameters)
     }
 
-    /// The same lens without the coefficients that a model does not have.
+    /// Returns the same lens without the coefficients that a model does not have.
     #[must_use]
     fn of_model(&self, model: Self::Model) -> Self {
         let kept = model.columns();
@@ -375,7 +379,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
         self.with_parameters(&parameters)
     }
 
-    /// The same camera without distortion coefficients.
+    /// Returns the same camera without distortion coefficients.
     #[must_use]
     fn without_distortion(&self) -> Self {
         Self::from_camera_matrix(&self.camera_matrix())
@@ -383,7 +387,7 @@ pub trait Lens: Copy + Debug + PartialEq + Send + Sync + 'static {
 }
 
 /// # Panics
-/// If a lens has another number of parameters than values are given.
+/// If the number of values is not the number of the lens's parameters.
 fn assert_count<L: Lens>(values: &[f64]) {
     let (names, count) = (L::parameter_names(), values.len());
     assert!(

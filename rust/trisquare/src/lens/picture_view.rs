@@ -1,10 +1,10 @@
-//! How an undistorted picture shows directions: through a pinhole, on a cylinder, or on a sphere.
+//! Projections of undistorted pictures: through a pinhole, on a cylinder, or on a sphere.
 
 use nalgebra::{Vector2, Vector3};
 
 use super::Lens;
 
-/// Which surface about the camera's centre a picture is laid on.
+/// The surface about the camera's centre onto which a picture is projected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
     /// A plane: straight lines stay straight, and less than 180 degrees are seen.
@@ -16,19 +16,19 @@ pub enum Surface {
     Sphere,
 }
 
-/// An undistorted picture: a surface, and how it becomes pixels.
+/// The view of an undistorted picture: a surface, and its mapping to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureView {
-    /// What the picture is laid on.
+    /// The surface onto which the picture is projected.
     pub surface: Surface,
-    /// Pixels per unit of the surface's coordinates: of angles, per radian.
+    /// Pixels per unit of the surface's coordinates; for angles, per radian.
     pub focal: Vector2<f64>,
     /// The pixel of the camera's axis.
     pub centre: Vector2<f64>,
 }
 
 impl PictureView {
-    /// What a pinhole of a lens's focal lengths and principal point sees, without skew.
+    /// Returns the view of a pinhole with a lens's focal lengths and principal point, without skew.
     pub fn pinhole(lens: &impl Lens) -> Self {
         Self {
             surface: Surface::Plane,

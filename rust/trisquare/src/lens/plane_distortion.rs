@@ -1,4 +1,4 @@
-//! Lenses that bend the normalised plane of a pinhole: what they share.
+//! Common parts of the lenses that distort the normalised plane of a pinhole.
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
@@ -6,18 +6,19 @@ use super::ProjectionJacobian;
 
 /// A map `u_d = d(u)` from ideal to observed normalised points.
 ///
-/// Up to the trusted radius it is invertible, and its radial part, `u F(s)` with `s = u . u`, grows.
+/// Up to the trusted radius it is invertible, and its radial part, `u F(s)` with `s = u . u`,
+/// increases.
 pub(super) trait PlaneDistortion {
-    /// The ideal radius up to which it is trusted.
+    /// Ideal radius up to which the distortion is trusted.
     fn trusted_radius(&self) -> f64;
 
-    /// Whether it has no other part than the radial one.
+    /// Whether the distortion is radial only.
     fn is_radial(&self) -> bool;
 
     /// `F(s)`.
     fn radial_factor(&self, square: f64) -> f64;
 
-    /// The first and second derivative of `F` by `s`.
+    /// The first and second derivative of `F` with respect to `s`.
     fn radial_slopes(&self, square: f64) -> (f64, f64);
 
     /// Maps an ideal normalised point to the observed one.
@@ -26,8 +27,8 @@ pub(super) trait PlaneDistortion {
     /// `J = d(observed)/d(ideal)`.
     fn distortion_jacobian(&self, ideal: &Vector2<f64>) -> Matrix2<f64>;
 
-    /// Where a point of camera coordinates is seen, normalised; `None` behind the camera and beyond
-    /// the trusted radius.
+    /// Returns the observed normalised point of a point in camera coordinates; `None` behind the
+    /// camera and beyond the trusted radius.
     fn seen(&self, point: &Vector3<f64>) -> Option<Vector2<f64>> {
         let ideal = point.xy() / point.z;
         let is_seen = point.z > 0.0 && ideal.norm() <= self.trusted_radius();
@@ -35,7 +36,7 @@ pub(super) trait PlaneDistortion {
     }
 }
 
-/// Whether nothing has overflowed.
+/// Whether neither the point nor its squared norm has overflowed.
 pub(super) fn is_finite(point: &Vector2<f64>) -> bool {
     point.norm_squared().is_finite()
 }
@@ -44,7 +45,7 @@ pub(super) fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
     Matrix2::new(m.m22, -m.m12, -m.m21, m.m11)
 }
 
-/// A pixel followed back to its ideal point, with what its derivatives need.
+/// A pixel unprojected to its ideal point, with the quantities that its derivatives need.
 #[derive(Debug, Clone, Copy)]
 pub struct PlanePixelRay {
     pub(super) ideal: Vector2<f64>,
@@ -55,7 +56,7 @@ pub struct PlanePixelRay {
 }
 
 impl PlanePixelRay {
-    /// That of an ideal point, seen at an observed one.
+    /// Creates it from an ideal point and its observed point.
     pub(super) fn of(
         lens: &impl PlaneDistortion,
         ideal: Vector2<f64>,
@@ -79,7 +80,7 @@ impl PlanePixelRay {
         self.ideal.push(1.0)
     }
 
-    /// The derivative of the direction by the pixel; `inverse_focal` is `A^-1`.
+    /// Derivative of the direction with respect to the pixel; `inverse_focal` is `A^-1`.
     pub(super) fn direction_jacobian(&self, inverse_focal: &Matrix2<f64>) -> Matrix3x2<f64> {
         (self.inverse * inverse_focal).insert_row(2, 0.0)
     }
@@ -97,8 +98,8 @@ impl PlanePixelRay {
         (distance, gradient / norm)
     }
 
-    /// The derivative of the pixel `A u_d + c` by `fx, fy, cx, cy`, by coefficients, each of which
-    /// moves the observed point by its shift, and by the skew.
+    /// Derivative of the pixel `A u_d + c` with respect to `fx, fy, cx, cy`, the coefficients, each
+    /// of which moves the observed point by its shift, and the skew.
     pub(super) fn projection_jacobian(
         &self,
         focal: &Matrix2<f64>,

@@ -1,40 +1,42 @@
-//! From observed to ideal points: a distortion inverted, wherever it can be.
+//! Inversion of distortions: from observed to ideal points.
 
 use nalgebra::Vector2;
 
 use super::plane_distortion::{PlaneDistortion, adjugate, is_finite};
 
-/// Newton steps when a pixel is followed back; monotonic from the observed radius, seldom above 6.
+/// Maximum number of Newton steps to unproject a pixel. From the observed radius they converge
+/// monotonically, and seldom more than 6 are needed.
 const MAX_NEWTON_STEPS: usize = 30;
 
-/// A Newton step below this (relative, and times the slope: near the rim convergence slows down)
-/// leaves an error of its square, at rounding.
+/// Newton step below which the iteration ends, relative and multiplied by the slope, because
+/// convergence slows down near the rim. The error left is the square of the step: rounding.
 const NEWTON_STEP_TOLERANCE: f64 = 1e-8;
 
-/// Error of an inverse, relative to the observed point, that another Newton step would lessen.
+/// Error of an inverse, relative to the observed point, above which another Newton step is made.
 const ROUNDING: f64 = 1e-14;
 
-/// Doublings that find an upper bound of the ratio of ideal to observed radius.
+/// Maximum number of doublings to find an upper bound of the ratio of ideal to observed radius.
 const MAX_DOUBLINGS: usize = 64;
 
-/// Newton steps or bisections of a bracket; bisection alone would need 60.
+/// Maximum number of Newton steps or bisections within a bracket; bisection alone would need 60.
 const MAX_BRACKETED_STEPS: usize = 100;
 
-/// A bracketed step below this (relative) is rounding.
+/// Relative step within a bracket below which the rest is rounding.
 const BRACKETED_TOLERANCE: f64 = 1e-15;
 
-/// Where the search in the plane starts at most, in valid radii: on the rim itself the Jacobian is
-/// singular.
+/// Largest radius at which the search in the plane starts, in valid radii: on the rim itself the
+/// Jacobian is singular.
 const RIM: f64 = 0.99;
 
-/// Halvings of a Newton step that leads astray.
+/// Maximum number of halvings of a Newton step that leaves the disc or increases the error.
 const MAX_HALVINGS: usize = 10;
 
-/// Error of an inverse, relative to the observed point, that is no answer: beyond the rim, shortened
-/// steps stop short of it, and where the distortion grows steeply, small steps leave more.
+/// Largest accepted error of an inverse, relative to the observed point. Larger errors remain
+/// beyond the rim, where the shortened steps stop short of the point, and where the distortion
+/// grows steeply, so that even a small step leaves a large error.
 const ARRIVED: f64 = 1e-13;
 
-/// The inverse of every such distortion.
+/// The inverse of a `PlaneDistortion`.
 pub(super) trait Inverse: PlaneDistortion {
     /// Inverts the distortion; `None` beyond the trusted radius.
     fn undistort(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
@@ -46,9 +48,10 @@ pub(super) trait Inverse: PlaneDistortion {
         ideal.filter(is_finite)
     }
 
-    /// Newton's method on the ratio of ideal to observed radius.
+    /// Applies Newton's method to the ratio of ideal to observed radius.
     ///
-    /// The inverse's power series starts it close. Where that leads astray, the ratio is bracketed.
+    /// The start is the power series of the inverse. Where the iteration fails, the ratio is
+    /// bracketed.
     fn undistort_radially(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
         let (first, second) = self.radial_slopes(0.0);
         let square = distorted.norm_squared();
@@ -64,7 +67,7 @@ pub(super) trait Inverse: PlaneDistortion {
         let mut ratio = start;
         for _ in 0..MAX_NEWTON_STEPS {
             let square = ratio * ratio * observed_square;
-            // Written so that NaN ends here, too.
+            // Negated, so that NaN is rejected too.
             if !(square <= limit && ratio > 0.0) {
                 return None;
             }
@@ -80,8 +83,8 @@ pub(super) trait Inverse: PlaneDistortion {
         None
     }
 
-    /// Whether a ratio leads back to the observed radius, as near as its own rounding allows: before
-    /// a pole that grows.
+    /// Whether a ratio reproduces the observed radius to within the effect of the ratio's own
+    /// rounding, which grows towards a pole.
     fn has_arrived(&self, ratio: f64, square: f64) -> bool {
         let factor = self.radial_factor(square);
         let missing = (1.0 - ratio * factor).abs();
@@ -89,7 +92,8 @@ pub(super) trait Inverse: PlaneDistortion {
         missing <= ARRIVED || missing <= ARRIVED * ratio * slope()
     }
 
-    /// Newton's step of the ratio, the slope there, and what is missing from the observed radius.
+    /// Returns the Newton step of the ratio, the slope, and the relative difference to the observed
+    /// radius; `None` where the slope is not positive.
     fn ratio_step(&self, ratio: f64, square: f64) -> Option<(f64, f64, f64)> {
         let factor = self.radial_factor(square);
         let slope = factor + 2.0 * square * self.radial_slopes(square).0;
@@ -97,7 +101,8 @@ pub(super) trait Inverse: PlaneDistortion {
         (slope > 0.0).then_some((missing / slope, slope, missing))
     }
 
-    /// Newton's method between bounds: up to the trusted radius the observed radius only grows.
+    /// Applies Newton's method within a bracket: up to the trusted radius the observed radius
+    /// increases.
     fn bracketed_ratio(&self, observed_square: f64) -> Option<f64> {
         let observed = observed_square.sqrt();
         let mut low = 0.0;
@@ -112,7 +117,7 @@ pub(super) trait Inverse: PlaneDistortion {
                 high *= 2.0;
             }
         }
-        // Written so that NaN is refused, too.
+        // Negated, so that NaN is rejected too.
         if !(high * self.radial_factor(high * high * observed_square) >= 1.0) {
             return None;
         }
@@ -137,15 +142,15 @@ pub(super) trait Inverse: PlaneDistortion {
             .then_some(ratio)
     }
 
-    /// Newton's method on both coordinates, from the inverse of the radial part.
+    /// Applies Newton's method to both coordinates, starting from the inverse of the radial part.
     ///
-    /// Within the disc the Jacobian's symmetric part is positive definite: no other point is seen
-    /// there, and each step, shortened, lessens the error.
+    /// Within the disc the symmetric part of the Jacobian is positive definite: the solution is
+    /// unique, and each step, once shortened, reduces the error.
     fn undistort_in_plane(&self, distorted: &Vector2<f64>) -> Option<Vector2<f64>> {
         let mut ideal = self.undistort_radially(distorted).unwrap_or(*distorted);
-        // From the rim inward where the radial part alone leads out of the disc.
+        // Starts just inside the rim where the radial part alone leads out of the disc.
         let rim = RIM * self.trusted_radius();
-        // Written so that NaN ends here, too.
+        // Negated, so that NaN is rejected too.
         if !(ideal.norm() <= rim) {
             ideal = distorted.try_normalize(0.0)? * rim;
         }
@@ -180,9 +185,9 @@ pub(super) trait Inverse: PlaneDistortion {
         None
     }
 
-    /// The better of a point and of where one more Newton step leads, with its error.
+    /// Returns the better of a point and the result of one more Newton step, with its error.
     ///
-    /// Where the distortion grows steeply, a step that is small leaves an error that is not.
+    /// Where the distortion grows steeply, a small step can leave an error that is not small.
     fn polished(
         &self,
         distorted: &Vector2<f64>,
@@ -207,7 +212,7 @@ mod tests {
     use super::super::{Brown, Lens, ThinPrism};
     use super::*;
 
-    /// Lenses of every kind, their bends stronger than any real one's.
+    /// Lenses of every kind, with stronger distortion than any real lens.
     const LENSES: [[f64; 5]; 9] = [
         [-0.3, 0.0, 0.0, 0.0, 0.0],
         [0.5, -0.2, 0.0, 0.0, 0.0],
@@ -220,7 +225,7 @@ mod tests {
         [0.0, 0.0, 0.17, 0.0, 0.0],
     ];
 
-    /// Of `k1` to `k6`, `p1, p2`, `s1` to `s4`.
+    /// Coefficients `k1` to `k6`, `p1, p2`, `s1` to `s4`.
     const QUOTIENTS: [[f64; 12]; 5] = [
         [-0.1, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         [
@@ -244,7 +249,7 @@ mod tests {
     }
 
     fn check_inside<L: Lens + PlaneDistortion>(lens: &L) {
-        // As far as any picture, where the lens has no rim.
+        // A lens without a rim is checked as far as any picture reaches.
         let radius = lens.valid_radius().min(5.0);
         for part in [0.0, 1e-9, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999] {
             for degrees in (0..360).step_by(10) {

@@ -1,4 +1,4 @@
-//! A camera's maps for many points at once, refusing what the lens cannot tell.
+//! A camera's maps for many points at once, with an error for points that the lens cannot map.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -7,10 +7,10 @@ use nalgebra::{SVector, Vector2, Vector3};
 use super::Lens;
 use crate::error::Error;
 
-/// The maps of many points, of every lens: bring it into scope for them.
+/// Maps of many points, for every lens; an extension trait that must be brought into scope.
 ///
-/// A coordinate that is NaN or infinite is [`Error::NotFinite`], and no map returns one. The pixel
-/// maps work on one point at a time by [`Lens::project`] and [`Lens::unproject`].
+/// A coordinate that is NaN or infinite is [`Error::NotFinite`], and no map returns one. For single
+/// points there are [`Lens::project`] and [`Lens::unproject`].
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -23,7 +23,7 @@ use crate::error::Error;
 /// # Ok::<(), trisquare::Error>(())
 /// ```
 pub trait PointMaps: Lens {
-    /// Where points of camera coordinates are seen, in pixels.
+    /// Projects points in camera coordinates to pixels.
     ///
     /// # Errors
     /// [`Error::BehindCamera`], or [`Error::BeyondValidRadius`] for points seen farther from the
@@ -39,7 +39,7 @@ pub trait PointMaps: Lens {
         of_all(self, points, |point| self.project(point))
     }
 
-    /// The unit rays along which pixels look.
+    /// Returns the unit rays along which pixels look.
     ///
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not invertible.
@@ -47,7 +47,7 @@ pub trait PointMaps: Lens {
         of_all(self, pixels, |pixel| self.unproject(pixel))
     }
 
-    /// Where the lens moves the pixels of a pinhole with the same camera matrix.
+    /// Maps the pixels of a pinhole with the same camera matrix to pixels of the lens.
     ///
     /// # Errors
     /// [`Error::BeyondValidRadius`] where the distortion is not monotonic.
@@ -57,11 +57,11 @@ pub trait PointMaps: Lens {
         })
     }
 
-    /// Where a pinhole with the same camera matrix would have seen what pixels show.
+    /// Maps pixels of the lens to the pixels of a pinhole with the same camera matrix.
     ///
     /// # Errors
-    /// [`Error::BeyondValidRadius`] where the distortion is not invertible, or a pixel looks
-    /// beside or behind the camera: no pinhole does.
+    /// [`Error::BeyondValidRadius`] where the distortion is not invertible, or a pixel looks beside
+    /// or behind the camera, as no pinhole's does.
     fn undistort_pixels(&self, observed: &[Vector2<f64>]) -> Result<Vec<Vector2<f64>>, Error> {
         of_all(self, observed, |pixel| {
             let ideal = self.pixel_of(&self.ideal_point(pixel)?);
@@ -69,8 +69,9 @@ pub trait PointMaps: Lens {
         })
     }
 
-    /// The normalised point `(x, y)` at which a pinhole sees what a pixel shows; `None` where the
-    /// distortion is not invertible, or the pixel looks beside or behind the camera.
+    /// Returns the normalised point `(x, y)` at which a pinhole sees the direction of a pixel;
+    /// `None` where the distortion is not invertible, or the pixel looks beside or behind the
+    /// camera.
     fn ideal_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let direction = self.direction(&self.unproject_with_jacobian(pixel)?);
         (direction.z > 0.0).then(|| direction.xy() / direction.z)
@@ -81,7 +82,7 @@ pub trait PointMaps: Lens {
         self.inverse_focal_matrix() * (pixel - self.principal_point())
     }
 
-    /// A pinhole's pixel of a normalised point.
+    /// The pixel of a pinhole for a normalised point.
     fn pixel_of(&self, point: &Vector2<f64>) -> Vector2<f64> {
         self.focal_matrix() * point + self.principal_point()
     }
@@ -100,11 +101,12 @@ fn check_finite<const D: usize>(points: &[SVector<f64, D>]) -> Result<(), Error>
     }
 }
 
-/// A map of many points.
+/// Maps many points.
 ///
 /// # Errors
-/// [`Error::NotFinite`], of the lens as well where points have none, or [`Error::BeyondValidRadius`]
-/// with the first point that has none, and how many have none.
+/// [`Error::NotFinite`] for a point, or for the lens if a point has no image; otherwise
+/// [`Error::BeyondValidRadius`] with the index of the first point without an image, and their
+/// number.
 pub(crate) fn of_all<L: Lens, const D: usize, Q>(
     lens: &L,
     points: &[SVector<f64, D>],

@@ -1,26 +1,27 @@
-//! Distortion polynomials: where they are monotonic, and how one is turned into its inverse.
+//! Distortion polynomials: the radius up to which they are monotonic, and their conversion into the
+//! inverse.
 
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::image_size::ImageSize;
 
-/// Bisections that narrow a bracket to rounding.
+/// Maximum number of bisections; they narrow a bracket to rounding.
 const MAX_BISECTIONS: usize = 200;
 
-/// Samples along the radius when one polynomial is converted into another.
+/// Number of samples along the radius when one polynomial is converted into another.
 const CONVERSION_SAMPLES: usize = 200;
 
-/// Squared radii beyond this (a millionth of a radian from 90 degrees) are not seen by any lens;
-/// a root that lies there counts as none.
+/// Squared radius beyond which no lens sees (a millionth of a radian from 90 degrees); a root
+/// beyond it is ignored.
 pub(super) const LARGEST_SQUARED_RADIUS: f64 = 1e12;
 
 /// The largest radius up to which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases; may be infinite.
 pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
-    // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; its own extrema bound the
-    // stretches in which it has at most one root.
+    // In s = r^2 the slope is 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3; between its extrema it has at most
+    // one root.
     let slope = |s: f64| slope([k1, k2, k3], s);
     let mut stretches = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
-    // All roots lie within Cauchy's bound, beyond which the highest power rules.
+    // All roots lie within Cauchy's bound, beyond which the highest power dominates.
     let powers = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3];
     if let Some(highest) = powers.iter().rposition(|c| *c != 0.0) {
         let largest = powers[..highest].iter().fold(0.0f64, |a, c| a.max(c.abs()));
@@ -39,12 +40,12 @@ pub fn monotonic_radius([k1, k2, k3]: [f64; 3]) -> f64 {
     f64::INFINITY
 }
 
-/// The derivative of `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` by `r`, at `s = r^2`.
+/// The derivative of `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` with respect to `r`, at `s = r^2`.
 fn slope([k1, k2, k3]: [f64; 3], s: f64) -> f64 {
     1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3))
 }
 
-/// Whether `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases all the way to a squared radius.
+/// Whether `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` increases up to a squared radius.
 pub(crate) fn increases_up_to([k1, k2, k3]: [f64; 3], square: f64) -> bool {
     let slope = |s: f64| slope([k1, k2, k3], s);
     let extrema = positive_roots(3.0 * k1, 10.0 * k2, 21.0 * k3);
@@ -55,13 +56,13 @@ pub(crate) fn increases_up_to([k1, k2, k3]: [f64; 3], square: f64) -> bool {
 /// The largest radius up to which Brown's distortion is monotonic in the plane; may be infinite.
 ///
 /// The distortion is the gradient of a function of the ideal point, and its Jacobian symmetric.
-/// Where that is positive definite all over a disc, `(d(u) - d(v)) . (u - v) > 0` for any two of
-/// its points: no two of them are seen in one place. In the direction of the point and across it
-/// the radial part has the eigenvalues `B = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3` and
-/// `A = 1 + k1 s + k2 s^2 + k3 s^3`; the tangential part, `s q + 2 u (q . u)` with `q = (p2, p1)`,
-/// adds eigenvalues between `-6 |q| r` and `6 |q| r`, the lowest along the point opposite to `q`.
-/// The radius ends where `A` or `B` is down to `6 |q| r`: exact for lenses that compress toward
-/// the rim (`B <= A`), on the safe side for the rest.
+/// Where the Jacobian is positive definite all over a disc, `(d(u) - d(v)) . (u - v) > 0` for any
+/// two points of the disc: no two of them have the same observed point. In the direction of the
+/// point and across it the radial part has the eigenvalues `B = 1 + 3 k1 s + 5 k2 s^2 + 7 k3 s^3`
+/// and `A = 1 + k1 s + k2 s^2 + k3 s^3`; the tangential part, `s q + 2 u (q . u)` with
+/// `q = (p2, p1)`, adds eigenvalues between `-6 |q| r` and `6 |q| r`, the lowest along the point
+/// opposite to `q`. The result is the radius at which `A` or `B` falls to `6 |q| r`: exact for
+/// lenses that compress toward the rim (`B <= A`), conservative for the rest.
 pub fn invertible_radius([k1, k2, k3]: [f64; 3], [p1, p2]: [f64; 2]) -> f64 {
     let radial = monotonic_radius([k1, k2, k3]);
     let pull = -6.0 * p1.hypot(p2);
@@ -78,10 +79,11 @@ pub fn invertible_radius([k1, k2, k3]: [f64; 3], [p1, p2]: [f64; 2]) -> f64 {
     .fold(radial, f64::min)
 }
 
-/// Where a polynomial (lowest power first) changes sign between 0 and `limit`, ascending.
+/// Returns the places between 0 and `limit` at which a polynomial (lowest power first) changes
+/// sign, ascending.
 ///
-/// Between neighbouring sign changes of its derivative it is monotonic, so that bisection finds
-/// the only one there may be.
+/// Between neighbouring sign changes of its derivative the polynomial is monotonic and changes sign
+/// at most once, so that bisection finds the place.
 pub(crate) fn sign_changes(polynomial: &[f64], limit: f64) -> Vec<f64> {
     if polynomial.len() < 2 {
         return Vec::new();
@@ -138,10 +140,11 @@ fn bisect(f: impl Fn(f64) -> f64, mut left: f64, mut right: f64) -> f64 {
     left
 }
 
-/// Coefficients of the forward model that a map observed -> ideal implies over all radii which a
-/// picture covers, in units of the focal length; none where it is not increasing.
+/// Returns the coefficients of the forward model that corresponds to a map observed -> ideal over
+/// all radii which a picture covers, in units of the focal length; empty if the map is not
+/// increasing.
 ///
-/// An estimate that folds over before the corners is believed as far as half the radius.
+/// A map that folds back before the corners is used up to half the radius.
 pub(crate) fn covering_coefficients(
     ideal: impl Fn(f64) -> f64,
     (size, centre, focal): (ImageSize, Vector2<f64>, f64),
@@ -156,11 +159,11 @@ pub(crate) fn covering_coefficients(
         .unwrap_or_default()
 }
 
-/// Coefficients `k` of the forward model that a map observed -> ideal implies.
+/// Returns the coefficients `k` of the forward model that corresponds to a map observed -> ideal.
 ///
 /// Least squares over observed radii up to `largest` (any unit in which the ideal radius is
-/// `ideal(r)` ): `r_d ~ r_u (1 + k1 r_u^2 + ...)`, with as many coefficients as asked for.
-/// `None` if the map is not increasing up to `largest`.
+/// `ideal(r)`): `r_d ~ r_u (1 + k1 r_u^2 + ...)`, with the given number of coefficients. `None` if
+/// the map is not increasing up to `largest`.
 fn forward_coefficients(
     ideal: impl Fn(f64) -> f64,
     largest: f64,
@@ -214,7 +217,7 @@ mod tests {
                 assert!(slope(r * f64::from(i) / 1000.0) > 0.0, "{k:?}");
             }
         }
-        // Positive everywhere although k1 is negative: the dip does not reach zero.
+        // The slope is positive everywhere although k1 is negative: its minimum is above zero.
         assert_eq!(monotonic_radius([-0.1, 0.2, 0.0]), f64::INFINITY);
     }
 

@@ -30,21 +30,21 @@ const NAMES: [&str; INTRINSICS + COEFFICIENTS + 1] = [
     SKEW,
 ];
 
-/// Where OpenCV has the coefficients, in the order of the parameters.
+/// Indices of the coefficients in OpenCV's order, in the order of the parameters.
 const PLACES: [usize; COEFFICIENTS] = [0, 1, 4, 5, 6, 7, 2, 3, 8, 9, 10, 11];
 
-/// The columns of the first coefficient of the numerator, the denominator, the tangential and the
-/// prism terms.
+/// Columns of the first coefficient of the numerator, the denominator, the tangential and the prism
+/// terms.
 const ABOVE: usize = INTRINSICS;
 const BELOW: usize = INTRINSICS + 3;
 const TANGENTIAL: usize = INTRINSICS + 6;
 const PRISM: usize = INTRINSICS + 8;
 
-/// Prior standard deviations of what the coefficients do at the picture's corner, as a part of its
-/// radius. The denominator's first one does what the numerator's does. Each further one does about
-/// a sixth of that before it, as those of the quotients that approach `atan`: beyond the samples
-/// larger ones put poles into the picture. Prisms displace the corner by half as much as decentred
-/// elements.
+/// Prior standard deviations of the displacements by the coefficients at the picture's corner, as a
+/// fraction of its radius. The denominator's first coefficient has the effect of the numerator's.
+/// Each further one has about a sixth of the effect of the one before, as in the quotients that
+/// approximate `atan`: larger ones put poles into the picture beyond the samples. Prisms displace
+/// the corner by half as much as decentred elements.
 const PRIOR_EFFECTS: [Effect; COEFFICIENTS] = [
     (0.2, 2),
     (0.1, 4),
@@ -68,30 +68,32 @@ pub type ThinPrism = OpenCvLens<ThinPrismModel>;
 
 /// Pinhole camera with the first coefficients of OpenCV's distortion.
 ///
-/// `x_d = x (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3) + 2 p1 x y +
-/// p2 (s + 2 x^2) + s1 s + s2 s^2`, likewise `y_d` with `s3, s4`, and `s = x^2 + y^2` of the ideal
-/// point; the pixel is `(fx x_d + skew y_d + cx, fy y_d + cy)` (OpenCV's documentation of `calib3d`,
-/// which has no skew; the prism terms by J. Weng, P. Cohen & M. Herniou, IEEE PAMI 14 (1992)
-/// 965-980).
+/// `x_d = x (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3) + 2 p1 x y + p2 (s + 2
+/// x^2) + s1 s + s2 s^2`, likewise `y_d` with `s3, s4`, and `s = x^2 +
+/// y^2` of the ideal point; the pixel is `(fx x_d + skew y_d + cx, fy y_d + cy)` (OpenCV's
+/// documentation of `calib3d`, which has no skew; the prism terms by J. Weng, P. Cohen & M.
+/// Herniou, IEEE PAMI 14 (1992) 965-980).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OpenCvLens<M> {
     /// `fx, fy, cx, cy`, pixels.
     intrinsics: [f64; INTRINSICS],
     /// Pixels.
     skew: f64,
-    /// In OpenCV's order, with a sensor that is not tilted; those that the lens has not are zero.
+    /// Coefficients in OpenCV's order, for a sensor that is not tilted; those that the lens does
+    /// not have are zero.
     coefficients: [f64; 14],
-    /// Ideal radius up to which the distortion is trusted, and at most monotonic.
+    /// Ideal radius up to which the distortion is trusted; at most that up to which it is
+    /// monotonic.
     valid_radius: f64,
     model: PhantomData<M>,
 }
 
 impl<M: OpenCvModel> OpenCvLens<M> {
-    /// From `fx, fy, cx, cy` and the coefficients that the lens has, of `k1` to `k6`, `p1, p2`,
-    /// `s1` to `s4`; what is missing is zero, as the skew.
+    /// Creates a lens from `fx, fy, cx, cy` and the coefficients that the lens has, of `k1` to
+    /// `k6`, `p1, p2`, `s1` to `s4`; omitted ones and the skew are zero.
     ///
     /// # Panics
-    /// If more coefficients are given than the lens has: 8 of [`Rational`], 12 of [`ThinPrism`].
+    /// If more coefficients are given than the lens has: 8 for [`Rational`], 12 for [`ThinPrism`].
     pub fn new(intrinsics: [f64; INTRINSICS], given: &[f64]) -> Self {
         let (most, count) = (M::COEFFICIENTS, given.len());
         assert!(
@@ -121,7 +123,7 @@ impl<M: OpenCvModel> OpenCvLens<M> {
         }
     }
 
-    /// The same with a skew, in pixels.
+    /// Returns the same lens with a skew, in pixels.
     #[must_use]
     pub fn with_skew(self, skew: f64) -> Self {
         Self { skew, ..self }
@@ -177,7 +179,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         Self::new([k.m11, k.m22, k.m13, k.m23], &[]).with_skew(k.m12)
     }
 
-    /// Brown's lens of the same straightening.
+    /// Returns the lens that equals Brown's lens of the same straightening.
     fn from_straightening(
         camera_matrix: &Matrix3<f64>,
         ideal_radius: impl Fn(f64) -> f64,
@@ -216,7 +218,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         Self::new(intrinsics, &others[..M::COEFFICIENTS]).with_skew(others[M::COEFFICIENTS])
     }
 
-    /// `k1, k2, p1, p2, k3, k4, k5, k6`, and `s1, s2, s3, s4` of a lens that has them.
+    /// `k1, k2, p1, p2, k3, k4, k5, k6`, and `s1, s2, s3, s4` for a lens that has them.
     fn distortion(&self) -> Vec<f64> {
         self.coefficients[..M::COEFFICIENTS].to_vec()
     }
@@ -230,7 +232,7 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         is_finite(&pixel).then_some(pixel)
     }
 
-    /// Beyond the valid radius where a pinhole would see it.
+    /// Beyond the valid radius, returns the pixel of a pinhole.
     fn project_extended(&self, point: &Vector3<f64>) -> Vector2<f64> {
         self.project(point)
             .unwrap_or_else(|| self.pixel_of(&(point.xy() / point.z)))
@@ -281,9 +283,9 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
         self.valid_radius.atan()
     }
 
-    /// The image of the disc of valid radius `R` reaches at least
-    /// `R F(R^2) - 3 |p| R^2 - |(s1, s3)| R^2 - |(s2, s4)| R^4` in every direction, `F` being the
-    /// radial factor; the least focal length makes it pixels.
+    /// The image of the disc of valid radius `R` reaches at least `R F(R^2) - 3 |p| R^2 - |(s1,
+    /// s3)| R^2 - |(s2, s4)| R^4` in every direction, `F` being the radial factor; the least focal
+    /// length converts this to pixels.
     fn valid_pixel_radius(&self) -> f64 {
         let radius = self.valid_radius;
         if radius.is_infinite() {
@@ -406,7 +408,7 @@ mod tests {
         for x in [2.1, 5.0] {
             assert!(lens.project(&Vector3::new(x, 0.0, 1.0)).is_none());
         }
-        // It sees everything before the pole, and nothing beyond.
+        // The lens sees everything before the pole, and nothing beyond.
         let ray = lens.unproject(&Vector2::new(1e6, 0.0)).unwrap();
         assert!(ray.x / ray.z < 2.0);
     }

@@ -1,22 +1,22 @@
-//! Which coefficients of OpenCV's rational and thin prism lenses are estimated.
+//! Models of OpenCV's rational and thin prism lenses: the coefficients that are estimated.
 
 use super::{BrownModel, Columns, DistortionModel, INTRINSICS};
 
-/// Place of `p1` among the coefficients: after `k1` to `k6`.
+/// Index of `p1` among the coefficients: after `k1` to `k6`.
 const TANGENTIAL: usize = 6;
 
-/// Coefficients up to `p2`: `k1` to `k6`, `p1`, `p2`.
+/// Number of coefficients up to `p2`: `k1` to `k6`, `p1`, `p2`.
 const RATIONAL: usize = 8;
 
-/// Coefficients up to `s4`.
+/// Number of coefficients up to `s4`.
 const THIN_PRISM: usize = 12;
 
 /// The models of a lens that has the first coefficients of OpenCV's model.
 ///
-/// All models of Brown's are nested in them: with `k4` to `k6` and `s1` to `s4` at zero they are
-/// the same lens.
+/// All models of Brown's lens are nested in them: with `k4` to `k6` and `s1` to `s4` at zero the
+/// lenses are the same.
 pub trait OpenCvModel: DistortionModel {
-    /// How many coefficients the lens has.
+    /// Number of coefficients of the lens.
     const COEFFICIENTS: usize;
 
     /// The richest of Brown's models that is nested in this one.
@@ -27,7 +27,7 @@ pub trait OpenCvModel: DistortionModel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RationalModel {
-    /// Those of Brown's lens.
+    /// The coefficients of Brown's lens.
     Brown(BrownModel),
     /// `k1` to `k6`, `p1, p2`.
     Rational,
@@ -37,7 +37,7 @@ pub enum RationalModel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ThinPrismModel {
-    /// Those of Brown's lens.
+    /// The coefficients of Brown's lens.
     Brown(BrownModel),
     /// `k1, k2, k3, p1, p2`, `s1` to `s4`.
     BrownPrism,
@@ -46,7 +46,7 @@ pub enum ThinPrismModel {
 }
 
 impl ThinPrismModel {
-    /// Those with tangential terms, the poorer first; the richest is not among them.
+    /// Models with tangential terms, the poorer first, without the richest.
     pub(crate) const TANGENTIAL: [Self; 2] = [Self::Brown(BrownModel::Brown), Self::BrownPrism];
 }
 
@@ -148,7 +148,7 @@ impl OpenCvModel for ThinPrismModel {
     }
 }
 
-/// The columns of Brown's coefficients among these lenses'.
+/// Returns the columns of Brown's coefficients in these lenses.
 fn columns_of(model: BrownModel) -> Columns {
     let radial = INTRINSICS..INTRINSICS + model.radial_coefficients();
     let tangential = INTRINSICS + TANGENTIAL..INTRINSICS + RATIONAL;

@@ -1,23 +1,23 @@
-//! Where OpenCV's rational distortion with tangential and prism terms is invertible.
+//! Radius up to which OpenCV's rational distortion with tangential and prism terms is invertible.
 
 use super::radial::{LARGEST_SQUARED_RADIUS, sign_changes};
 
-/// Where the denominator vanishes, pixels are infinitely far: the part of that radius which is
-/// trusted shows some billion pixels.
+/// Trusted fraction of the radius at which the denominator vanishes, where pixels are infinitely
+/// far: it spans some billion pixels.
 const BEFORE_POLE: f64 = 1.0 - 1e-9;
 
-/// A polynomial, its lowest power first.
+/// Coefficients of a polynomial, the lowest power first.
 type Polynomial = Vec<f64>;
 
 /// The largest radius up to which the distortion is monotonic in the plane; may be infinite.
 ///
 /// The coefficients are in OpenCV's order, `k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4`. As in
-/// [`invertible_radius`](super::invertible_radius), no two points of a disc are seen in one place
-/// where the symmetric part of the Jacobian is positive definite all over it. With `A / B` the radial
-/// factor, that part has across and along the radius the eigenvalues `A / B` and
-/// `A / B + 2 s (A' B - A B') / B^2` but for the tangential and the prism terms, which lessen them
-/// by at most `6 |p| r` and `2 r |(s1, s3)| + 4 r^3 |(s2, s4)|`. The radius ends where the smaller
-/// one is down to that, or before `B` vanishes.
+/// [`invertible_radius`](super::invertible_radius), no two points of a disc have the same observed
+/// point if the symmetric part of the Jacobian is positive definite all over it. With `A / B` the
+/// radial factor, that part has across and along the radius the eigenvalues `A / B` and
+/// `A / B + 2 s (A' B - A B') / B^2`, which the tangential and the prism terms lower by at most
+/// `6 |p| r` and `2 r |(s1, s3)| + 4 r^3 |(s2, s4)|`. The result is the radius at which the smaller
+/// eigenvalue falls to that bound, or one just before `B` vanishes.
 pub(super) fn rational_radius(coefficients: &[f64; 12]) -> f64 {
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = *coefficients;
     let (above, below) = (vec![1.0, k1, k2, k3], vec![1.0, k4, k5, k6]);
@@ -61,7 +61,7 @@ fn smallest(ends: [Option<f64>; 2]) -> f64 {
     ends.into_iter().flatten().fold(f64::INFINITY, f64::min)
 }
 
-/// Without its highest powers where their coefficients are zero.
+/// Returns a polynomial without its highest powers where their coefficients are zero.
 fn trimmed(polynomial: &[f64]) -> &[f64] {
     let last = polynomial.iter().rposition(|c| *c != 0.0);
     &polynomial[..last.map_or(0, |last| last + 1)]
@@ -92,7 +92,7 @@ fn derivative(a: &[f64]) -> Polynomial {
     powers.map(|(power, c)| power as f64 * c).collect()
 }
 
-/// The polynomial of `r^2` as one of `r`.
+/// Returns a polynomial of `r^2` as one of `r`.
 fn spread(a: &[f64]) -> Polynomial {
     let spread = a.iter().flat_map(|c| [*c, 0.0]);
     spread.take(2 * a.len() - 1).collect()

@@ -1,9 +1,11 @@
-//! How a lens is stored by serde: its parameters by name, and the radius up to which it is trusted.
+//! Serialisation of a lens by serde: its parameters by name, and the radius up to which it is
+//! trusted.
 //!
-//! What a lens computes from its parameters is not stored but computed again. JSON has no infinity:
-//! the radius of a lens that is trusted everywhere is null; it may be left out as well.
+//! Quantities that a lens computes from its parameters are not stored but computed again. JSON has
+//! no infinity: the radius of a lens that is trusted everywhere is null; it may be omitted as well.
 //!
-//! A struct that holds any lens names this module: `#[serde(with = "trisquare::lens::stored")]`.
+//! A struct with a field for any lens names this module:
+//! `#[serde(with = "trisquare::lens::stored")]`.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +17,7 @@ use super::{Brown, Fisheye, Lens, OpenCvLens, OpenCvModel};
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
-    /// Values by their names, see [`Lens::parameter_names`].
+    /// Values by name, see [`Lens::parameter_names`].
     parameters: BTreeMap<String, f64>,
     /// In the lens's own measure, see [`Lens::valid_radius`]; null if it is infinite.
     valid_radius: Option<f64>,
@@ -38,8 +40,8 @@ pub fn serialize<L: Lens, S: Serializer>(lens: &L, serializer: S) -> Result<S::O
 /// Reads a lens back.
 ///
 /// # Errors
-/// Those of the deserializer, and one if the parameters are those of another lens or not finite, or
-/// a focal length is not positive.
+/// Those of the deserializer, and an error if the parameters are those of another lens or not
+/// finite, or a focal length is not positive.
 pub fn deserialize<'de, L: Lens, D: Deserializer<'de>>(deserializer: D) -> Result<L, D::Error> {
     let stored = Stored::deserialize(deserializer)?;
     let names = L::parameter_names();
@@ -75,7 +77,7 @@ pub mod option {
     #[serde(bound = "")]
     struct Own<L: Lens>(#[serde(with = "super")] L);
 
-    /// Stores a lens, or that there is none.
+    /// Stores a lens or its absence.
     ///
     /// # Errors
     /// Those of the serializer.
@@ -86,7 +88,7 @@ pub mod option {
         lens.map(Own).serialize(serializer)
     }
 
-    /// Reads it back.
+    /// Reads a lens or its absence back.
     ///
     /// # Errors
     /// As [`super::deserialize`].
@@ -98,7 +100,7 @@ pub mod option {
     }
 }
 
-/// Lets a lens be stored by itself, too.
+/// Implements serde's traits for a lens itself.
 macro_rules! stored {
     ($lens:ty $(, $model:ident: $bound:ident)?) => {
         impl$(<$model: $bound>)? Serialize for $lens {

@@ -1,62 +1,68 @@
-//! Two lenses that look the same way: the pixels of one in the other.
+//! Comparison of two lenses up to a rotation: the pixels of one lens in the other.
 //!
-//! A calibration does not say which way its camera points: a shift of the principal point is all but
-//! a turn of the camera. So two lenses are compared after the rotation that brings their projections
-//! closest (mrcal's "projection difference", <https://mrcal.secretsauce.net>).
+//! A calibration does not determine the direction in which its camera points: a shift of the
+//! principal point is nearly equivalent to a rotation of the camera. Two lenses are therefore
+//! compared after the rotation that brings their projections closest (mrcal's "projection
+//! difference", <https://mrcal.secretsauce.net>).
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 
 use super::{Lens, ProjectionJacobian};
 use crate::error::Error;
 
-/// Gauss-Newton steps for the rotation; from the start that is used, 3 or 4 do.
+/// Maximum number of Gauss-Newton steps for the rotation; from the start that is used, 3 or 4
+/// suffice.
 const MAX_STEPS: usize = 20;
 
-/// Radians: no picture shows a smaller turn.
+/// Rotation step below which the iteration ends, radians: no picture shows a smaller rotation.
 const CONVERGED: f64 = 1e-12;
 
-/// Part of the pixels that both lenses must be able to follow for a comparison to mean much.
+/// Minimum fraction of the pixels that both lenses must be able to map for a meaningful comparison.
 const MIN_IN_COMMON: f64 = 0.1;
 
-/// Solid angle of a pixel, in units of that at a pinhole's axis, above which it is too near the rim
-/// of a lens to be told anything of: some thousandth of a pixel away.
+/// Solid angle of a pixel, in units of that at a pinhole's axis, above which the pixel is too near
+/// the rim of a lens to be used: some thousandth of a pixel away.
 const NEAR_RIM: f64 = 1e3;
 
-/// Relative rise of a diagonal: turns that the pixels do not determine are not made.
+/// Relative increase of the diagonal of the normal equations: it suppresses rotations that the
+/// pixels do not determine.
 const RIDGE: f64 = 1e-12;
 
-/// A lens, and another one that is turned against it.
+/// A lens, and another one that is rotated against it.
 #[derive(Debug, Clone)]
 pub struct TurnedLenses<'a, A: Lens, B: Lens> {
-    /// The lens whose pixels are followed.
+    /// The lens whose pixels are mapped.
     pub first: &'a A,
-    /// The lens that sees their directions elsewhere.
+    /// The lens that projects their directions.
     pub second: &'a B,
-    /// `second_from_first`: turns the first lens' directions into the second's.
+    /// `second_from_first`: rotates the first lens's directions into the second's.
     pub rotation: Matrix3<f64>,
 }
 
-/// Where the second lens sees what the first sees at a pixel.
+/// The second lens's pixel for the direction of a pixel of the first lens, with its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenAgain {
-    /// The second lens' pixel.
+    /// The second lens's pixel.
     pub pixel: Vector2<f64>,
-    /// How the first lens's pixel of the direction follows the first lens's parameters.
+    /// Derivative of the first lens's pixel of the direction with respect to the first lens's
+    /// parameters.
     pub by_first: ProjectionJacobian,
-    /// How the second lens's pixel of the direction follows the second lens's parameters.
+    /// Derivative of the second lens's pixel of the direction with respect to the second lens's
+    /// parameters.
     pub by_second: ProjectionJacobian,
-    /// The pixel's derivative by the first lens' pixel.
+    /// Derivative of the pixel with respect to the first lens's pixel.
     pub by_pixel: Matrix2<f64>,
-    /// Its derivative by a further turn, a rotation vector in radians applied after the rotation.
+    /// Derivative of the pixel with respect to a further rotation, a rotation vector in radians
+    /// applied after the rotation.
     pub by_turn: Matrix2x3<f64>,
 }
 
 impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
-    /// Finds the rotation that brings the second lens' projections of the directions seen at pixels
-    /// closest to these, by least squares of pixels.
+    /// Finds the rotation that brings the second lens's projections of the directions seen at
+    /// pixels closest to these pixels, by least squares of pixels.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together.
+    /// [`Error::InvalidArgument`] if both lenses together can map less than a tenth of the pixels.
     pub fn closest(first: &'a A, second: &'a B, pixels: &[Vector2<f64>]) -> Result<Self, Error> {
         Ok(Self {
             first,
@@ -65,26 +71,28 @@ impl<'a, A: Lens, B: Lens> TurnedLenses<'a, A, B> {
         })
     }
 
-    /// Where the second lens sees what the first sees at a pixel; `None` where one cannot follow.
+    /// Returns the second lens's pixel for the direction of a pixel of the first; `None` where a
+    /// lens cannot map it.
     pub fn see_again(&self, pixel: &Vector2<f64>) -> Option<SeenAgain> {
         match_pixel((self.first, self.second), &self.rotation, pixel)
     }
 }
 
-/// A lens of any family. What is compared through it is compiled once, not for each two families.
+/// A lens of any family. Code that uses this trait object is compiled once, not for each pair of
+/// families.
 trait ErasedLens {
     fn project(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>>;
-    /// `None` where the lens cannot be inverted, or hardly.
+    /// `None` where the lens is not invertible, or nearly so.
     fn unproject_with_derivatives(&self, pixel: &Vector2<f64>) -> Option<Unprojected>;
 }
 
-/// What a lens sees at a pixel.
+/// The direction that a lens sees at a pixel, with derivatives.
 struct Unprojected {
     direction: Vector3<f64>,
     by_pixel: Matrix3x2<f64>,
-    /// How the pixel follows the lens's parameters, ...
+    /// Derivative of the pixel with respect to the lens's parameters.
     pixel_by_lens: ProjectionJacobian,
-    /// ... and the direction.
+    /// Derivative of the pixel with respect to the direction.
     pixel_by_direction: Matrix2x3<f64>,
 }
 
@@ -99,7 +107,7 @@ impl<L: Lens> ErasedLens for L {
         let by_pixel = self.direction_jacobian(&pixel_ray);
         let area = by_pixel.column(0).cross(&by_pixel.column(1));
         let [fx, fy, ..] = self.intrinsics();
-        // Written so that NaN is near the rim.
+        // NaN counts as near the rim.
         let is_clear_of_rim = area.dot(&direction).abs() * fx * fy < NEAR_RIM;
         is_clear_of_rim.then_some(Unprojected {
             direction,
@@ -156,8 +164,9 @@ fn closest_rotation(
 
 /// See [`TurnedLenses::see_again`].
 ///
-/// The derivatives are those of the second projection by the direction `d`, which a change of
-/// the pixel moves by `R` times that of the first lens's direction, and a turn by `turn x d`.
+/// The derivatives are those of the second projection with respect to the direction `d`. A change
+/// of the pixel changes `d` by `R` times the change of the first lens's direction; a rotation
+/// changes it by `turn x d`.
 fn match_pixel(
     (first, second): (&dyn ErasedLens, &dyn ErasedLens),
     rotation: &Matrix3<f64>,
@@ -167,7 +176,7 @@ fn match_pixel(
     let direction = rotation * by_first.direction;
     let seen = second.project(&direction)?;
     let by_second = second.unproject_with_derivatives(&seen)?;
-    // Of a direction of another length, the same but for that length.
+    // The derivative is inversely proportional to the length of the direction.
     let length = by_second.direction.norm() / direction.norm();
     let by_direction = by_second.pixel_by_direction * length;
     Some(SeenAgain {
@@ -249,7 +258,7 @@ mod tests {
             .map(|pixel| (pixel, turned.see_again(pixel).unwrap()))
             .map(|(pixel, matched)| matched.by_turn.tr_mul(&(matched.pixel - pixel)))
             .sum();
-        assert!(pull.norm() < 1e-4, "{pull}"); // of pixels times focal lengths
+        assert!(pull.norm() < 1e-4, "{pull}"); // in pixels times focal lengths
         assert!((turned.rotation.determinant() - 1.0).abs() < 1e-12);
     }
 

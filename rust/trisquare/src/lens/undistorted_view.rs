@@ -1,11 +1,11 @@
-//! The pinhole through which a photograph is seen without its distortion.
+//! The pinhole view that shows a photograph without its distortion.
 //!
-//! A pinhole with the photograph's own camera matrix would show a part of the scene that leaves
-//! black corners, or cuts off what the lens has bent outward. The view chosen here keeps the size
-//! of the picture and the shape of its pixels (`fy / fx`); what is chosen is its zoom and its
-//! principal point; it has no skew. In ideal pixels (those of a pinhole with the photograph's focal
-//! lengths and principal point) the two extremes are rectangles of the picture's shape: the smallest
-//! round the outline of what the photograph shows, and the largest inside it.
+//! A pinhole with the photograph's own camera matrix would leave black corners, or cut off what the
+//! lens has displaced outward. The view chosen here keeps the size of the picture and the shape of
+//! its pixels (`fy / fx`) and has no skew; its zoom and its principal point are chosen. In ideal
+//! pixels (those of a pinhole with the photograph's focal lengths and principal point) the two
+//! extremes are rectangles of the picture's shape: the smallest around the outline of what the
+//! photograph shows, and the largest inside it.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -13,47 +13,49 @@ use super::{DefaultLens, Lens, PictureView, PointMaps};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 
-/// How far, in pixels, a point may lie outside the photograph and still count as seen in it:
-/// rounding, and far below the 1/32 px to which a picture is resampled.
+/// Distance, in pixels, by which a point may lie outside the photograph and still count as inside:
+/// it allows for rounding, and is far below the 1/32 px to which a picture is resampled.
 pub(crate) const ON_THE_BORDER: f64 = 1e-6;
 
-/// Points along a side of the picture, at least.
+/// Minimum number of points along a side of the picture.
 const MIN_POINTS_PER_SIDE: u32 = 256;
 
-/// Pixels that are looked at along a side: all of them in any picture that can be resampled.
+/// Maximum number of pixels that are checked along a side: all of them in any picture that can be
+/// resampled.
 const MAX_POINTS_PER_SIDE: u32 = 1 << 15;
 
-/// Points of the outline between which the largest rectangle is looked for.
+/// Maximum number of points of the outline in the search for the largest rectangle.
 const SEARCHED_POINTS: usize = 4096;
 
-/// Part of its size to which the largest rectangle is found: a pixel of most pictures.
+/// Relative tolerance of the size of the largest rectangle: a pixel of most pictures.
 const TOLERANCE: f64 = 1.0 / 1024.0;
 
-/// Places tried for the largest rectangle; some thousand suffice.
+/// Maximum number of places tried for the largest rectangle; some thousand suffice.
 const MAX_PLACES: usize = 50_000;
 
-/// Bisections of the way back to the centre of the photograph: a pixel of most pictures.
+/// Number of bisections of the way back to the centre of the photograph: to a pixel of most
+/// pictures.
 const SLIDE_BISECTIONS: usize = 12;
 
-/// Bisections of the zoom at the place found: a millionth of a pixel.
+/// Number of bisections of the zoom at the place found: to a millionth of a pixel.
 const MAX_BISECTIONS: usize = 36;
 
-/// The field angle beyond which no view reaches: a pinhole shows what lies there over thirty times
-/// as large as what lies ahead, and hardly anything else.
+/// Largest field angle of a view, degrees: beyond it, a pinhole shows the scene over thirty times
+/// as large as ahead, and hardly anything else.
 const WIDEST_DEGREES: f64 = 80.0;
 
-/// Relative error of a rim that is computed from its angle.
+/// Relative error of a rim's radius that is computed from its angle.
 const ROUNDING: f64 = 1e-12;
 
-/// The views of a camera's pictures without distortion.
+/// Views of a camera's pictures without distortion.
 pub trait UndistortedView: Lens {
-    /// The pinhole that sees this camera's pictures undistorted.
+    /// Returns the pinhole that shows this camera's pictures undistorted.
     ///
-    /// With `balance` 0 every pixel of the new picture lies in the photograph, and to within a
-    /// pixel no larger part of the scene would do (of a fisheye, none about its axis); with 1 every
+    /// With `balance` 0 every pixel of the new picture lies in the photograph, and the view is the
+    /// largest such one to within a pixel (for a fisheye, the largest about its axis); with 1 every
     /// pixel of the photograph lies in the new picture. In between the camera matrix changes
-    /// linearly. Where the distortion cannot be inverted, there is nothing to see, nor farther than
-    /// 80 degrees from the axis.
+    /// linearly. Parts where the distortion is not invertible, or farther than 80 degrees from the
+    /// axis, are not shown.
     ///
     /// ```
     /// use nalgebra::Vector2;
@@ -93,19 +95,19 @@ pub trait UndistortedView: Lens {
 
 impl<L: Lens> UndistortedView for L {}
 
-/// Whether a pinhole without skew sees otherwise.
+/// Whether a lens differs from a pinhole without skew.
 fn bends(lens: &impl Lens) -> bool {
     lens.skew() != 0.0 || lens.distortion().iter().any(|c| *c != 0.0)
 }
 
-/// The ideal radius up to which a view shows anything.
+/// Returns the ideal radius up to which a view shows anything.
 fn rim<L: Lens>(lens: &L) -> f64 {
     let angle = lens.valid_angle().min(WIDEST_DEGREES.to_radians());
     angle.tan() * (1.0 - ROUNDING)
 }
 
-/// The border of what the photograph shows, in ideal pixels: its own border, and the rim of the
-/// view where that is in the picture.
+/// Returns the border of what the photograph shows, in ideal pixels: its own border, and the rim of
+/// the view where that is in the picture.
 fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
     let whole = Rectangle {
         centre: size.centre(),
@@ -127,14 +129,14 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
     ideal.map(|ideal| view.pixel_of(&ideal)).collect()
 }
 
-/// The largest rectangle inside an outline, to a part of [`TOLERANCE`]; of several the one nearest
-/// the centre of the photograph; of a fisheye the one about its axis.
+/// Finds the largest rectangle inside an outline, to a relative [`TOLERANCE`]; of several the one
+/// nearest to the centre of the photograph; for a fisheye the one about its axis.
 ///
-/// Its half size is the distance to the outline, in the norm whose unit ball is a rectangle of
-/// the picture's shape, from the place where that is largest: halving cells of places leaves
-/// those that may hold a better one (V. Agafonkin's `polylabel`). Its zoom is then settled at
-/// the pixels themselves: the distortion maps the border of the rectangle to a closed curve,
-/// and what it encloses to the inside of that curve.
+/// Its half size is the largest distance of a place to the outline, in the norm whose unit ball is
+/// a rectangle of the picture's shape. The search halves cells of places and keeps those that may
+/// contain a better one (V. Agafonkin's `polylabel`). The zoom is then determined at the pixels
+/// themselves, on the border only: the distortion maps the border of the rectangle to a closed
+/// curve, and its inside to the inside of that curve.
 fn largest_inside<L: Lens>(
     lens: &L,
     outline: &[Vector2<f64>],
@@ -142,7 +144,8 @@ fn largest_inside<L: Lens>(
     size: ImageSize,
 ) -> Result<Rectangle, Error> {
     let inside = Inside::of(lens, outline, outer, size);
-    // The plane of a fisheye is stretched towards its rim, where the largest rectangle would lie.
+    // The ideal plane of a fisheye is stretched towards its rim, where the largest rectangle would
+    // lie.
     let is_ahead = L::centre_columns().is_empty();
     let home = inside.place_of(match is_ahead {
         true => lens.principal_point(),
@@ -170,7 +173,7 @@ fn largest_inside<L: Lens>(
     })
 }
 
-/// Places inside an outline, in units in which the picture's shape is a square.
+/// The inside of an outline, in units in which the picture's shape is a square.
 struct Inside<'a, L> {
     lens: &'a L,
     size: ImageSize,
@@ -180,7 +183,7 @@ struct Inside<'a, L> {
 }
 
 impl<'a, L: Lens> Inside<'a, L> {
-    /// Some points of the outline stand for it.
+    /// Creates it from a subset of the outline's points.
     fn of(lens: &'a L, outline: &[Vector2<f64>], outer: &Rectangle, size: ImageSize) -> Self {
         let mut inside = Self {
             lens,
@@ -203,7 +206,7 @@ impl<'a, L: Lens> Inside<'a, L> {
         self.centre + place.component_mul(&self.unit)
     }
 
-    /// The distance of a place from the outline, negative outside.
+    /// Returns the distance of a place from the outline, negative outside.
     fn room(&self, place: &Vector2<f64>) -> f64 {
         let distances = self.outline.iter().map(|p| (p - place).amax());
         let nearest = distances.fold(f64::INFINITY, f64::min);
@@ -213,7 +216,8 @@ impl<'a, L: Lens> Inside<'a, L> {
         }
     }
 
-    /// The place with the most room, and that; of several the first one, if it is one of them.
+    /// Returns the place with the largest distance from the outline, and that distance; `first`
+    /// unless another place is better by more than the tolerance.
     fn widest(&self, first: Vector2<f64>) -> (Vector2<f64>, f64) {
         let mut best = first;
         let mut most = self.room(&best);
@@ -239,8 +243,8 @@ impl<'a, L: Lens> Inside<'a, L> {
         (best, most)
     }
 
-    /// A place as near to home as its room stays: where two opposite sides of the outline limit it, it
-    /// is free to slide along them.
+    /// Moves a place as near to `home` as its distance from the outline allows, one axis after the
+    /// other: between two opposite sides of the outline it is free to slide along them.
     fn slid_towards(
         &self,
         home: Vector2<f64>,
@@ -259,7 +263,8 @@ impl<'a, L: Lens> Inside<'a, L> {
     }
 }
 
-/// The largest value from zero to `end` at which something holds that holds up to a limit.
+/// Returns the largest value from zero to `end` at which a condition holds that holds up to a
+/// limit.
 fn farthest(end: f64, bisections: usize, holds: impl Fn(f64) -> bool) -> f64 {
     if holds(end) {
         return end;
@@ -280,7 +285,7 @@ fn shows<L: Lens>(lens: &L, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool
     to_rim >= ON_THE_BORDER && seen.is_some_and(|pixel| size.contains(&pixel, 0.5 * ON_THE_BORDER))
 }
 
-/// The smallest rectangle of the picture's shape that holds an outline.
+/// Returns the smallest rectangle of the picture's shape that contains an outline.
 fn smallest_round(outline: &[Vector2<f64>], size: ImageSize) -> Result<Rectangle, Error> {
     let ends = outline.iter().map(|pixel| (*pixel, *pixel));
     let ends = ends.reduce(|(low, high), (pixel, _)| (low.inf(&pixel), high.sup(&pixel)));
@@ -304,7 +309,7 @@ fn smallest_round(outline: &[Vector2<f64>], size: ImageSize) -> Result<Rectangle
         })
 }
 
-/// What a pinhole sees, in ideal pixels.
+/// The rectangle that a pinhole shows, in ideal pixels.
 #[derive(Debug, Clone, Copy)]
 struct Rectangle {
     centre: Vector2<f64>,
@@ -313,8 +318,8 @@ struct Rectangle {
 }
 
 impl Rectangle {
-    /// The pixels along the border of a new picture and, for `least` points a side, some between
-    /// them, in ideal pixels.
+    /// Returns the pixels along the border of a new picture in ideal pixels and, for `least` points
+    /// a side, points between them.
     fn border(self, size: ImageSize, least: u32) -> impl Iterator<Item = Vector2<f64>> {
         let far = size.centre() * 2.0;
         let along = move |length: u32| {
@@ -322,7 +327,7 @@ impl Rectangle {
             let count = pixels * least.div_ceil(pixels.max(1));
             (0..=count).map(move |i| f64::from(i) / f64::from(count.max(1)))
         };
-        // One side after the other: every second point still is on all of them.
+        // One side after the other: a regular subset of the points still covers all sides.
         let ends = || [0.0, 1.0].into_iter();
         let rows = ends().flat_map(move |y| along(size.width).map(move |x| (x, y)));
         let columns = ends().flat_map(move |x| along(size.height).map(move |y| (x, y)));
@@ -425,7 +430,7 @@ mod tests {
 
     #[test]
     fn a_filled_view_stays_about_the_centre_where_it_is_free_to() {
-        // Barrel distortion: top and bottom limit it.
+        // With barrel distortion, top and bottom limit the view.
         for (cx, cy) in [(170.0, 110.0), (165.0, 119.5), (150.0, 126.0)] {
             let lens = Brown::new([225.0, 225.0, cx, cy, -0.286, 0.078, 0.0, 0.0, 0.0]);
             let view = lens.undistorted(SIZE, 0.0).unwrap();

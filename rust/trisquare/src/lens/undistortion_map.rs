@@ -1,4 +1,4 @@
-//! Where every pixel of an undistorted picture lies in the photograph.
+//! Map from the pixels of an undistorted picture to positions in the photograph.
 
 use nalgebra::Vector2;
 
@@ -8,34 +8,35 @@ use super::{DefaultLens, Lens};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 
-/// Parts of a pixel that a resampled position is rounded to: OpenCV's, in its `INTER_BITS`.
+/// Number of parts of a pixel to which a resampled position is rounded: OpenCV's, from its
+/// `INTER_BITS`.
 const PARTS_PER_PIXEL: i32 = 1 << PART_BITS;
 const PART_BITS: u32 = 5;
 
-/// A position outside every picture, far from the ends of `i16` that neighbours might pass.
+/// Coordinate outside every picture, far from the ends of `i16`, which neighbours might pass.
 const NOWHERE: i16 = -0x4000;
 
-/// The largest coordinate that a map can hold; no picture to be resampled is as large.
+/// Largest coordinate in a map; no picture to be resampled is as large.
 const LARGEST: i32 = i16::MAX as i32 - 1;
 
-/// Where an undistorted picture's pixels lie in the photograph, row by row.
+/// Positions of an undistorted picture's pixels in the photograph, row by row.
 ///
 /// OpenCV's fixed-point map (`CV_16SC2` and `CV_16UC1` of its `remap`): whole pixels, and 1/32 of
 /// them in x plus 32 times those in y. Without OpenCV, [`Lens::project`] of the rays of the
-/// [`undistorted`](super::UndistortedView::undistorted) view says the same in floating point: see
-/// the example `undistort`.
+/// [`undistorted`](super::UndistortedView::undistorted) view gives the same positions in floating
+/// point: see the example `undistort`.
 #[derive(Debug)]
 pub struct UndistortionMap<'a> {
-    /// Whole pixels, `(x, y)` in turn: two for each pixel of the view.
+    /// Whole pixels, x and y alternating: two values for each pixel of the view.
     pub whole: &'a mut [i16],
-    /// Parts of pixels, one for each pixel of the view.
+    /// Parts of pixels, one value for each pixel of the view.
     pub parts: &'a mut [u16],
     /// Whether the pixel lies in the photograph, and within the valid radius.
     pub valid: &'a mut [bool],
 }
 
 impl UndistortionMap<'_> {
-    /// Fills the map of what a pinhole sees of a camera's photograph.
+    /// Fills the map for a pinhole view of a camera's photograph.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if the lengths of the slices are not those of `view_size`.
@@ -49,7 +50,7 @@ impl UndistortionMap<'_> {
         self.fill_view(camera, size, &PictureView::pinhole(view), view_size)
     }
 
-    /// As [`Self::fill`], of what is laid on a plane, a cylinder or a sphere.
+    /// As [`Self::fill`], for a view on a plane, a cylinder or a sphere.
     ///
     /// # Errors
     /// As [`Self::fill`].
@@ -91,7 +92,7 @@ impl UndistortionMap<'_> {
     }
 }
 
-/// Whole pixels and parts of them; halves go to the even part, as in OpenCV.
+/// Returns whole pixels and parts of pixels; halves are rounded to the even part, as in OpenCV.
 fn rounded(point: &Vector2<f64>) -> ([i16; 2], u16) {
     let parts = [point.x, point.y].map(|coordinate| {
         let limited = coordinate.clamp(f64::from(NOWHERE), f64::from(LARGEST));
@@ -102,23 +103,23 @@ fn rounded(point: &Vector2<f64>) -> ([i16; 2], u16) {
     (parts.map(|p| (p >> PART_BITS) as i16), (y << PART_BITS) | x)
 }
 
-/// The largest rectangle of a mask in which every pixel is set: `[x, y, width, height]`.
+/// Finds the largest rectangle of a mask in which every pixel is set: `[x, y, width, height]`.
 ///
-/// Over every row stands a histogram of how many set pixels lie above each other up to it; a
-/// stack of rising bars gives the largest rectangle under each, in time linear in the pixels. All
-/// zeros where nothing is set.
+/// Each row has a histogram: the number of set pixels in each column that end at the row without a
+/// gap. A stack of rising bars gives the largest rectangle under each histogram, in time linear in
+/// the number of pixels. The result is all zeros if no pixel is set.
 pub fn largest_rectangle(mask: &[bool], width: usize) -> [usize; 4] {
     if width > mask.len() {
         return [0; 4];
     }
     let mut heights = vec![0; width];
     let mut best = [0; 4];
-    let mut rising: Vec<(usize, usize)> = Vec::new(); // where a bar's height begins, and it
+    let mut rising: Vec<(usize, usize)> = Vec::new(); // start and height of each bar
     for (y, row) in mask.chunks_exact(width.max(1)).enumerate() {
         for (height, set) in heights.iter_mut().zip(row) {
             *height = if *set { *height + 1 } else { 0 };
         }
-        // A bar of no height after the last one ends them all.
+        // A bar of zero height after the last one ends all bars.
         for (x, height) in heights.iter().copied().chain([0]).enumerate() {
             let mut begin = x;
             while let Some((start, bar)) = rising.pop_if(|(_, bar)| *bar >= height) {

@@ -1,4 +1,4 @@
-//! A chessboard from its inner corners: the grid lines to measure, and the figure that they make.
+//! A chessboard given by its inner corners: the grid lines to measure, and the resulting figure.
 
 use nalgebra::Vector2;
 
@@ -10,13 +10,14 @@ use crate::geometry::Line;
 use crate::image::{Picture, Tone};
 use crate::localise::{EdgeSpan, NoEdge, SpanEdges};
 
-/// Distance from a grid line, in cells, at which a cell's shade is looked up.
+/// Distance from a grid line, in cells, at which the shade of a cell is read.
 const PROBE: f64 = 0.25;
 
-/// Grid lines that a plane needs in each direction: three parallel ones of four leave it open.
+/// Minimum number of grid lines in each direction: three parallel ones out of four do not determine
+/// the plane.
 const MIN_LINES: usize = 2;
 
-/// A chessboard whose inner corners are known to a pixel or two, by whichever detector.
+/// A chessboard whose inner corners are known to a pixel or two, from any detector.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -38,27 +39,27 @@ pub struct Chessboard {
     rows: usize,
 }
 
-/// A line through corners, along which light and dark change sides at each.
+/// A line through corners; light and dark change sides at each corner.
 #[derive(Debug, Clone)]
 struct GridLine {
-    /// On the board; the unit is a cell.
+    /// The line on the board; the unit is a cell.
     line: Line,
-    /// Of its corners, pixels.
+    /// Its corners, pixels.
     path: Vec<Vector2<f64>>,
     /// As [`EdgeSpan::polarity`].
     polarity: f64,
 }
 
 impl Chessboard {
-    /// From `corners[row][column]`, pixels; the picture tells which cells are dark.
+    /// Creates a board from `corners[row][column]`, pixels; the picture shows which cells are dark.
     ///
     /// The board's origin is the first corner, its Y axis runs along the columns and its X axis
-    /// along the rows, or against them where that is what turns Z away from the camera. The unit is
+    /// along the rows, or against them if Z would otherwise point towards the camera. The unit is
     /// the side of a cell.
     ///
     /// # Errors
-    /// [`Error::TooFewParallels`] for fewer than two rows or columns, [`Error::InvalidArgument`] for
-    /// rows of different length, and [`Error::SampleNotFinite`] with the row as the line.
+    /// [`Error::TooFewParallels`] for fewer than two rows or columns, [`Error::InvalidArgument`]
+    /// for rows of different length, and [`Error::SampleNotFinite`] with the row as the line.
     pub fn new(picture: &Picture, corners: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
         let width = corners.first().map_or(0, Vec::len);
         check_families(corners.len(), width)?;
@@ -84,9 +85,9 @@ impl Chessboard {
         })
     }
 
-    /// What [`localise`](crate::localise) or
-    /// [`localise_with_unknown_tone`](crate::localise_with_unknown_tone) is to measure: the rows,
-    /// then the columns. `first` is the index of the first one among all spans of the picture.
+    /// Returns the spans to measure by [`localise`](crate::localise) or
+    /// [`localise_with_unknown_tone`](crate::localise_with_unknown_tone): the rows, then the
+    /// columns. `first` is the index of the first one among all spans of the picture.
     #[must_use]
     pub fn spans(&self, first: usize) -> Vec<EdgeSpan> {
         let span = |(index, own): (usize, &GridLine)| {
@@ -100,11 +101,11 @@ impl Chessboard {
         self.lines.iter().enumerate().map(span).collect()
     }
 
-    /// The board from what was measured along its spans, in their order, without the lines that
-    /// could not be measured.
+    /// Returns the board from the measurements along its spans, in their order, without the lines
+    /// that could not be measured.
     ///
-    /// Its edges are moved back from where a wrong tone curve or clipped white has shifted them, as
-    /// by [`remove_edge_shift`]: so it has no [`tone_drift`](PlaneEdges::tone_drift).
+    /// The shift of its edges by a wrong tone curve or clipped white is removed, as by
+    /// [`remove_edge_shift`], so that the board has no [`tone_drift`](PlaneEdges::tone_drift).
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] if there is not one element for each span,
@@ -137,7 +138,7 @@ impl Chessboard {
 }
 
 impl GridLine {
-    /// With the cells that they are beside.
+    /// Returns the samples of the line with the cells that they are beside.
     fn samples(&self, measured: &SpanEdges) -> GridLineSamples {
         let along = self.path[self.path.len() - 1] - self.path[0];
         let inner = &self.path[1..self.path.len() - 1];
@@ -166,7 +167,7 @@ fn check_families(rows: usize, columns: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// The rows, or the columns, one apart along an axis.
+/// Returns the rows or the columns as grid lines, one unit apart along an axis.
 fn family(picture: &Picture, paths: Vec<Vec<Vector2<f64>>>, axis: Vector2<f64>) -> Vec<GridLine> {
     let of_first = polarity_of_first(picture, &paths);
     let line = |(number, path): (usize, _)| GridLine {
@@ -177,8 +178,8 @@ fn family(picture: &Picture, paths: Vec<Vec<Vector2<f64>>>, axis: Vector2<f64>) 
     paths.into_iter().enumerate().map(line).collect()
 }
 
-/// +1 if the picture gets lighter toward the right-hand normal of line 0 after its corner 0, else
-/// -1: all stretches of all lines have their say, because a cell may be hidden.
+/// Returns +1 if the picture gets lighter toward the right-hand normal of line 0 after its corner
+/// 0, else -1. All stretches of all lines are used, because a cell may be hidden.
 fn polarity_of_first(picture: &Picture, lines: &[Vec<Vector2<f64>>]) -> f64 {
     let reader = picture.reader(Tone::Srgb);
     let shade = |point: Vector2<f64>| reader.bilinear(point.x, point.y);

@@ -1,5 +1,5 @@
-//! Figures that are given twice, or said to lie where another one of their plane does and seen beside
-//! it.
+//! Checks for figures that are given twice, or that are stated to coincide with another figure of
+//! their plane but are seen beside it.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,8 @@ use super::plane_edges::{Freedom, PlaneEdges};
 use crate::error::Error;
 use crate::geometry::Line;
 
-/// Part of half a line's length from which samples beside it are another's, the bends of both apart.
+/// Distance from a line, as a fraction of half its length, above which samples belong to another
+/// line; the bends of both lines are added.
 const BESIDE: f64 = 0.01;
 
 /// # Errors
@@ -34,7 +35,8 @@ pub(super) fn check_given_once(edges: &[PlaneEdges]) -> Result<(), Error> {
 
 /// # Errors
 /// [`Error::InvalidArgument`] if a figure is fixed on the lines of an earlier one of its plane, but
-/// seen beside that: as a frame's inner outline of which only the samples were given.
+/// its samples lie beside them, such as a frame's inner outline of which only the samples were
+/// given.
 pub(super) fn check_place(index: usize, edges: &[PlaneEdges]) -> Result<(), Error> {
     let own = &edges[index];
     if own.plane.is_none() || own.freedom != Freedom::Fixed {
@@ -54,7 +56,7 @@ pub(super) fn check_place(index: usize, edges: &[PlaneEdges]) -> Result<(), Erro
     }
 }
 
-/// Whether a figure has the lines of another, and samples beside those of it.
+/// Whether a figure has the lines of another one, but samples beside the other's samples.
 fn is_beside(own: &PlaneEdges, other: &PlaneEdges) -> bool {
     let mut beside = false;
     for (line, points) in own.lines.iter().zip(&own.points) {
@@ -69,7 +71,8 @@ fn is_beside(own: &PlaneEdges, other: &PlaneEdges) -> bool {
     beside
 }
 
-/// The middle of samples, the line that fits them, and how far beside it a sample of it may lie.
+/// Returns the middle of samples, the line fitted to them, and the largest distance from it at
+/// which a sample may lie.
 fn chord(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, Line, f64)> {
     let line = Line::fit(points.iter().map(|point| (*point, 1.0)))?;
     let middle = points.iter().sum::<Vector2<f64>>() / points.len() as f64;

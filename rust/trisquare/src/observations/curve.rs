@@ -1,4 +1,4 @@
-//! What the samples of a side lie on: a straight line, or a circle about the figure's origin.
+//! The curve of a side's samples: a straight line, or a circle about the figure's origin.
 
 use nalgebra::Vector2;
 
@@ -16,20 +16,21 @@ pub(crate) enum Curve {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Radius {
     Known(f64),
-    /// Estimated: its index among those of its figure.
+    /// Estimated: its index among the estimated radii of its figure.
     Free(usize),
 }
 
-/// A straight line that samples are measured against: that of a side, or a tangent of a circle.
+/// A straight line to which the distances of samples are measured: that of a side, or a tangent of
+/// a circle.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ModelLine {
     pub line: Line,
-    /// Index of the radius that is its distance from the origin, if that is estimated.
+    /// Index of the radius that is its distance from the origin, if that radius is estimated.
     pub radius: Option<usize>,
 }
 
 impl ModelLine {
-    /// The tangent of a circle, its normal outward.
+    /// Returns the tangent of a circle, with its normal outward.
     pub fn tangent(outward: Vector2<f64>, radius: f64, index: Option<usize>) -> Self {
         Self {
             line: Line::with_unit_normal(outward, outward * radius),

@@ -1,4 +1,4 @@
-//! Whether a figure's edges have the shapes and values that a calibration needs.
+//! Checks that a figure's edges have the shapes and values that a calibration needs.
 
 use nalgebra::Vector2;
 
@@ -9,32 +9,34 @@ use crate::error::Error;
 use crate::geometry::{MIN_LINE_SAMPLES, MIN_LINES};
 use crate::image_size::ImageSize;
 
-/// How far (px) beyond the outermost pixels' centres a sample may lie: half a pixel to the border of
-/// the picture, and what measuring errs by.
+/// Largest distance (px) of a sample beyond the outermost pixels' centres: half a pixel to the
+/// border of the picture, and the measurement error.
 const BORDER_SLACK: f64 = 2.0;
 
-/// How far (px) a sample may be said to be displaced by a standard deviation of the tone curve: blurs
-/// are some pixels at most, and no tone curve displaces an edge by more than its blur.
+/// Largest displacement (px) of a sample by one standard deviation of the tone curve: blurs are
+/// some pixels at most, and no tone curve displaces an edge by more than its blur.
 const LARGEST_DRIFT: f64 = 10.0;
 
-/// Pixels by which a fault of the picture may displace a whole side: beyond, it is not measured.
+/// Largest displacement (px) of a whole side by a fault of the picture; with a larger one the side
+/// is not measured.
 const LARGEST_SIDE_ERROR: f64 = 100.0;
 
-/// Standard deviations of samples (px) whose squares, and the sums of these, are still numbers.
+/// Range of standard deviations of samples (px) whose squares, and the sums of these, are finite
+/// and not zero.
 const SMALLEST_STD: f64 = 1e-12;
 const LARGEST_STD: f64 = 1e12;
 
-/// Samples that the image of a circle needs: it has five numbers.
+/// Minimum number of samples of a circle, whose image has five parameters.
 const MIN_CIRCLE_SAMPLES: usize = 5;
 
-/// Samples of a line of the scene: two tell no bend.
+/// Minimum number of samples of a line of the scene: two do not show whether it is bent.
 const MIN_SCENE_LINE_SAMPLES: usize = 3;
 
 impl PlaneEdges {
-    /// Checks shapes and values; `figure` numbers this one in messages.
+    /// Checks shapes and values; `figure` is the number of this figure in messages.
     ///
     /// # Errors
-    /// The first thing found wrong.
+    /// The first fault found.
     pub fn check(&self, figure: usize) -> Result<(), Error> {
         if self.freedom == Freedom::Line {
             self.check_scene_line(figure)?;
@@ -147,7 +149,7 @@ impl PlaneEdges {
     }
 }
 
-/// The line and the sample of the first value that is not as it should be.
+/// Returns the line and the sample of the first invalid value.
 fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
     let wrong = |(line, values): (usize, &Vec<T>)| {
         let sample = values.iter().position(|value| !is_right(value))?;
@@ -156,8 +158,8 @@ fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(us
     lines.iter().enumerate().find_map(wrong)
 }
 
-/// Samples that no picture of this size shows: mostly it is that of another picture, or width and
-/// height are exchanged. The first figure that has any, how many, and the first of them.
+/// Returns the first figure with samples outside a picture of this size, their number, and the
+/// first of them. Mostly the size is that of another picture, or width and height are exchanged.
 pub(crate) fn samples_outside(
     edges: &[PlaneEdges],
     size: ImageSize,

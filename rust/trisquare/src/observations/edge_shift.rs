@@ -1,90 +1,97 @@
-//! The shift of a chessboard's edges, taken out before a calibration.
+//! Removal of the shift of a chessboard's edges before a calibration.
 //!
-//! A tone curve that is not quite the camera's, or clipped white, moves every edge by about the same
-//! amount toward its dark side; a shift is counted toward the light, and may have either sign. Along
-//! a grid line that side alternates from cell to cell, so the line shows the shift as a zigzag, and
-//! no calibration is needed to measure it.
+//! A tone curve that differs from the camera's, or clipped white, moves every edge by about the
+//! same amount toward its dark side. Shifts are counted toward the light side, and may have either
+//! sign. Along a grid line that side alternates from cell to cell, so that the shift appears as a
+//! zigzag of the line, which can be measured without a calibration.
 
 use nalgebra::{Matrix5, Matrix5x3, RowVector3, Vector2, Vector5};
 
 use crate::numeric::{median, upper_median};
 
-/// Standard deviation of a sample, over the least of its cell, from which a crossing takes part of
-/// its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or it lies across one: a wrong tone curve shifts it by
-/// neither cell's amount, but by up to as much more as it is less certain.
+/// Ratio of a sample's standard deviation to the smallest of its cell above which the sample is at
+/// a crossing: the crossing takes part of its contrast, `2 Phi(2) - 1 = 1 / 1.05`, or the sample
+/// lies across it. A wrong tone curve shifts such a sample by neither cell's amount, but by an
+/// amount that may be larger by up to that ratio.
 const FADED: f64 = 1.05;
 
-/// Shift, in standard deviations of a sample, from which samples at crossings are left out: what it
-/// may do to them is more than their noise, and goes to and fro with the cells. Below, they are
-/// doubted by as much; to leave them out for less would cost short cells half of what is known.
+/// Shift, in standard deviations of a sample, above which samples at crossings are left out: its
+/// effect on them exceeds their noise, and alternates with the cells. Below, their standard
+/// deviations are increased by as much instead; leaving them out would cost short cells half of the
+/// information.
 const MAX_DOUBT: f64 = 1.0;
 
-/// Degree of the polynomial that a grid line's image follows: distortion bends it, but smoothly.
+/// Degree of the polynomial that models the image of a grid line: distortion bends it smoothly.
 const LINE_DEGREE: usize = 4;
 
-/// Rounds of reweighting, at most.
+/// Maximum number of rounds of reweighting.
 const ROUNDS: usize = 8;
 
-/// Change of the shift, pixels, after which no further round is needed: a tenth of what the best
-/// boards know of it.
+/// Change of the shift, pixels, below which the reweighting ends: a tenth of the shift's standard
+/// deviation on the best boards.
 const SETTLED: f64 = 2e-4;
 
-/// Part of the signs' squares that is left where a line's cells have one sign only.
+/// Fraction of the signs' sum of squares that rounding leaves where the cells of every line have
+/// one sign only.
 const ROUNDING: f64 = 1e-12;
 
-/// Median sizes of the samples' residuals, which are two robust standard deviations: beyond, a
-/// sample counts less.
+/// Huber's limit, in medians of the absolute residuals: two robust standard deviations. A sample
+/// beyond it has less weight.
 const HUBER_LIMIT: f64 = 2.0 * 1.4826;
-/// Standard deviations; the limit for residuals that are all rounding.
+/// Smallest value of Huber's limit, in standard deviations, for residuals that are all rounding.
 const SMALLEST_LIMIT: f64 = 2e-6;
 
-/// Part of a line's zigzag that a polynomial must leave for the line to say anything of its shift:
-/// of two cells it leaves a seventh, and that hangs on the samples next to the one crossing.
+/// Minimum fraction of a line's zigzag that a polynomial must leave unexplained for the line's own
+/// shift to be estimated. With two cells a seventh is left, which depends on the samples next to
+/// the one crossing.
 const MIN_KNOWN: f64 = 0.2;
-/// Where the shift is evident in every sample, such a line knows it better than the others do.
+/// The same where the shift is evident in every sample: such a line then determines its shift
+/// better than the other lines do.
 const MIN_KNOWN_IF_EVIDENT: f64 = 1e-3;
 
 /// Median of a standard normal variable's square.
 const MEDIAN_SQUARE: f64 = 0.455;
 
-/// Surplus of one sign, as a part, from which the cells of a line are not all of one length: there a
-/// shift that changes along the line is its tilt as well.
+/// Excess of one sign, as a fraction of the samples, from which the cells of a line are not all of
+/// one length: a change of the shift along such a line acts as a tilt of the line as well.
 const MAX_SURPLUS: f64 = 0.4;
-/// By so much of itself, as a standard deviation, a shift differs from line to line, and grows from
-/// the middle of a line to its end.
+/// Prior standard deviation, as a fraction of the shift, of the difference of a line's shift from
+/// the board's, and of its increase from the middle of a line to its end.
 const PERSPECTIVE: f64 = 0.3;
 
-/// Standard deviations from which what a line says of itself is believed.
+/// Size of a line's own estimate, in its standard deviations, above which it is used whatever the
+/// other lines show.
 const BELIEVED: f64 = 3.0;
 
-/// Of the range in which the lines' variance is looked for: to a millionth of it.
+/// Number of bisections of the range of the variance between lines: to a millionth of it.
 const HALVINGS: usize = 20;
 
 /// One edge sample along a grid line of a chessboard.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellSample {
-    /// Pixels.
+    /// Its position, pixels.
     pub point: Vector2<f64>,
     /// Its standard deviation across the line, pixels.
     pub std: f64,
-    /// The number along the line of the cell that it is beside.
+    /// Index along the line of the cell that it is beside.
     pub cell: usize,
 }
 
 /// Edge samples along one grid line of a chessboard.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridLineSamples {
-    /// In order along the line; two or more.
+    /// The samples in order along the line; two or more.
     pub samples: Vec<CellSample>,
-    /// +1 if cells of even number get lighter toward the line's right-hand normal, else -1; those of
-    /// odd number do the opposite.
+    /// +1 if the picture gets lighter toward the line's right-hand normal at cells of even index,
+    /// else -1; at cells of odd index it is the opposite.
     pub contrast_sign: f64,
 }
 
-/// Moves the edges of one chessboard back from where a wrong tone curve has shifted them.
+/// Removes the shift by a wrong tone curve from the edges of one chessboard.
 ///
-/// Returns the shift toward the light in pixels, 0 if the lines do not tell. Where it is more than a
-/// sample's noise, the samples next to crossings are left out; else they are doubted.
+/// Returns the shift toward the light side in pixels, 0 if the lines do not determine it. If it
+/// exceeds a sample's noise, the samples next to crossings are left out; otherwise their standard
+/// deviations are increased.
 pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
     let faded: Vec<_> = lines.iter().map(GridLineSamples::at_crossings).collect();
     let pairs = lines.iter().zip(&faded);
@@ -94,8 +101,8 @@ pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
     let deviations = lines.iter().flat_map(|line| &line.samples).map(|it| it.std);
     let usual = median(deviations.collect()).unwrap_or(f64::INFINITY);
     let is_evident = shift.abs() > MAX_DOUBT * usual;
-    // It differs from line to line, as the blur across them does, and along a line, as its distance
-    // from the camera does.
+    // The shift differs from line to line with the blur across them, and along a line with its
+    // distance from the camera.
     let shifts = shifts_of_lines(&zigzags, shift, is_evident);
     for (((line, clear), faded), own) in lines.iter_mut().zip(clear).zip(faded).zip(shifts) {
         if is_evident {
@@ -109,7 +116,7 @@ pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
 }
 
 impl GridLineSamples {
-    /// Which samples have not the whole contrast of their cell.
+    /// Marks the samples that do not have the full contrast of their cell.
     fn at_crossings(&self) -> Vec<bool> {
         let cells = self.samples.iter().map(|it| it.cell + 1).max();
         let mut least = vec![f64::INFINITY; cells.unwrap_or(0)];
@@ -118,7 +125,7 @@ impl GridLineSamples {
         }
         let is_faded = |it: &CellSample| it.std > FADED * least[it.cell];
         let faded: Vec<bool> = self.samples.iter().map(is_faded).collect();
-        // Of a line of few samples, the others may be too few to be a line.
+        // On a line of few samples, the others may be too few for a line.
         let is_line = faded.iter().filter(|it| !**it).count() > 1;
         faded.iter().map(|it| *it && is_line).collect()
     }
@@ -131,7 +138,7 @@ impl GridLineSamples {
         }
     }
 
-    /// Adds to the deviations at crossings what a shift of the edges does there.
+    /// Increases the standard deviations at crossings by the effect of a shift of the edges there.
     fn doubt(&mut self, faded: &[bool], shift: f64) {
         let stds = self.samples.iter().map(|it| it.std);
         let Some(usual) = upper_median(stds.collect()) else {
@@ -143,7 +150,7 @@ impl GridLineSamples {
         }
     }
 
-    /// Moves the samples toward the dark.
+    /// Subtracts a shift from the samples: moves them toward the dark side if it is positive.
     fn move_back(&mut self, shift: LineShift) {
         let (normal, sign) = (self.normal(), self.contrast_sign);
         let places = self.places();
@@ -153,7 +160,7 @@ impl GridLineSamples {
         }
     }
 
-    /// Where the samples are along the chord: from -1 to 1, about their mean.
+    /// Returns the positions of the samples along the chord: from -1 to 1, about their mean.
     fn places(&self) -> Vec<f64> {
         let normal = self.normal();
         let along = Vector2::new(normal.y, -normal.x);
@@ -179,22 +186,22 @@ impl CellSample {
     }
 }
 
-/// 1 of even numbers, -1 of odd ones.
+/// Returns 1 for even numbers, -1 for odd ones.
 pub(super) fn alternation(number: usize) -> f64 {
     if number.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
-/// How far the edges of a line lie toward their light, pixels: in the middle of its samples, and how
-/// much more at their end.
+/// Shift of a line's edges toward their light side, pixels: in the middle of its samples, and the
+/// increase from there to their end.
 #[derive(Debug, Clone, Copy)]
 struct LineShift {
     in_middle: f64,
     along: f64,
 }
 
-/// A sample's offset from its line's chord, which way it is shifted, and the same times its place
-/// along the chord; the Legendre polynomials at it, those zero that so few samples cannot follow; and
-/// one over its standard deviation.
+/// A sample of a zigzag: its offset from the line's chord, the sign of its shift, and that sign
+/// times its position along the chord; the Legendre polynomials at that position, zero above the
+/// degree that the number of samples allows; and the reciprocal of its standard deviation.
 struct ZigzagSample {
     /// Offset, `SIGNS` and `SIGNS_BY_PLACE`.
     values: RowVector3<f64>,
@@ -224,7 +231,7 @@ impl Zigzag {
         Self(line.samples.iter().zip(line.places()).map(sample).collect())
     }
 
-    /// Weighted offsets and signs less what a polynomial explains of them.
+    /// Returns the weighted offsets and signs without the part that a polynomial explains.
     fn without_polynomial(&self, weights: &[f64]) -> Vec<RowVector3<f64>> {
         let (mut gram, mut right) = (Matrix5::zeros(), Matrix5x3::zeros());
         for (sample, weight) in self.0.iter().zip(weights) {
@@ -268,10 +275,10 @@ fn legendre(x: f64, degree: usize) -> Vector5<f64> {
     Vector5::from_fn(|k, _| if k <= degree { all[k] } else { 0.0 })
 }
 
-/// The shift that all lines show together, toward their light side, pixels; 0 if they show none.
+/// Estimates the common shift of all lines toward their light side, pixels; 0 if they show none.
 ///
-/// Least squares over all lines at once, a polynomial for each and one shift for all, reweighted by
-/// Huber's function.
+/// Least squares over all lines at once, with a polynomial for each and one shift for all,
+/// reweighted by Huber's function.
 fn common_shift(lines: &[Zigzag]) -> f64 {
     let precisions: Vec<_> = lines.iter().map(Zigzag::precisions).collect();
     let mut weights = precisions.clone();
@@ -282,7 +289,7 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
             .map(|(line, own)| line.without_polynomial(own))
             .collect();
         let (squares, products) = sums(left.iter().flatten().map(|it| (it.y, it.x)));
-        // What the polynomials explain of the signs leaves rounding.
+        // The polynomials explain the signs up to rounding.
         if squares <= ROUNDING * weights.iter().flatten().map(|it| it * it).sum::<f64>() {
             return 0.0;
         }
@@ -308,18 +315,19 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
     shift
 }
 
-/// Sums of squares of what is left of the signs, and of its products with what is left of the offsets.
+/// Returns the sum of squares of the remaining signs, and the sum of their products with the
+/// remaining offsets.
 fn sums(left: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
     left.fold((0.0, 0.0), |(squares, products), (sign, offset)| {
         (squares + sign * sign, products + sign * offset)
     })
 }
 
-/// Each line's own shift, as far as lines are seen to differ from the board's, and how it changes along
-/// the line, as far as that is seen.
+/// Estimates each line's own shift, as far as the lines are seen to differ from the board's shift,
+/// and its change along the line, as far as that is seen.
 ///
-/// Ink that spreads evenly on the board does not in the picture: the edges that are nearer are shifted
-/// by more, in proportion to the distance from the lines' vanishing point.
+/// Ink that spreads evenly on the board does not do so in the picture: nearer edges are shifted by
+/// more, in proportion to the distance from the lines' vanishing point.
 fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineShift> {
     let least = if is_evident {
         MIN_KNOWN_IF_EVIDENT
@@ -331,13 +339,15 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
     let left: Vec<_> = pairs
         .map(|(line, own)| line.without_polynomial(own))
         .collect();
-    // Samples whose stated deviations a wrong tone curve has raised scatter less than they say.
+    // Samples whose stated standard deviations a wrong tone curve has raised scatter less than
+    // stated.
     let scatter = left
         .iter()
         .flatten()
         .map(|it| (it.x - shift * it.y).powi(2));
     let scatter = median(scatter.collect()).unwrap_or(0.0) / MEDIAN_SQUARE;
-    // Of each line, what is left of the offsets under one of its columns of signs.
+    // For a line, the coefficient of one of its columns of signs in the remaining offsets, and its
+    // variance; `None` if the line hardly determines it.
     let said = |line: usize, shift: f64, column: usize| {
         let rest = left[line].iter();
         let (known, products) = sums(rest.map(|it| (it[column], it.x - shift * it.y)));
@@ -363,13 +373,14 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
     shifts.collect()
 }
 
-/// What each line says, with its variance, drawn to nothing.
+/// Shrinks the lines' estimates, given with their variances, towards zero.
 ///
-/// A line of two or three cells hardly knows its own: a zigzag of so few turns is a bend or a tilt.
-/// So what each of them says is drawn to nothing by its variance over that which the lines have
-/// among themselves beyond it (the median of their squares in units of both together is
-/// that of chance; R. C. Paule & J. Mandel, J. Res. NBS 87 (1982) 377-385), at `most`. What differs
-/// evidently from nothing is believed, whatever the others say.
+/// A line of two or three cells hardly determines its own shift: so short a zigzag resembles a bend
+/// or a tilt. Each estimate is therefore shrunk by the ratio of its variance to the variance
+/// between the lines. That one is chosen such that the median of the squared estimates, in units of
+/// both variances together, is that of chance (R. C. Paule & J. Mandel, J. Res. NBS 87 (1982)
+/// 377-385), and does not exceed `most`. An estimate that evidently differs from zero is used
+/// whatever the others are.
 fn drawn_to_none(said: &[Option<(f64, f64)>], most: f64) -> Vec<f64> {
     let seen = || said.iter().flatten();
     let largest = seen().fold(0.0, |most: f64, (value, _)| most.max(value.powi(2)));
@@ -387,13 +398,13 @@ fn drawn_to_none(said: &[Option<(f64, f64)>], most: f64) -> Vec<f64> {
     said.iter().map(|own| own.map_or(0.0, drawn)).collect()
 }
 
-/// What a line says, with its variance, drawn to nothing where it is normal beforehand with the other
-/// variance.
+/// Shrinks an estimate with its variance towards zero: the posterior mean under a normal prior with
+/// the variance `beforehand`.
 fn drawn((value, variance): (f64, f64), beforehand: f64) -> f64 {
     value * beforehand / (beforehand + variance)
 }
 
-/// The variance beforehand by which a line speaks for itself: none unless what it says is evident.
+/// Prior variance from a line's own estimate: zero unless the estimate is evident.
 fn own_variance((value, variance): (f64, f64)) -> f64 {
     (value * value - BELIEVED.powi(2) * variance).max(0.0)
 }
@@ -405,7 +416,7 @@ mod tests {
     const NOISE: f64 = 0.05;
     const PER_CELL: usize = 6;
 
-    /// Normally distributed with the standard deviation `NOISE`, always the same.
+    /// Reproducible normal noise with the standard deviation `NOISE`.
     struct Noise(u64);
 
     impl Noise {
@@ -511,7 +522,7 @@ mod tests {
     #[test]
     fn lines_differ_in_proportion_to_their_shift() {
         let mut noise = Noise(9);
-        // Two standard deviations of what a line knows of itself.
+        // Two standard deviations of a line's own estimate.
         let off = 2.0 * NOISE / ((16 * PER_CELL) as f64).sqrt();
         for (shift, most) in [(0.0, 0.0), (0.2, 2.0 * off)] {
             let mut lines = zigzag(shift - off, 9, 16, &mut noise);

@@ -1,7 +1,7 @@
-//! Two orthogonal families of parallel lines on a plane, whose places are unknown.
+//! Two orthogonal families of parallel lines on a plane, whose offsets are unknown.
 //!
-//! The outermost two lines of each family are a rectangle of unknown aspect: four lines fix the
-//! plane's homography up to a stretch. Every further line adds one unknown, its offset.
+//! The outermost two lines of each family form a rectangle of unknown aspect: four lines determine
+//! the plane's homography up to a stretch. Every further line adds one unknown, its offset.
 
 use nalgebra::Vector2;
 
@@ -9,15 +9,15 @@ use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
 use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
 
-/// Lines of each family that fix a plane.
+/// Minimum number of lines of each family that determines a plane.
 const MIN_LINES: usize = 2;
 
-/// A line in the picture, roughly: a lens may bend it.
+/// Straight approximation of a line in the picture, which a lens may bend.
 struct Chord {
     line: Line,
     middle: Vector2<f64>,
     ends: [Vector2<f64>; 2],
-    /// How far the samples are from it at most, in pixels.
+    /// Largest distance of the samples from it, in pixels.
     bend: f64,
 }
 
@@ -39,7 +39,7 @@ impl Chord {
         })
     }
 
-    /// Whether they meet between their ends, by more than noise and a lens do.
+    /// Whether two chords cross between their ends by more than noise and distortion explain.
     fn crosses(&self, other: &Self) -> bool {
         let bend = self.bend.max(other.bend);
         let passes = |chord: &Self, line: &Line| {
@@ -54,8 +54,8 @@ impl Chord {
     }
 }
 
-/// The outermost two lines of each family, as the sides of a rectangle: clockwise on the screen,
-/// the first along X, the second the later one along Y.
+/// Returns the outermost two lines of each family as the sides of a rectangle: clockwise on the
+/// screen, the first along X, the second the later one along Y.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a line runs neither along X nor along Y,
@@ -105,8 +105,8 @@ pub(super) fn outermost_lines(
 }
 
 impl PlaneEdges {
-    /// Of two families of lines the rectangle of unknown aspect that the outermost make, whose sides
-    /// need not be at right angles; any other figure as it is.
+    /// Returns, for two families of lines, the rectangle of unknown aspect that the outermost ones
+    /// form, whose sides need not be at right angles; any other figure unchanged.
     pub(crate) fn as_rectangle(&self) -> Self {
         let outermost = match self.freedom {
             Freedom::Offsets => outermost_lines(0, &self.lines, &self.points).ok(),
@@ -130,7 +130,7 @@ impl PlaneEdges {
     }
 }
 
-/// The two lines of a family that are farthest apart, in the order given.
+/// Returns the two lines of a family that are farthest apart, in the order given.
 fn farthest_apart(figure: usize, family: &[usize], chords: &[Chord]) -> Result<[usize; 2], Error> {
     let mut farthest = (-1.0, [0, 0]);
     for (place, first) in family.iter().enumerate() {
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::observations::PlaneEdges;
 
-    /// Samples of a line that a lens bends by so many pixels.
+    /// Samples of a line that a lens bends by `bend` pixels.
     fn bent(from: (f64, f64), to: (f64, f64), bend: f64) -> Vec<Vector2<f64>> {
         let (a, b) = (Vector2::new(from.0, from.1), Vector2::new(to.0, to.1));
         let across = Vector2::new(a.y - b.y, b.x - a.x).normalize();

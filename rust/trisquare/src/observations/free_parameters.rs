@@ -11,29 +11,30 @@ use crate::lens::{
 };
 use crate::numeric::ArrowSystem;
 
-/// The free parameters of a lens: which Jacobian columns they own.
+/// The free parameters of a lens, as columns of its Jacobian.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FreeParameters {
     columns: Vec<usize>,
-    /// The lens's own names of its parameters.
+    /// The lens's names of all its parameters.
     names: &'static [&'static str],
     /// Columns that free the centre of distortion from the principal point.
     centre: Range<usize>,
     /// `fy / fx` where `fy` follows `fx`.
     aspect: Option<f64>,
-    /// Column and standard deviation of what is known beforehand to be near zero.
+    /// Column and standard deviation of the coefficients with a prior about zero.
     priors: Vec<(usize, f64)>,
-    /// The picture that the lens has to see all of, and by how much (pixels, a standard deviation)
-    /// it may end short of that.
+    /// The picture of which the lens has to see all, and the standard deviation, in pixels, by
+    /// which it may fall short of that.
     reach: Option<(ImageSize, f64)>,
 }
 
-/// How far beyond a corner of the picture a lens has to see, as a part of the corner's distance:
-/// just inside its rim a lens sees hardly anything any more.
+/// Distance beyond a corner of the picture up to which a lens has to see, as a fraction of the
+/// corner's distance: just inside its rim a lens sees hardly anything.
 const BEYOND_CORNER: f64 = 0.02;
 
-/// The coefficients beyond the default model are held to so many times what lenses are like: an
-/// unusual lens is not bent to the usual, and coefficients a hundred times any lens's are none.
+/// Prior standard deviation of the coefficients beyond the default model, in units of their usual
+/// spread over lenses: wide enough for an unusual lens, while coefficients a hundred times as large
+/// as any lens's are excluded.
 pub(crate) const PRIOR_SLACK: f64 = 3.0;
 
 impl FreeParameters {
@@ -64,9 +65,9 @@ impl FreeParameters {
         }
     }
 
-    /// The same with the coefficients beyond the default model held to what lenses are like that
-    /// have about the focal length of a given one, those that a poorer model has as they are held
-    /// there.
+    /// Returns the same parameters with priors on the coefficients beyond the default model: the
+    /// usual spread over lenses of about the given one's focal length. Coefficients with a prior
+    /// under a poorer model keep that prior.
     pub fn held_like<L: Lens>(
         mut self,
         model: L::Model,
@@ -87,8 +88,8 @@ impl FreeParameters {
         self
     }
 
-    /// The same for a lens that has to see all of a picture, but for so many pixels (a standard
-    /// deviation).
+    /// Returns the same parameters for a lens that has to see all of a picture, to within `short`
+    /// pixels (a standard deviation).
     pub fn seeing_all_of(self, size: ImageSize, short: f64) -> Self {
         Self {
             reach: Some((size, short)),
@@ -101,19 +102,20 @@ impl FreeParameters {
         self.reach.is_some()
     }
 
-    /// Whether a lens sees what it has to see.
+    /// Whether a lens sees all of the picture that it has to see.
     pub fn is_seen_by<L: Lens>(&self, lens: &L) -> bool {
         self.reach.is_none_or(|(size, _)| lens.sees_all_of(size))
     }
 
-    /// The places among the free parameters of those of the camera matrix.
+    /// Returns the positions of the camera matrix's parameters among the free ones.
     pub fn of_matrix(&self) -> Vec<usize> {
         let names = self.names().into_iter().enumerate();
         let places = names.filter_map(|(place, name)| MATRIX.contains(&name).then_some(place));
         places.collect()
     }
 
-    /// The same without what the lens has to see, which tells where to search and measures nothing.
+    /// Returns the same parameters without the picture that the lens has to see, which guides the
+    /// search and is no measurement.
     pub fn without_reach(&self) -> Self {
         Self {
             reach: None,
@@ -121,10 +123,11 @@ impl FreeParameters {
         }
     }
 
-    /// Adds what draws the rim of the lens beyond the corners that it has to see; returns its cost.
+    /// Adds a penalty that moves the rim of the lens beyond the corners that it has to see; returns
+    /// its cost.
     ///
-    /// The distortion turns back at the rim: to first order a parameter moves it as it moves the
-    /// pixel there.
+    /// The distortion folds back at the rim: to first order a parameter moves the rim as it moves
+    /// the pixel there.
     pub fn add_reach<L: Lens>(&self, lens: &L, system: &mut ArrowSystem) -> f64 {
         let Some((size, short)) = self.reach else {
             return 0.0;
@@ -150,12 +153,12 @@ impl FreeParameters {
         cost
     }
 
-    /// Column and standard deviation of what is held near zero.
+    /// Column and standard deviation of the coefficients with a prior about zero.
     pub fn priors(&self) -> &[(usize, f64)] {
         &self.priors
     }
 
-    /// Adds what is known of the coefficients beforehand; returns its cost.
+    /// Adds the prior of the coefficients; returns its cost.
     pub fn add_prior<L: Lens>(&self, lens: &L, system: &mut ArrowSystem) -> f64 {
         if self.priors.is_empty() {
             return 0.0;
@@ -186,7 +189,7 @@ impl FreeParameters {
         }
     }
 
-    /// The first of them, without priors.
+    /// Returns the first `count` of them, without priors.
     #[cfg(test)]
     pub fn leading(&self, count: usize) -> Self {
         Self {
@@ -196,8 +199,8 @@ impl FreeParameters {
         }
     }
 
-    /// What of the camera matrix is held, where something of it usually is free, and beside it the
-    /// distortion if no coefficient is free.
+    /// Returns the names of the parts of the camera matrix that are held, the skew apart, and, if
+    /// there are any, that of the distortion if no coefficient is free.
     pub fn held(&self) -> Vec<&'static str> {
         let is_free = |column: usize| self.columns.contains(&column);
         let mut held = Vec::new();
@@ -217,7 +220,7 @@ impl FreeParameters {
         held
     }
 
-    /// The same with the centre of distortion freed from the principal point.
+    /// Returns the same parameters with the centre of distortion freed from the principal point.
     pub fn with_free_centre(&self) -> Self {
         let mut freed = self.clone();
         freed.columns.extend(self.centre.clone());
@@ -250,7 +253,7 @@ impl FreeParameters {
             .position(|c| self.names.get(*c) == Some(&name))
     }
 
-    /// Picks the free columns out of a lens Jacobian.
+    /// Copies the free columns out of a lens Jacobian.
     pub fn gather(&self, wrt_lens: &[f64; MAX_LENS_COLUMNS], free: &mut [f64]) {
         for (value, column) in free.iter_mut().zip(&self.columns) {
             *value = wrt_lens[*column];
@@ -260,13 +263,13 @@ impl FreeParameters {
         }
     }
 
-    /// How far two lenses are apart in the free parameters.
+    /// Returns the difference of two lenses in the free parameters.
     pub fn difference<L: Lens>(&self, a: &L, b: &L) -> DVector<f64> {
         let (a, b) = (a.parameters(), b.parameters());
         DVector::from_fn(self.len(), |i, _| a[self.columns[i]] - b[self.columns[i]])
     }
 
-    /// The lens after a step of the free parameters.
+    /// Returns the lens after a step of the free parameters.
     pub fn advance<L: Lens>(&self, lens: &L, step: &DVector<f64>) -> L {
         let mut parameters = lens.parameters();
         for (column, change) in self.columns.iter().zip(step.iter()) {
@@ -308,7 +311,7 @@ mod tests {
         assert_eq!(held, ["principal point", DISTORTION]);
     }
 
-    /// The cost of a lens that turns back inside the picture, and its derivatives.
+    /// Cost and gradient of a lens that folds back inside the picture.
     fn reach(free: &FreeParameters, lens: &Brown) -> (f64, DVector<f64>) {
         let mut system = ArrowSystem::zeros(free.len(), std::iter::empty());
         let cost = free.add_reach(lens, &mut system);

@@ -1,4 +1,4 @@
-//! What was measured and what is asked: edge samples by plane, options, free parameters, the view.
+//! Input and state of a fit: edge samples by plane, options, free parameters, the view.
 
 mod chessboard;
 mod coinciding;

@@ -1,4 +1,4 @@
-//! The samples of all figures, sorted by the plane they stand on.
+//! The samples of all figures, sorted by plane.
 
 use std::collections::HashMap;
 
@@ -13,52 +13,52 @@ use super::relief::BoardRelief;
 use crate::error::Error;
 use crate::geometry::Line;
 
-/// One sample: where it was measured, and how well.
+/// One sample: its measured position and its weight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
     pub pixel: Vector2<f64>,
-    /// One over its standard deviation across the line.
+    /// Reciprocal of its standard deviation across the line.
     pub weight: f64,
     /// Its index among the samples of its curve.
     pub index: usize,
 }
 
-/// A line of a figure, or an arc of a circle, and the samples on its image.
+/// A line of a figure, or an arc of a circle, with the samples on its image.
 #[derive(Debug, Clone)]
 pub(crate) struct Side {
     pub curve: Curve,
     /// Index of the curve among those of its figure.
     pub number: usize,
-    /// In their order along it.
+    /// The samples in their order along the curve.
     pub samples: Vec<Sample>,
-    /// How far an error that the picture's samples share displaces each, per standard deviation
-    /// (px); empty if there is none.
+    /// Displacement of each sample (px) by one standard deviation of an error that the picture's
+    /// samples share; empty if there is none.
     pub tone_drift: Vec<Vector2<f64>>,
-    /// Whether it turned out not to belong to the scene: it then follows the camera that the
-    /// others determine.
+    /// Whether the side is an outlier: it then has no influence on the camera, which the other
+    /// sides determine.
     pub is_outlier: bool,
 }
 
-/// Sine of the angle below which two lines of a plane have one direction.
+/// Sine of the angle below which two lines of a plane count as parallel.
 const PARALLEL: f64 = 0.1;
 
-/// Arcs of a circle: as a square has sides.
+/// Number of arcs of a circle, as a square has sides.
 const ARCS: usize = 4;
 
-/// Samples that an arc has at least.
+/// Minimum number of samples of an arc.
 const MIN_OF_ARC: usize = 2;
 
-/// Weight of an outlier side over that of others: it still places its own plane where
-/// nothing else does, and moves no camera.
+/// Weight of an outlier side relative to the others: it still determines its own plane where
+/// nothing else does, but has no influence on the camera.
 const OUTLIER_WEIGHT: f64 = 1e-5;
 
 impl Side {
-    /// By how much its samples' weights are lowered.
+    /// Factor on the weights of its samples.
     pub fn trust(&self) -> f64 {
         if self.is_outlier { OUTLIER_WEIGHT } else { 1.0 }
     }
 
-    /// The line that it is, if it is straight.
+    /// Returns the side's line, if it is straight.
     pub fn line(&self) -> Option<Line> {
         match self.curve {
             Curve::Line(line) => Some(line),
@@ -67,7 +67,7 @@ impl Side {
     }
 }
 
-/// A figure and its index among the edges given.
+/// A figure and its index among the given edges.
 #[derive(Debug, Clone)]
 pub(crate) struct Figure {
     pub index: usize,
@@ -75,16 +75,16 @@ pub(crate) struct Figure {
     pub sides: Vec<Side>,
 }
 
-/// A physical plane with its figures; the first one carries the plane's coordinates.
+/// A physical plane with its figures; the first one defines the plane's coordinates.
 #[derive(Debug, Clone)]
 pub(crate) struct ObservedPlane {
     pub image: usize,
     pub figures: Vec<Figure>,
     /// Out-of-plane shape of a board that is not flat; it has been removed from the samples.
     pub board_relief: Option<BoardRelief>,
-    /// Standard deviation (px) of an error that the samples of a side share, known beforehand.
+    /// Prior standard deviation (px) of an error that the samples of a side share.
     pub side_error: f64,
-    /// How it is known to stand to the planes of other figures, by their indices.
+    /// Known relations to the planes of other figures, by the indices of these figures.
     pub relations: Vec<(usize, Relation)>,
 }
 
@@ -93,7 +93,7 @@ impl Figure {
         self.sides.iter().flat_map(|side| &side.samples)
     }
 
-    /// Whether it is circles.
+    /// Whether the figure consists of circles.
     pub fn is_round(&self) -> bool {
         self.sides[0].line().is_none()
     }
@@ -105,7 +105,7 @@ impl Figure {
 }
 
 impl ObservedPlane {
-    /// The same with at most so many samples of each side, evenly spread.
+    /// Returns the same plane with at most `samples_per_side` samples of each side, evenly spread.
     pub fn subsampled(&self, samples_per_side: usize) -> Self {
         let of_side = |side: &Side| {
             let step = side.samples.len().div_ceil(samples_per_side).max(1);
@@ -126,7 +126,7 @@ impl ObservedPlane {
         }
     }
 
-    /// Removes the tone drift, of so many standard deviations, from every sample.
+    /// Removes a tone drift of `deviations` standard deviations from every sample.
     pub fn remove_tone_drift(&mut self, deviations: f64) {
         for side in self.sides_mut() {
             for (sample, tone_drift) in side.samples.iter_mut().zip(&side.tone_drift) {
@@ -135,12 +135,12 @@ impl ObservedPlane {
         }
     }
 
-    /// Whether an error that the picture's samples share displaces any of its own.
+    /// Whether an error that the picture's samples share displaces any sample of the plane.
     pub fn has_tone_drift(&self) -> bool {
         self.sides().any(|side| !side.tone_drift.is_empty())
     }
 
-    /// The largest displacement (px) of a sample by one standard deviation of such an error.
+    /// Largest displacement (px) of a sample by one standard deviation of such an error.
     pub fn largest_tone_drift(&self) -> f64 {
         let drifts = self.sides().flat_map(|side| &side.tone_drift);
         drifts.map(|drift| drift.norm()).fold(0.0, f64::max)
@@ -163,8 +163,8 @@ impl ObservedPlane {
         self.figures[0].freedom == Freedom::Aspect
     }
 
-    /// How many equations it gives of the camera matrix: where only the right angle of its sides is
-    /// known, and not their lengths, one.
+    /// Number of equations for the camera matrix: one where only the right angle between its sides
+    /// is known and not their lengths, otherwise two.
     pub fn equations(&self) -> usize {
         let right_angle_alone =
             |figure: &Figure| matches!(figure.freedom, Freedom::Aspect | Freedom::Offsets);
@@ -201,7 +201,8 @@ impl ObservedPlane {
     }
 }
 
-/// Families of a figure's sides that count: those that run in one direction, and every arc.
+/// Groups a figure's sides, without outliers, into families: sides that run in one direction, and
+/// every arc by itself.
 pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
     let line = |side: usize| figure.sides[side].line();
     let parallel = |a: usize, b: usize| match (line(a), line(b)) {
@@ -218,13 +219,13 @@ pub(crate) fn directions(figure: &Figure) -> Vec<Vec<usize>> {
     families
 }
 
-/// Whether a figure has more than a square's lines in two directions.
+/// Whether a figure has more lines than a square in two directions.
 pub(crate) fn has_grid(figure: &Figure) -> bool {
     let many = |family: &Vec<usize>| family.len() > 2;
     figure.sides.len() > 4 && directions(figure).into_iter().filter(many).count() >= 2
 }
 
-/// Checks the lines of the scene among the figures and makes of each a plane with one side.
+/// Checks the lines of the scene among the figures and returns each as a plane with one side.
 pub(crate) fn lines_of_scene(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
     let lines = edges.iter().enumerate().filter(|(_, own)| is_line(own));
     let observed = |(index, own): (usize, &PlaneEdges)| {
@@ -245,7 +246,7 @@ fn is_line(edges: &PlaneEdges) -> bool {
 }
 
 /// Checks all figures and sorts them by plane, in the order in which planes first appear; lines of
-/// the scene are on none.
+/// the scene are left out.
 pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
     check_given_once(edges)?;
     let mut planes: Vec<ObservedPlane> = Vec::new();
@@ -294,7 +295,8 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
     Ok(planes)
 }
 
-/// Refuses relations with figures that there are not, or that another plane of the picture has not.
+/// Refuses relations with figures that do not exist, are in another picture, or are on the same
+/// plane.
 fn check_partners(plane: &ObservedPlane, planes: &[ObservedPlane]) -> Result<(), Error> {
     let own = plane.figures[0].index;
     for (index, _) in &plane.relations {
@@ -312,7 +314,7 @@ fn check_partners(plane: &ObservedPlane, planes: &[ObservedPlane]) -> Result<(),
     Ok(())
 }
 
-/// The figure that is given; of families of lines, the rectangle of the outermost ones, and each
+/// Returns the given figure; for families of lines, the rectangle of the outermost ones, and each
 /// further line as a figure whose offset is free.
 fn figures(index: usize, edges: &PlaneEdges) -> Result<Vec<Figure>, Error> {
     let given = figure(index, edges);
@@ -394,7 +396,7 @@ fn side(edges: &PlaneEdges, (number, curve): (usize, Curve), stretch: &[usize]) 
     }
 }
 
-/// Indices of a straight side's samples, from one end to the other.
+/// Returns the indices of a straight side's samples, from one end to the other.
 fn in_order_along(points: &[Vector2<f64>]) -> Vec<usize> {
     let line = Line::fit(points.iter().map(|point| (*point, 1.0)));
     let normal = line.map_or_else(Vector2::zeros, |line| line.normal());
@@ -408,8 +410,8 @@ fn in_order_along(points: &[Vector2<f64>]) -> Vec<usize> {
     places.into_iter().map(|(_, index)| index).collect()
 }
 
-/// The samples of a circle, in order round it from its widest gap on, as arcs of as many each:
-/// errors are correlated over parts of a circle as over parts of a line.
+/// Divides the samples of a circle, in order around it from its widest gap on, into arcs of equal
+/// numbers of samples: errors are correlated over parts of a circle as over parts of a line.
 fn arcs(points: &[Vector2<f64>]) -> Vec<Vec<usize>> {
     let count = points.len();
     let middle = points.iter().sum::<Vector2<f64>>() / count as f64;

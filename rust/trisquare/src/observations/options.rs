@@ -1,4 +1,4 @@
-//! Which parameters of the camera are free, and which are held.
+//! Options of a calibration: the lens model, and the parameters that are held.
 
 use nalgebra::Matrix3;
 
@@ -6,14 +6,15 @@ use crate::error::Error;
 use crate::geometry::KnownIntrinsics;
 use crate::lens::{DISTORTION, DefaultLens, Lens};
 
-/// No camera is this short; below, products of the focal lengths underflow.
+/// Smallest focal length, pixels: no camera's is as short, and products of smaller ones underflow.
 const SMALLEST_FOCAL: f64 = 1e-3;
 
-/// No camera's parameter is this large; beyond it, squares of pixels overflow.
+/// Largest absolute value of a parameter: no camera's is as large, and squares of larger pixel
+/// coordinates overflow.
 const LARGEST_PARAMETER: f64 = 1e9;
 
-/// What is held at the initial camera's values, or else at aspect 1, the image centre and zero: by
-/// default the skew alone.
+/// Parameters that are held at the initial camera's values, or else at aspect 1, the image centre
+/// and zero: by default only the skew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(
     feature = "serde",
@@ -34,7 +35,7 @@ pub struct Fixed {
 }
 
 impl Fixed {
-    /// What of the camera is held, as warnings name it.
+    /// Returns the names of the held parts of the camera in warnings.
     pub(crate) fn names(self) -> Vec<&'static str> {
         let held = [
             (self.principal_point, "principal point"),
@@ -59,13 +60,13 @@ impl Default for Fixed {
     }
 }
 
-/// Everything a caller may decide about a calibration, and with which lens.
+/// Options of a calibration, with the lens `L` that it estimates.
 ///
-/// Of stored ones, members that are absent have their defaults, as those of an older version may;
-/// members that are not known are refused.
+/// In stored options, absent members have their defaults, as in those of an older version; unknown
+/// members are refused.
 ///
-/// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other; what differs is
-/// named:
+/// `Options::default()` calibrates the default lens, `Options::<L>::new()` any other; fields that
+/// differ from the defaults are named:
 ///
 /// ```
 /// use trisquare::{Fisheye, FisheyeModel, Fixed, Options};
@@ -90,27 +91,27 @@ impl Default for Fixed {
     )
 )]
 pub struct Options<L: Lens = DefaultLens> {
-    /// Maximum likelihood or the three linear steps alone.
+    /// Maximum likelihood, or only the three linear steps.
     pub method: Method,
-    /// The distortion coefficients estimated.
+    /// Lens model: the distortion coefficients that are estimated.
     pub model: L::Model,
-    /// The parameters held.
+    /// The parameters that are held.
     pub fixed: Fixed,
     /// The camera whose values the held parameters keep.
     #[cfg_attr(feature = "serde", serde(with = "crate::lens::stored::option"))]
     pub initial: Option<L>,
 }
 
-/// How far a calibration goes.
+/// Method of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
-    /// Joint maximum likelihood, from the linear steps' answer.
+    /// Joint maximum likelihood, starting from the result of the linear steps.
     #[default]
     MaximumLikelihood,
-    /// The paper's three linear steps alone. Standard deviations are those that maximum likelihood
-    /// would have with residuals of that size: they leave out what the steps themselves lose, which
-    /// for the coefficients of a strong distortion is most of the error.
+    /// Only the paper's three linear steps. Standard deviations are those that maximum likelihood
+    /// would have with residuals of that size: they do not include the errors of the steps
+    /// themselves, which for the coefficients of a strong distortion are most of the error.
     Linear,
 }
 
@@ -121,10 +122,10 @@ impl Default for Options {
 }
 
 impl<L: Lens> Options<L> {
-    /// Maximum likelihood, the lens's default model, and nothing but the skew held.
+    /// Creates options with maximum likelihood, the lens's default model, and only the skew held.
     ///
-    /// The default model has few of a lens's coefficients, since each that is free takes certainty
-    /// from the others: `k1` and `k2` of [`Brown`](crate::Brown), and likewise of
+    /// The default model has few of a lens's coefficients, since each free one makes the others
+    /// less certain: `k1` and `k2` of [`Brown`](crate::Brown), and likewise of
     /// [`Rational`](crate::Rational) and [`ThinPrism`](crate::ThinPrism), all four of a
     /// [`Fisheye`](crate::Fisheye). All coefficients of a lens are free in its richest model:
     ///
@@ -144,8 +145,8 @@ impl<L: Lens> Options<L> {
         }
     }
 
-    /// The same wishes for a lens of another family, with its default model. Of the camera whose values
-    /// are kept, its camera matrix remains.
+    /// Returns the same options for a lens of another family, with its default model. Only the
+    /// camera matrix of the initial camera is kept.
     pub fn for_family<B: Lens>(&self) -> Options<B> {
         let camera = |lens: L| B::from_camera_matrix(&lens.camera_matrix());
         Options {
@@ -162,13 +163,13 @@ impl<L: Lens> Options<L> {
             .map_or(1.0, |camera| camera.focal().y / camera.focal().x)
     }
 
-    /// A camera matrix without skew, with the skew of the initial camera.
+    /// Sets the skew of a camera matrix to that of the initial camera, or zero.
     pub(crate) fn with_known_skew(&self, mut camera_matrix: Matrix3<f64>) -> Matrix3<f64> {
         camera_matrix.m12 = self.initial.map_or(0.0, |camera| camera.skew());
         camera_matrix
     }
 
-    /// What is known of `K` beforehand, the focal length apart.
+    /// Returns the entries of `K` that are known beforehand, the focal length apart.
     pub(crate) fn known_intrinsics(&self, size: &crate::image_size::ImageSize) -> KnownIntrinsics {
         KnownIntrinsics {
             aspect: self.fixed.aspect.then(|| self.aspect()),
@@ -180,8 +181,9 @@ impl<L: Lens> Options<L> {
     }
 
     /// # Errors
-    /// [`Error::InvalidArgument`] for a focal length held at no value, a skew that cannot be freed,
-    /// or a camera of no use.
+    /// [`Error::InvalidArgument`] for a focal length held without an initial camera, a skew that
+    /// cannot be freed, or an initial camera out of range; `Error::NotFinite` for one that is not
+    /// finite.
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !self.fixed.skew && (self.method == Method::Linear || L::skew_column().is_none()) {
             return Err(Error::InvalidArgument(

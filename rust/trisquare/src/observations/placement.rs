@@ -1,4 +1,4 @@
-//! Where a figure lies on its plane.
+//! Placement of a figure on its plane.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -17,7 +17,7 @@ pub(crate) enum PlacementParameter {
 
 use PlacementParameter::{Angle, Scale, ShiftX, ShiftY, Stretch};
 
-/// A figure's place on its plane: `P_plane = scale R(angle) diag(stretch, 1) P_figure + shift`.
+/// A figure's placement on its plane: `P_plane = scale R(angle) diag(stretch, 1) P_figure + shift`.
 ///
 /// Circles about the figure's origin may have radii of their own.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,11 +26,12 @@ pub(crate) struct Placement {
     pub scale: f64,
     pub angle: f64,
     pub shift: Vector2<f64>,
-    /// Whether it is circles about its origin, which no turn about that changes.
+    /// Whether the figure consists of circles about its origin, which rotations about it do not
+    /// change.
     pub is_round: bool,
-    /// The radii that are estimated.
+    /// The estimated radii.
     pub radii: Vec<f64>,
-    /// What else is estimated of it.
+    /// The other free parameters.
     pub free: &'static [PlacementParameter],
 }
 
@@ -46,19 +47,19 @@ impl Placement {
         free: &[],
     };
 
-    /// What is free of a figure of unknown size.
+    /// Free parameters of a figure of unknown size.
     pub const SIZE: &'static [PlacementParameter] = &[Scale];
 
-    /// What is free of a figure of which nothing is known but its shape.
+    /// Free parameters of a figure of which only the shape is known.
     pub const SIMILARITY: &'static [PlacementParameter] = &[Scale, Angle, ShiftX, ShiftY];
 
-    /// What is free of circles of which nothing is known but their ratios.
+    /// Free parameters of circles of which only the ratios are known.
     pub const SIZE_AND_CENTRE: &'static [PlacementParameter] = &[Scale, ShiftX, ShiftY];
 
-    /// What is free of a rectangle of unknown aspect.
+    /// Free parameters of a rectangle of unknown aspect.
     pub const ASPECT: &'static [PlacementParameter] = &[Stretch];
 
-    /// What is free of a line along X or along Y whose offset is unknown.
+    /// Free parameters of a line along X or along Y whose offset is unknown.
     pub fn offset(line: &Line) -> &'static [PlacementParameter] {
         match line.normal().y == 0.0 {
             true => &[ShiftX],
@@ -66,13 +67,15 @@ impl Placement {
         }
     }
 
-    /// The line `(a, b, c)` in the plane's coordinates: with `(n, d)` the unit line
-    /// `(a, stretch b, stretch c)`, normal `R n`, offset `scale d - (R n) . shift`.
+    /// Returns the line `(a, b, c)` in the plane's coordinates: with `(n, d)` the unit line
+    /// `(a, stretch b, stretch c)`, it has the normal `R n` and the offset
+    /// `scale d - (R n) . shift`.
     pub fn line(&self, line: &Line) -> Vector3<f64> {
         self.placed(&self.stretched(line).0)
     }
 
-    /// Derivatives of [`Self::line`] by the free parameters, in their order, and by the radii.
+    /// Derivatives of [`Self::line`] with respect to the free parameters, in their order, and to
+    /// the radii.
     pub fn line_derivatives(&self, model: &ModelLine) -> impl Iterator<Item = Vector3<f64>> {
         let placement = self;
         let own = model.radius;
@@ -94,12 +97,12 @@ impl Placement {
         self.free.iter().map(of_parameter).chain(radii)
     }
 
-    /// Number of its parameters.
+    /// Number of free parameters, radii included.
     pub fn parameter_count(&self) -> usize {
         self.free.len() + self.radii.len()
     }
 
-    /// A radius, and its index if it is estimated.
+    /// Returns a radius, and its index if it is estimated.
     pub fn radius(&self, radius: Radius) -> (f64, Option<usize>) {
         match radius {
             Radius::Known(value) => (value, None),
@@ -107,19 +110,19 @@ impl Placement {
         }
     }
 
-    /// The map of lines that are not stretched.
+    /// Returns the map of lines for a placement without stretch.
     pub fn line_map(&self) -> Matrix3<f64> {
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         Matrix3::from_columns(&axes.map(|axis| self.placed(&axis)))
     }
 
-    /// A point of the figure on the plane.
+    /// Maps a point of the figure to the plane.
     pub fn point(&self, point: Vector2<f64>) -> Vector2<f64> {
         let stretched = Vector2::new(self.stretch * point.x, point.y);
         self.rotate(stretched) * self.scale + self.shift
     }
 
-    /// The placement after a step of its free parameters.
+    /// Returns the placement after a step of its free parameters.
     pub fn moved(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
         let (own, radii) = step.split_at(self.free.len());
@@ -139,7 +142,8 @@ impl Placement {
         next
     }
 
-    /// A line of the stretched figure, its normal of unit length, and its derivative.
+    /// Returns a line of the stretched figure with a normal of unit length, and its derivative with
+    /// respect to the stretch.
     fn stretched(&self, line: &Line) -> (Vector3<f64>, Vector3<f64>) {
         let line = line.coefficients();
         let image = Vector3::new(line.x, self.stretch * line.y, self.stretch * line.z);
@@ -150,7 +154,7 @@ impl Placement {
         (unit, (derivative - unit * along) / norm)
     }
 
-    /// A line, or a change of one, turned, scaled and shifted.
+    /// Rotates, scales and shifts a line or a change of one.
     fn placed(&self, line: &Vector3<f64>) -> Vector3<f64> {
         let normal = self.rotate(line.xy());
         normal.push(self.scale * line.z - normal.dot(&self.shift))

@@ -17,27 +17,28 @@ pub enum Polarity {
     LightInside,
 }
 
-/// What is unknown of a figure: of a further one on a plane that another already fixes, or of the
-/// first.
+/// The unknowns of a figure, whether it is a further one on a plane that another figure already
+/// determines, or the first one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Freedom {
-    /// Its size if it lies concentric with the plane's first figure, else all of the similarity.
+    /// Its size if it lies concentric with the plane's first figure, otherwise all of the
+    /// similarity.
     #[default]
     Auto,
     /// Nothing: its lines are in the plane's own coordinates.
     Fixed,
-    /// Its size: it is concentric with the plane's first figure and turned like it.
+    /// Its size: it is concentric with the plane's first figure and has the same rotation.
     Size,
     /// Its size, rotation and place on the plane.
     Similarity,
-    /// Of the only figure on its plane: by what its extent along X is larger than that of its lines,
-    /// as of a rectangle of unknown aspect.
+    /// For the only figure on its plane: the factor by which its extent along X exceeds that of its
+    /// lines, as for a rectangle of unknown aspect.
     Aspect,
-    /// Of the only figure on its plane: the offsets of all lines, which run along X or along Y. The
-    /// outermost two of each direction make a rectangle as under [`Self::Aspect`], and the plane's
-    /// coordinates are that one's.
+    /// For the only figure on its plane: the offsets of all lines, which run along X or along Y.
+    /// The outermost two of each direction form a rectangle as under [`Self::Aspect`], which
+    /// defines the plane's coordinates.
     Offsets,
     /// All: the only line of a figure lies at an unknown place in space, on no plane.
     Line,
@@ -49,8 +50,8 @@ pub enum Freedom {
 pub struct PlaneEdges {
     /// The figure's lines, in its own plane coordinates.
     pub lines: Vec<Line>,
-    /// Radii of circles about the origin, which a figure has instead of lines; one that is `None` is
-    /// estimated, the first is not.
+    /// Radii of circles about the origin, for a figure of circles instead of lines; one that is
+    /// `None` is estimated, but the first must be known.
     #[cfg_attr(feature = "serde", serde(default))]
     pub radii: Vec<Option<f64>>,
     /// Samples (pixels) on the image of each line or circle.
@@ -59,47 +60,49 @@ pub struct PlaneEdges {
     pub std: Option<Vec<Vec<f64>>>,
     /// Which side is dark; needed to fit the pixels.
     pub polarity: Option<Polarity>,
-    /// Figures with equal numbers stand on one physical plane; a plane of its own where absent.
+    /// Figures with equal numbers are on one physical plane; absent for a plane of its own.
     pub plane: Option<u64>,
-    /// The picture that shows it: its index where photographs are given, else any number that the
-    /// figures of one picture have in common.
+    /// The picture that shows it: its index if photographs are given, else any number that the
+    /// figures of one picture share.
     pub image: usize,
-    /// What is unknown of it.
+    /// The unknowns of the figure.
     pub freedom: Freedom,
-    /// How far one standard deviation of an error that all samples of a picture share, as that of
-    /// its estimated tone curve, displaces each sample, in pixels, 10 at most; no such error where
-    /// absent.
+    /// Displacement of each sample, in pixels, 10 at most, by one standard deviation of an error
+    /// that all samples of a picture share, such as that of its estimated tone curve; absent if
+    /// there is none.
     pub tone_drift: Option<Vec<Vec<Vector2<f64>>>>,
     /// Width of the plain border within a square's outline, in the lines' units: further inside is
-    /// something else, as the bits of a tag. Absent if nothing is known of it.
+    /// something else, such as the bits of a tag. Absent if unknown.
     pub border: Option<f64>,
-    /// Standard deviation (px) of an error that all samples of a side share, known beforehand: what
-    /// a fault of the picture leaves. It enters the covariance only, which allows that it turns and
-    /// bends the side a little as well: of a mere shift, that of the camera is too large.
+    /// Prior standard deviation (px) of an error that all samples of a side share, left by a fault
+    /// of the picture. It enters only the covariance, which lets the error rotate and bend the side
+    /// a little as well: with a shift alone, the covariance of the camera would be too large.
     #[cfg_attr(feature = "serde", serde(default))]
     pub side_error: f64,
-    /// How its plane is known to stand to those of other figures of the picture, by their indices.
+    /// Known relations of its plane to those of other figures of the picture, by the indices of
+    /// these figures.
     #[cfg_attr(feature = "serde", serde(default))]
     pub relations: Vec<(usize, Relation)>,
 }
 
 impl PlaneEdges {
-    /// A square from the samples of its four sides, in order round it, either way round.
+    /// Creates a square from the samples of its four sides, in order around it, in either
+    /// direction.
     ///
     /// Corner `i` is where sides `i - 1` and `i` meet. The plane's origin is the square's centre,
     /// its X axis runs along side 0 and its Z axis away from the camera; the side is the unit.
     ///
     /// # Errors
     /// [`Error::TooFewLines`], [`Error::TooFewSamples`], [`Error::SampleNotFinite`], which name the
-    /// figure 0; [`Error::InvalidArgument`] for more than four sides; and [`Error::CrossedSides`] if
-    /// the sides do not follow each other round the square, or [`Error::StraySample`] if one sample
-    /// alone is why.
+    /// figure 0; [`Error::InvalidArgument`] for more than four sides; and [`Error::CrossedSides`]
+    /// if the sides do not follow each other around the square, or [`Error::StraySample`] if a
+    /// single sample is the cause.
     pub fn square(sides: Vec<Vec<Vector2<f64>>>) -> Result<Self, Error> {
         Self::rectangle(sides, 1.0)
     }
 
-    /// A rectangle whose side 0 is `aspect` times as long as its side 1: as [`Self::square`], with
-    /// the shorter side as the unit.
+    /// Creates a rectangle whose side 0 is `aspect` times as long as its side 1: as
+    /// [`Self::square`], with the shorter side as the unit.
     ///
     /// # Errors
     /// As [`Self::square`]; [`Error::InvalidArgument`] if the aspect is not positive and finite.
@@ -117,13 +120,13 @@ impl PlaneEdges {
         let [bottom, right, top, left] = rectangle_lines(aspect.max(1.0), aspect.recip().max(1.0));
         let lines = match clockwise {
             true => [bottom, right, top, left],
-            // The way round that keeps X along side 0 and Z away from the camera.
+            // The order that keeps X along side 0 and Z away from the camera.
             false => [top, right, bottom, left],
         };
         Ok(Self::new(lines.to_vec(), sides))
     }
 
-    /// A rectangle of unknown aspect: as [`Self::rectangle`], with side 1 as the unit.
+    /// Creates a rectangle of unknown aspect: as [`Self::rectangle`], with side 1 as the unit.
     ///
     /// # Errors
     /// As [`Self::square`].
@@ -134,16 +137,16 @@ impl PlaneEdges {
         })
     }
 
-    /// Two orthogonal families of parallel lines on a plane, as of a facade: their places are
-    /// unknown.
+    /// Creates two orthogonal families of parallel lines on a plane, such as a facade, with unknown
+    /// offsets.
     ///
-    /// The origin is the centre of the rectangle that the outermost two lines of each family make,
-    /// and its extent along Y is the unit. X runs from the line of `along_y` that is given first to
-    /// the other one, Z away from the camera. A plane of them gives one equation for the camera.
+    /// The origin is the centre of the rectangle that the outermost two lines of each family form,
+    /// and its extent along Y is the unit. X points from the line of `along_y` that is given first
+    /// to the other one, Z away from the camera. Such a plane gives one equation for the camera.
     ///
     /// # Errors
-    /// [`Error::TooFewParallels`] for fewer than two lines of a family, [`Error::CrossedParallels`],
-    /// [`Error::TooFewSamples`], and [`Error::SampleNotFinite`].
+    /// [`Error::TooFewParallels`] for fewer than two lines of a family,
+    /// [`Error::CrossedParallels`], [`Error::TooFewSamples`], and [`Error::SampleNotFinite`].
     pub fn families(
         along_x: Vec<Vec<Vector2<f64>>>,
         along_y: Vec<Vec<Vector2<f64>>>,
@@ -160,13 +163,14 @@ impl PlaneEdges {
         Ok(edges)
     }
 
-    /// Concentric circles from samples of each, with their radii in any unit; without them the first
-    /// circle's is the unit, and those of the others are estimated.
+    /// Creates concentric circles from samples of each, with their radii in any unit; without
+    /// radii, the first circle's is the unit, and the others are estimated.
     ///
-    /// The plane's origin is their centre, its Z axis points away from the camera, and how it is
-    /// turned about that is arbitrary. A circle's image has five numbers, and so has its pose: one
-    /// alone tells nothing of the camera. Of the ten numbers of two, five are the pose, two are
-    /// equations for the camera, and three hold for any camera (two, if a radius is unknown).
+    /// The plane's origin is their centre, its Z axis points away from the camera, and its rotation
+    /// about that axis is arbitrary. A circle's image has five parameters, and so has its pose: a
+    /// single circle does not constrain the camera. Of the ten parameters of two circles, five are
+    /// the pose, two are equations for the camera, and three hold for any camera (two, if a radius
+    /// is unknown).
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -185,10 +189,10 @@ impl PlaneEdges {
         Ok(found)
     }
 
-    /// A straight line of the scene from its samples, at an unknown place in space.
+    /// Creates a straight line of the scene from its samples, at an unknown place in space.
     ///
-    /// Its image has two numbers, so that it says nothing of the camera matrix. That it is straight
-    /// tells of the lens's distortion, and of its centre.
+    /// Its image has two parameters, so that it does not constrain the camera matrix. Its
+    /// straightness constrains the lens's distortion and the centre of the distortion.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -202,7 +206,7 @@ impl PlaneEdges {
         Ok(found)
     }
 
-    /// Samples on the images of the given lines, a plane of their own.
+    /// Creates edges from samples on the images of the given lines, on a plane of their own.
     pub fn new(lines: Vec<Line>, points: Vec<Vec<Vector2<f64>>>) -> Self {
         Self {
             lines,
@@ -220,7 +224,7 @@ impl PlaneEdges {
         }
     }
 
-    /// The same with so many samples of each line at most, evenly chosen.
+    /// Returns the same edges with at most `most` samples of each line, evenly chosen.
     pub(crate) fn thinned(&self, most: usize) -> Self {
         fn chosen<T: Clone>(lines: &[Vec<T>], most: usize) -> Vec<Vec<T>> {
             let line = |own: &Vec<T>| {
@@ -237,7 +241,7 @@ impl PlaneEdges {
         }
     }
 
-    /// The same as samples of a figure whose lines are others, each made of its own.
+    /// Returns the same samples for a figure whose lines are replaced by `other` of each.
     pub(crate) fn with_lines(&self, other: impl Fn(&Line) -> Line) -> Self {
         Self {
             lines: self.lines.iter().map(other).collect(),
@@ -367,7 +371,7 @@ mod tests {
 
     #[test]
     fn sides_may_bulge_at_a_blunt_corner() {
-        // As a wide lens shows a square: one side 24 px off its chord, beside a short one.
+        // A square as seen by a wide lens: one side 24 px off its chord, beside a short one.
         let c = [
             (1128.0, 35.0),
             (1034.0, 300.0),

@@ -1,22 +1,22 @@
-//! How two planes may be known to stand to each other.
+//! Known relations between the directions of two planes.
 
 use nalgebra::Vector3;
 
 use crate::geometry::Pose;
 
-/// How two planes stand to each other.
+/// Relation between the directions of two planes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Relation {
     /// At right angles.
     Orthogonal,
-    /// In one direction.
+    /// Parallel to each other.
     Parallel,
 }
 
 impl Relation {
-    /// How the planes stand, in words.
+    /// The relation in words.
     pub(crate) fn words(self) -> &'static str {
         match self {
             Self::Orthogonal => "right angles",
@@ -24,7 +24,7 @@ impl Relation {
         }
     }
 
-    /// The axes of the first plane that are at right angles to the normal of the second.
+    /// The axes of the first plane that are perpendicular to the normal of the second.
     pub(crate) fn axes(self) -> &'static [usize] {
         match self {
             Self::Orthogonal => &[2],
@@ -33,15 +33,15 @@ impl Relation {
     }
 }
 
-/// Two planes of a view and how they stand.
+/// Two planes of a view and their relation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Related {
     pub planes: [usize; 2],
     pub relation: Relation,
 }
 
-/// An equation between two planes: what is left of it, and its derivative by the rotation of the
-/// first against the second.
+/// An equation between two planes: its residual, and its derivative with respect to the rotation of
+/// the first plane relative to the second.
 pub(crate) struct Equation {
     pub planes: [usize; 2],
     pub gap: f64,
@@ -49,13 +49,13 @@ pub(crate) struct Equation {
 }
 
 impl Related {
-    /// How many equations it is.
+    /// Number of equations.
     pub fn count(&self) -> usize {
         self.relation.axes().len()
     }
 
-    /// For an axis `u` of the first plane and the normal `n` of the second, `u . n` changes by
-    /// `(u x n) . (w1 - w2)` where they turn by `w1` and `w2`.
+    /// Returns the equations. For an axis `u` of the first plane and the normal `n` of the second,
+    /// `u . n` changes by `(u x n) . (w1 - w2)` when the planes rotate by `w1` and `w2`.
     pub fn equations(&self, [first, second]: [&Pose; 2]) -> impl Iterator<Item = Equation> {
         self.relation.axes().iter().map(move |axis| {
             let axis = first.rotation.column(*axis).into_owned();

@@ -1,7 +1,7 @@
 //! Planes of one picture that are known to be at right angles to each other, or parallel.
 //!
-//! Either says that axes of one plane are at right angles to the normal of another: its normal, or
-//! both axes that lie in it. The planes' rotations are held to these equations exactly.
+//! Either relation means that axes of one plane are perpendicular to the normal of another: its
+//! normal, or both axes that lie in it. The planes' rotations satisfy these equations exactly.
 
 use std::collections::HashSet;
 
@@ -16,10 +16,10 @@ use crate::geometry::Pose;
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, pseudo_inverse};
 
-/// States how two planes stand to each other, which count in the order of their first figures.
+/// Adds a relation between two planes, which are counted in the order of their first figures.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] if there are no such two planes.
+/// [`Error::InvalidArgument`] if a plane does not exist, or both are the same.
 pub fn relate_planes(
     edges: &mut [PlaneEdges],
     planes: [usize; 2],
@@ -50,17 +50,18 @@ pub fn relate_planes(
     Ok(())
 }
 
-/// Steps that turn planes into their relations; each squares what is left.
+/// Maximum number of steps that rotate planes into their relations; each squares the remaining
+/// error.
 const MAX_TURNS: usize = 50;
 
-/// A cosine that is left of a relation by rounding.
+/// Cosine below which the remaining error of a relation is rounding.
 const HELD: f64 = 1e-12;
 
-/// Directions from which planes are turned to see whether relations can hold at all: some start may
-/// lie halfway between two ways of holding them.
+/// Starting directions of the planes in the test whether relations can be satisfied at all: a
+/// single start may lie halfway between two solutions.
 const STARTS: [f64; 4] = [1.0, 2.3, 3.9, 5.2];
 
-/// The relations between some planes, those with planes that are not among them left out.
+/// Returns the relations among some planes, without those to other planes.
 pub(crate) fn relations_of(planes: &[ObservedPlane]) -> Vec<Related> {
     let mut found = Vec::new();
     for (first, plane) in planes.iter().enumerate() {
@@ -77,7 +78,8 @@ pub(crate) fn relations_of(planes: &[ObservedPlane]) -> Vec<Related> {
 }
 
 impl<L: Lens> View<L> {
-    /// Ties the blocks of planes that stand in a relation, whose first parameters are rotations.
+    /// Adds the relations as ties between the blocks of the planes, whose first parameters are
+    /// rotations.
     pub fn tie(&self, system: &mut ArrowSystem) {
         let equations: Vec<Equation> = self.equations().collect();
         if equations.is_empty() {
@@ -94,7 +96,8 @@ impl<L: Lens> View<L> {
         }
     }
 
-    /// Turns the planes by as little as brings them into their relations; returns whether it does.
+    /// Rotates the planes as little as possible so that they satisfy their relations; returns
+    /// whether they do.
     pub fn hold_relations(&mut self) -> bool {
         if self.relations.is_empty() {
             return true;
@@ -122,7 +125,7 @@ impl<L: Lens> View<L> {
         false
     }
 
-    /// The same without a plane and its relations.
+    /// Returns the same view without a plane and its relations.
     pub fn without_plane(mut self, index: usize) -> Self {
         self.planes.remove(index);
         self.relations
@@ -133,7 +136,7 @@ impl<L: Lens> View<L> {
         self
     }
 
-    /// The same with one more plane, which stands in no relation.
+    /// Returns the same view with one more plane, which has no relations.
     pub fn with_plane(mut self, index: usize, plane: PlaneState) -> Self {
         self.planes.insert(index, plane);
         for plane in self.related_planes() {
@@ -155,7 +158,7 @@ impl<L: Lens> View<L> {
     }
 }
 
-/// Refuses relations that no planes can have.
+/// Refuses relations that no planes can satisfy.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`].
@@ -201,7 +204,7 @@ mod tests {
     const ORTHOGONAL: Relation = Relation::Orthogonal;
     const PARALLEL: Relation = Relation::Parallel;
 
-    /// Four planes that stand as is asked, or the refusal.
+    /// Four planes with the given relations, or the error.
     fn related(asked: &[([usize; 2], Relation)]) -> Result<Vec<ObservedPlane>, Error> {
         let scene = Scene::random(1, SceneOptions::default());
         let mut edges = scene.edges(1, 0.1, 20.0);

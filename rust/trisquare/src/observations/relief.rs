@@ -1,11 +1,11 @@
-//! The out-of-plane shape of a board: data alone.
+//! Data of the out-of-plane shape of a board.
 
 use nalgebra::{SVector, Vector2};
 
-/// Terms of a relief: three of the second order, four of the third, five of the fourth.
+/// Number of terms of a relief: three of the second order, four of the third, five of the fourth.
 pub(crate) const TERMS: usize = 12;
 
-/// Heights, or what each does at a sample.
+/// Heights of the terms, or the effect of each of them at a sample.
 pub(crate) type Heights = SVector<f64, TERMS>;
 
 /// The out-of-plane shape of a board.
@@ -14,10 +14,10 @@ pub(crate) struct BoardRelief {
     pub centre: Vector2<f64>,
     /// Half the extent, `R`.
     pub radius: f64,
-    /// `a_ij`, already taken out of the samples.
+    /// `a_ij`, already removed from the samples.
     pub heights: Heights,
     /// `tau^2`.
     pub variance: f64,
-    /// `n`: how steeply the variance of a height falls with its order.
+    /// `n`: steepness with which the variance of a height decreases with its order.
     pub steepness: i32,
 }

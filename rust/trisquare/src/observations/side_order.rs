@@ -1,4 +1,4 @@
-//! Which way the sides of a square follow each other, by samples that may bulge.
+//! Order of the sides of a square, from samples of sides that may bulge.
 
 use nalgebra::Vector2;
 
@@ -7,11 +7,11 @@ use crate::error::Error;
 use crate::geometry::{Line, MIN_LINE_SAMPLES};
 use crate::numeric::upper_median;
 
-/// How far beyond a corner, in units of the side, samples may lie before the order is doubted:
-/// sides that bulge under distortion meet elsewhere than their lines.
+/// Distance beyond a corner, in units of the side, at which samples are still accepted: sides that
+/// bulge under distortion meet elsewhere than their lines.
 const CORNER_SLACK: f64 = 0.25;
 
-/// Which way the sides of a square follow each other on the screen (x right, y down).
+/// Order of the sides of a square on the screen (x right, y down).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SideOrder {
     Clockwise,
@@ -77,8 +77,8 @@ impl SideOrder {
     }
 }
 
-/// The sample without which the sides follow each other, if that is the one farthest from the middle
-/// of its side.
+/// Returns the sample without which the sides are in order, if it is the one farthest from the
+/// middle of its side.
 pub(super) fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
     (0..sides.len()).find_map(|line| {
         let sample = farthest(&sides[line])?;
@@ -93,7 +93,8 @@ pub(super) fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
     })
 }
 
-/// The index of the sample that is farthest from the median of all; `None` if there is none.
+/// Returns the index of the sample that is farthest from the median of all; `None` if there is
+/// none.
 fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
     let median = |axis: usize| upper_median(side.iter().map(|point| point[axis]).collect());
     let middle = Vector2::new(median(0)?, median(1)?);
@@ -101,7 +102,7 @@ fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
     (0..side.len()).max_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// The half of a side's samples that lies nearer to its neighbour: a side may bulge.
+/// Returns the half of a side's samples that is nearer to its neighbour, because a side may bulge.
 fn half_toward(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
     let centre = neighbour.iter().sum::<Vector2<f64>>() / neighbour.len() as f64;
     let mut samples = side.to_vec();

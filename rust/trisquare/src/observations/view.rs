@@ -1,4 +1,4 @@
-//! A camera and the planes it sees: what every fit moves.
+//! State of every fit: a camera and the planes that it sees.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use crate::geometry::{Line, Pose};
 use crate::lens::{Columns, Lens};
 use crate::numeric::ArrowStep;
 
-/// Parameters of a pose: rotation vector, translation.
+/// Number of parameters of a pose: rotation vector, translation.
 pub(crate) const POSE_PARAMETERS: usize = 6;
 
 /// A camera and the planes it sees.
@@ -21,11 +21,11 @@ pub(crate) const POSE_PARAMETERS: usize = 6;
 pub(crate) struct View<L> {
     pub lens: L,
     pub planes: Vec<PlaneState>,
-    /// How planes are known to stand to each other; the states hold it.
+    /// Known relations between planes, which the states satisfy.
     pub relations: Vec<Related>,
 }
 
-/// Where a plane stands, and where its figures lie on it.
+/// The pose of a plane, and the placements of its figures.
 #[derive(Debug, Clone)]
 pub(crate) struct PlaneState {
     pub pose: Pose,
@@ -38,20 +38,20 @@ impl PlaneState {
         POSE_PARAMETERS + figures.map(Placement::parameter_count).sum::<usize>()
     }
 
-    /// Parameters that its samples may determine.
+    /// Number of parameters that its samples may determine.
     pub fn unknowns(&self) -> usize {
         self.parameter_count() - usize::from(self.turns_freely())
     }
 
-    /// Whether a turn about its normal changes nothing: that of circles, and of figures beside them
-    /// that turn with it.
+    /// Whether a rotation about its normal changes nothing, as with circles, and figures beside
+    /// them that rotate with it.
     fn turns_freely(&self) -> bool {
         let turns = |figure: &Placement| figure.is_round || figure.free.contains(&Angle);
         self.figures.iter().all(turns)
     }
 
-    /// Holds the turn about the normal of a plane that turns freely, in its own information: what the
-    /// samples determine stays as it is.
+    /// Fixes the rotation about the normal of a plane that rotates freely, in the plane's own
+    /// information. What the samples determine is unchanged.
     pub fn hold_turn(&self, information: &mut DMatrix<f64>) {
         if self.turns_freely() {
             let normal = self.pose.normal();
@@ -60,7 +60,7 @@ impl PlaneState {
         }
     }
 
-    /// Where the parameters of a figure begin among the plane's own.
+    /// Returns the index of a figure's first parameter among the plane's own.
     pub fn figure_offset(&self, figure: usize) -> usize {
         POSE_PARAMETERS
             + self.figures[..figure]
@@ -69,8 +69,9 @@ impl PlaneState {
                 .sum::<usize>()
     }
 
-    /// The straight lines that the samples of a side are measured against, and which samples of it
-    /// each: its line with all, or of a circle a tangent with each; `None` where that has none.
+    /// Returns the straight lines to which the distances of a side's samples are measured, each
+    /// with its range of samples: the side's line with all samples, or for a circle one tangent per
+    /// sample; `None` where a sample has no tangent.
     pub fn model_lines<L: Lens>(
         &self,
         lens: &L,
@@ -93,12 +94,12 @@ impl PlaneState {
         })
     }
 
-    /// The tangent of a circle whose image is nearest to a pixel.
+    /// Returns the tangent of a circle whose image is nearest to a pixel.
     ///
-    /// The distance to a tangent's image does not change there as the tangent rolls on: value and
-    /// derivatives are those of the distance to the circle's image, but for what is of second order
-    /// in the distance over the radius. From the tangent where the pixel's ray points, the foot of
-    /// the pixel on its image leads there.
+    /// The distance to this tangent's image is stationary as the tangent rolls along the circle:
+    /// its value and derivatives are those of the distance to the circle's image, up to the second
+    /// order in the distance over the radius. The tangent is found from the one in the direction of
+    /// the pixel's ray, through the foot of the pixel on its image.
     fn tangent<L: Lens>(
         &self,
         lens: &L,
@@ -109,7 +110,8 @@ impl PlaneState {
         let placement = &self.figures[figure];
         let (radius, index) = placement.radius(radius);
         let map = self.pose.line_map() * placement.line_map();
-        // What lines of the figure take to planes, their transpose takes from rays to its points.
+        // The map takes lines of the figure to planes; its transpose takes rays to points of the
+        // figure.
         let towards = |ray: &Vector3<f64>| {
             let point = map.tr_mul(ray);
             let outward = (point.xy() / point.z).normalize();
@@ -127,7 +129,7 @@ impl PlaneState {
         self.pose.line_map() * self.figures[figure].line(line)
     }
 
-    /// Its derivative by the plane's own parameters.
+    /// Derivative of `line` with respect to the plane's own parameters.
     ///
     /// With `l = L (a, b, c)`, `d` the line's direction and `m = R d`:
     /// `l = c r3 + m x t`, so a rotation `w` gives `(-c [r3]x + [t]x [m]x) w`, a translation
@@ -153,7 +155,8 @@ impl PlaneState {
         jacobian
     }
 
-    /// The plane after a step of its own parameters (any that follow are not its geometry).
+    /// Returns the plane after a step of its own parameters; further entries of the step are not
+    /// used.
     pub fn moved(&self, step: &[f64]) -> Self {
         let pose = self.pose.moved(
             &Vector3::new(step[0], step[1], step[2]),
@@ -173,14 +176,14 @@ impl PlaneState {
 }
 
 impl<L: Lens> View<L> {
-    /// Unknowns of the camera and of all planes.
+    /// Number of unknowns of the camera and of all planes.
     pub fn unknowns(&self, free: &FreeParameters) -> usize {
         let own: usize = self.planes.iter().map(PlaneState::unknowns).sum();
         let held: usize = self.relations.iter().map(Related::count).sum();
         free.len() + own - held.min(own)
     }
 
-    /// The view after a step of the free parameters.
+    /// Returns the view after a step of the free parameters.
     pub fn advanced(&self, free: &FreeParameters, step: &ArrowStep) -> Self {
         let planes = self.planes.iter().zip(&step.blocks);
         let mut next = Self {
@@ -190,7 +193,7 @@ impl<L: Lens> View<L> {
                 .collect(),
             relations: self.relations.clone(),
         };
-        next.hold_relations(); // which the step does to first order
+        next.hold_relations(); // the step satisfies them to first order
         next
     }
 }

@@ -1,11 +1,11 @@
-//! What a calibration may be asked for instead, and what it then finds.
+//! Alternative settings of a calibration, and the results with them.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use crate::lens::DISTORTION;
 
-/// What a calibration may be asked for instead.
+/// An alternative setting of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Setting<'a> {
@@ -19,13 +19,13 @@ pub enum Setting<'a> {
     DistortionFree(&'a str),
 }
 
-/// What the focal length would be with another setting: it has been tried.
+/// The focal length with another setting, which has been tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Alternative<'a> {
     /// The setting.
     pub setting: Setting<'a>,
-    /// `fx` with it, pixels.
+    /// `fx` with that setting, pixels.
     pub focal: f64,
 }
 
@@ -43,14 +43,14 @@ impl fmt::Display for Alternative<'_> {
     }
 }
 
-/// What the focal length is where something is held, and when that is wrong.
+/// Returns the text on the focal length with something held, and on when that is wrong.
 pub(super) fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -> String {
     held.map_or_else(String::new, |focal| {
         format!(" {}, {wrong}", Alternative { setting, focal })
     })
 }
 
-/// What holds a lens beyond its model.
+/// Returns the text on the model that fits a lens beyond its model.
 pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, str>]) -> String {
     match cure {
         Some((model, focal)) => {
@@ -61,7 +61,7 @@ pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, st
     }
 }
 
-/// The setting under which a model holds a lens.
+/// Returns the setting under which a model fits a lens.
 pub(super) fn cured_by<'a>(model: &'a str, held: &[Cow<'static, str>]) -> Setting<'a> {
     match held.iter().any(|it| it == DISTORTION) {
         true => Setting::DistortionFree(model),

@@ -1,4 +1,4 @@
-//! What a calibration returns.
+//! Result of a calibration.
 
 use std::cmp::Reverse;
 
@@ -11,22 +11,22 @@ use crate::image::ToneFit;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, Lens};
 
-/// How well a pose is known, and how it would follow another camera.
+/// Uncertainty of a pose, and its dependence on the camera.
 ///
 /// A pose's parameters are a rotation vector applied after its rotation, in camera coordinates
-/// (radians), and the translation (units of the plane). A tone curve that was estimated is as unknown
-/// as the pose, and follows the camera with it.
+/// (radians), and the translation (units of the plane). An estimated tone curve is unknown like the
+/// pose, and follows the camera with it.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PoseUncertainty {
     /// Covariance of the pose where the camera is given.
     pub given_camera: Matrix6<f64>,
-    /// Derivative of the pose by all of the camera's parameters, free or held, in the order of
-    /// [`Lens::parameter_names`](crate::lens::Lens::parameter_names).
+    /// Derivative of the pose with respect to all of the camera's parameters, free or held, in the
+    /// order of [`Lens::parameter_names`](crate::lens::Lens::parameter_names).
     pub by_camera: Matrix6xX<f64>,
 }
 
-/// How far the samples of a figure of a plane are from the images of its lines.
+/// Distances of the samples of a figure of a plane from the images of its lines.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -37,7 +37,7 @@ pub struct FigureResiduals {
     pub sides: Vec<SideResiduals>,
 }
 
-/// How far the samples of a line are from its image, in the order in which they were given.
+/// Distances of the samples of a line from its image, in the order in which the samples were given.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -53,7 +53,7 @@ pub struct SideResiduals {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct Plane {
-    /// Index of its first figure among the edges given.
+    /// Index of its first figure among the given edges.
     pub figure: usize,
     /// The picture that shows it, numbered as in the edges given.
     pub image: usize,
@@ -65,11 +65,11 @@ pub struct Plane {
     pub rms: f64,
     /// Number of its samples.
     pub samples: usize,
-    /// How well its pose is known; `None` where its own samples do not determine it.
+    /// Uncertainty of its pose; `None` where its own samples do not determine it.
     pub uncertainty: Option<PoseUncertainty>,
-    /// Of a rectangle of unknown aspect, its extent along X over that along Y.
+    /// Extent along X over that along Y, for a rectangle of unknown aspect.
     pub aspect: Option<Aspect>,
-    /// Of circles of which some radii were unknown, all radii of the first figure; else empty.
+    /// All radii of the first figure, for circles of which some radii were unknown; else empty.
     #[cfg_attr(feature = "serde", serde(default))]
     pub radii: Vec<CircleRadius>,
 }
@@ -79,7 +79,7 @@ pub struct Plane {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub struct SceneLine {
-    /// Its index among the edges given.
+    /// Its index among the given edges.
     pub figure: usize,
     /// The picture that shows it, numbered as in the edges given.
     pub image: usize,
@@ -88,7 +88,8 @@ pub struct SceneLine {
     pub rms: Option<f64>,
     /// Number of its samples.
     pub samples: usize,
-    /// Whether the camera follows it: not where it is curved, or all lines contradict the planes.
+    /// Whether it is used for the camera: not where it is curved, or all lines contradict the
+    /// planes.
     pub is_used: bool,
 }
 
@@ -99,7 +100,7 @@ pub struct SceneLine {
 pub struct CircleRadius {
     /// The radius.
     pub value: f64,
-    /// Its standard deviation, zero where it was known.
+    /// Its standard deviation; zero if the radius was known.
     pub std: f64,
 }
 
@@ -114,20 +115,20 @@ pub struct Aspect {
     pub std: f64,
 }
 
-/// A parameter of the camera, and how well it is known.
+/// A parameter of the camera, with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Estimate {
-    /// Its name, of [`Lens::parameter_names`].
+    /// Its name, one of [`Lens::parameter_names`].
     pub name: &'static str,
-    /// Its value: pixels of the camera matrix, no unit of a distortion coefficient.
+    /// Its value: in pixels for the camera matrix, without unit for a distortion coefficient.
     pub value: f64,
-    /// One standard deviation of it; `None` where it was held. The 95 % interval is the value plus
-    /// and minus 1.96 of them.
+    /// Its standard deviation; `None` if it was held. The 95 % interval is the value plus and minus
+    /// 1.96 standard deviations.
     pub std: Option<f64>,
 }
 
-/// A calibrated camera, how well it is known, and where the planes stand.
+/// A calibrated camera, its covariance, and the poses of the planes.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(bound = ""))]
 #[non_exhaustive]
@@ -141,52 +142,53 @@ pub struct Calibration<L: Lens = DefaultLens> {
     pub parameters: Vec<&'static str>,
     /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,
-    /// Whether `fy` follows `fx`, so that it has its standard deviation.
+    /// Whether `fy` follows `fx`, so that it has a standard deviation as well.
     pub aspect_fixed: bool,
     /// The planes, in the order in which their first figures were given.
     pub planes: Vec<Plane>,
     /// The lines of the scene, in the order in which they were given.
     pub lines: Vec<SceneLine>,
-    /// How far the samples of every figure are from the images of its lines, in the order in which
+    /// Distances of the samples of every figure from the images of its lines, in the order in which
     /// the figures of planes were given: without those that are lines of the scene.
     pub residuals: Vec<FigureResiduals>,
     /// Root mean square distance of the samples that count to the images of their lines, in pixels.
     pub rms: f64,
-    /// What the given standard deviations had to be multiplied by to agree with the residuals.
+    /// Factor on the given standard deviations that makes them agree with the residuals.
     pub noise_scale: f64,
-    /// How far the residuals are from independent noise.
+    /// Departure of the residuals from independent noise.
     pub residual_correlation: ResidualCorrelation,
-    /// Evaluations of the refinement.
+    /// Number of evaluations of the refinement.
     pub iterations: usize,
-    /// What the user should know, the most severe first.
+    /// Warnings, the most severe first.
     pub warnings: Vec<Warning>,
-    /// The stage the numbers come from.
+    /// The stage that the numbers come from.
     pub stage: Stage,
-    /// How each picture was coded, where the fit to the pixels found it out.
+    /// Tone curve of each picture, where the fit to the pixels estimated it.
     pub tones: Vec<ToneFit>,
-    /// How many times as large the standard deviation of a lens parameter is, at most, as it would be
-    /// if the coding had been known; `None` where it was, or was not fitted.
+    /// Largest factor by which the unknown tone curve raises the standard deviation of a lens
+    /// parameter; `None` where the curve was known, or was not fitted.
     pub tone_growth: Option<f64>,
 }
 
 impl<L: Lens> Calibration<L> {
-    /// Where a parameter is among the free ones, if it is.
+    /// Returns the index of a parameter among the free ones, if it is free.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|own| *own == name)
     }
 
-    /// Puts the most severe warnings first, and leaves those of one severity in their order.
+    /// Sorts the warnings, the most severe first; those of one severity keep their order.
     pub(crate) fn sort_warnings(&mut self) {
         self.warnings.sort_by_key(|own| Reverse(own.severity()));
     }
 
-    /// The standard deviation of a free parameter.
+    /// Returns the standard deviation of a free parameter.
     pub(crate) fn std_of(&self, name: &str) -> Option<f64> {
         let position = self.position(name)?;
         Some(self.covariance[(position, position)].max(0.0).sqrt())
     }
 
-    /// All parameters of the camera, free or held, in the order of [`Lens::parameter_names`].
+    /// Returns all parameters of the camera, free or held, in the order of
+    /// [`Lens::parameter_names`].
     ///
     /// ```
     /// use trisquare::{Calibration, Severity};
@@ -219,9 +221,9 @@ impl<L: Lens> Calibration<L> {
             .collect()
     }
 
-    /// One standard deviation of every free parameter (and of `fy` where it follows `fx`), in the
-    /// order of the covariance: neither that of the camera's parameters nor as many. With their
-    /// values: [`Self::estimates`].
+    /// Returns one standard deviation of every free parameter (and of `fy` where it follows `fx`),
+    /// in the order of the covariance. Their order and number differ from those of the camera's
+    /// parameters; [`Self::estimates`] returns all of these, with their values.
     pub fn std(&self) -> Vec<(&'static str, f64)> {
         let focal = self.camera.focal();
         let aspect = self.aspect_fixed.then_some(focal.y / focal.x);
@@ -229,7 +231,7 @@ impl<L: Lens> Calibration<L> {
     }
 }
 
-/// One standard deviation of every parameter, and of `fy` where it is `aspect` times `fx`.
+/// Returns one standard deviation of every parameter, and of `fy` where it is `aspect` times `fx`.
 pub(crate) fn deviations(
     parameters: &[&'static str],
     covariance: &DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! What a calibration returns: data alone.
+//! Data of a calibration's result.
 
 mod alternative;
 mod calibration;

@@ -1,4 +1,4 @@
-//! How a calibration is read back by serde.
+//! Deserialisation of a calibration by serde.
 
 use nalgebra::DMatrix;
 use serde::de::Error;
@@ -12,7 +12,7 @@ use crate::image_size::ImageSize;
 use crate::lens::Lens;
 use crate::numeric::is_covariance;
 
-/// The fields of a [`Calibration`], as they are before they are checked against each other.
+/// The fields of a [`Calibration`] before they are checked against each other.
 #[derive(Deserialize)]
 #[serde(remote = "Calibration", bound = "")]
 struct Unchecked<L: Lens> {
@@ -47,7 +47,7 @@ impl<'de, L: Lens> Deserialize<'de> for Calibration<L> {
     }
 }
 
-/// Which field of a calibration contradicts another, if any does.
+/// Returns the first inconsistency between the fields of a calibration, if there is one.
 fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
     let (count, planes) = (read.parameters.len(), read.planes.len());
     let added = &read.residual_correlation.added;
@@ -100,7 +100,8 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
     None
 }
 
-/// The first, and its name, of the numbers that have to be zero or more, and is less or NaN.
+/// Returns the name and the value of the first number that is negative or NaN although it must be
+/// zero or more.
 fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
     let own = [("rms", read.rms), ("noise_scale", read.noise_scale)];
     let own = own.map(|(name, value)| (name.to_owned(), value));
@@ -115,7 +116,7 @@ fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
 /// Reads the names of some of a lens's parameters.
 ///
 /// # Errors
-/// Those of the deserializer, and one for a parameter that the lens does not have.
+/// Those of the deserializer, and an error for a parameter that the lens does not have.
 pub(super) fn parameter_names<'de, L: Lens, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<Vec<&'static str>, D::Error> {

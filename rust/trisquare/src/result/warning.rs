@@ -1,4 +1,4 @@
-//! Where a result comes from, and what a user should know of it.
+//! Warnings of a calibration, and the stage that its result comes from.
 
 use std::borrow::Cow;
 
@@ -21,13 +21,13 @@ type Text = Cow<'static, str>;
 pub struct Disagreement {
     /// Index of the plane.
     pub plane: usize,
-    /// By how much the focal length `fx` changes without it, as a part of it; 0 where it is held.
+    /// Relative change of the focal length `fx` without the plane; 0 where it is held.
     pub focal_change: f64,
     /// The size of the disagreement, as a normal deviate.
     pub sigmas: f64,
 }
 
-/// The stage a result comes from.
+/// The stage that a result comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Stage {
@@ -39,19 +39,19 @@ pub enum Stage {
     Pixels,
 }
 
-/// How much a warning matters.
+/// Severity of a warning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Severity {
     /// Something was left out, or an interval widened; the answer stands.
     Low,
-    /// Something is to be looked at.
+    /// Something should be checked.
     Medium,
     /// The answer may be wrong beyond its stated uncertainty.
     High,
 }
 
-/// Something a user should do something about.
+/// A warning, about something that the user can act on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -72,14 +72,14 @@ pub enum Warning {
     SideRejected {
         /// Index of the plane.
         plane: usize,
-        /// Which of the plane's figures, in their order on it: no index of the edges.
+        /// Index of the figure on its plane, not among the edges.
         figure: usize,
-        /// Which of the outline's sides, in the order of its samples.
+        /// Index of the outline's side, in the order of its samples.
         side: usize,
         /// Root mean square distance of its samples, px.
         distance: f64,
     },
-    /// Some samples are where their neighbours are not.
+    /// Some samples are far from their line, but their neighbours are not.
     #[error(
         "{samples} of all samples {} used: {} {distance:.2} px off its line, and its neighbours \
          do not. Was it measured on another edge?",
@@ -87,15 +87,15 @@ pub enum Warning {
         numbered_sample(*.samples, [*.plane, *.figure, *.side, *.sample])
     )]
     StraySamples {
-        /// How many.
+        /// Number of such samples.
         samples: usize,
         /// Index of the plane of the farthest one.
         plane: usize,
-        /// Which of the plane's figures, in their order on it: no index of the edges.
+        /// Index of the figure on its plane, not among the edges.
         figure: usize,
-        /// Which of the outline's sides, in the order of its samples.
+        /// Index of the outline's side, in the order of its samples.
         side: usize,
-        /// Which of the side's samples.
+        /// Index of the sample on its side.
         sample: usize,
         /// Its distance from the side's line, px.
         distance: f64,
@@ -110,31 +110,32 @@ pub enum Warning {
         plane: usize,
         /// Root mean square distance of its samples, px.
         distance: f64,
-        /// Whether it is something else beyond doubt: no board, and far from the shape of a target.
+        /// Whether it is certainly not a target: no board, and far from the shape of a target.
         #[cfg_attr(feature = "serde", serde(default))]
         is_other: bool,
     },
     /// The planes cannot all be true squares seen by one camera.
     #[error("{}", contradiction(*.factor, *.displacement, *.planes, *.known_to, .held))]
     PlanesContradict {
-        /// How far the sides are from where one camera would show them, over what is expected.
+        /// Distance of the sides from where one camera would show them, relative to that expected.
         factor: f64,
         /// Root mean square distance of the sides from there, px.
         #[cfg_attr(feature = "serde", serde(default))]
         displacement: f64,
-        /// How many planes there are.
+        /// Number of planes.
         #[cfg_attr(feature = "serde", serde(default = "several"))]
         planes: usize,
-        /// The largest standard deviation of a focal length, as a part of it, or of the principal point,
-        /// as a part of the width, all of this included; `None` if none of them is free.
+        /// The largest standard deviation of a focal length, as a fraction of it, or of the
+        /// principal point, as a fraction of the width, with all of this included; `None` if none
+        /// of them is free.
         #[cfg_attr(feature = "serde", serde(default))]
         known_to: Option<f64>,
-        /// What of the camera is held: `"principal point"`, `"focal length"`, `"aspect"`,
+        /// Held parts of the camera: `"principal point"`, `"focal length"`, `"aspect"`,
         /// `"distortion"`.
         #[cfg_attr(feature = "serde", serde(default))]
         held: Vec<Text>,
     },
-    /// The squares are none, or the lens does what its model cannot: sides do not lie where one
+    /// The squares are not square, or the lens departs from its model: sides do not lie where one
     /// camera would show those of true squares.
     #[error(
         "the targets are not flat, or not exactly square (or of the stated shape), or the lens is beyond \
@@ -142,54 +143,55 @@ pub enum Warning {
         or_held(.held), raised(.parameter, *.factor)
     )]
     NoSquares {
-        /// How far, px.
+        /// Distance of the sides from there, px.
         displacement: f64,
-        /// The parameter that suffers most.
+        /// The parameter whose standard deviation is raised most.
         parameter: Text,
-        /// Its standard deviation over what it would be if the squares were true.
+        /// Its standard deviation relative to that with true squares.
         factor: f64,
-        /// What of the camera is held, as of [`Warning::PlanesContradict`].
+        /// Held parts of the camera, as in [`Warning::PlanesContradict`].
         #[cfg_attr(feature = "serde", serde(default))]
         held: Vec<Text>,
     },
-    /// Groups of planes give answers that differ more than their samples let expect.
+    /// Groups of planes give results that differ more than expected from their samples.
     #[error(
         "{} disagree {factor:.1} times more than the noise of their edges explains; all standard \
          deviations were raised by that factor. {}",
         groups(*.one_picture), causes_of_variation(*.one_picture)
     )]
     PlanesVary {
-        /// Their scatter over what is expected.
+        /// Their scatter relative to that expected.
         factor: f64,
         /// Whether all planes are in one picture.
         #[cfg_attr(feature = "serde", serde(default))]
         one_picture: bool,
-        /// What the camera is known to, as of [`Warning::PlanesContradict`].
+        /// Largest standard deviation of the camera, as in [`Warning::PlanesContradict`].
         #[cfg_attr(feature = "serde", serde(default))]
         known_to: Option<f64>,
     },
-    /// The samples of a side err together, beyond their noise.
+    /// The samples of a side have a common error, beyond their noise.
     #[error(
         "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
          standard deviation of {parameter} is {} as large because of this",
         cause_of_errors(*.height), times(*.factor)
     )]
     SidesErrTogether {
-        /// The plane that shows it most.
+        /// The plane that shows it most clearly.
         plane: usize,
         /// Root mean square error of a side there, px.
         displacement: f64,
-        /// From the lowest to the highest place of its relief, over its extent, if it has one.
+        /// Height difference between the lowest and the highest place of its relief, over its
+        /// extent, if it has a relief.
         height: Option<f64>,
-        /// The parameter that suffers most.
+        /// The parameter whose standard deviation is raised most.
         parameter: Text,
-        /// Its standard deviation over what independent noise alone would give.
+        /// Its standard deviation relative to that under independent noise alone.
         factor: f64,
-        /// What the camera is known to, as of [`Warning::PlanesContradict`].
+        /// Largest standard deviation of the camera, as in [`Warning::PlanesContradict`].
         #[cfg_attr(feature = "serde", serde(default))]
         known_to: Option<f64>,
     },
-    /// The lens does what its model cannot.
+    /// The lens departs from its model.
     #[error(
         "the lens {} beyond its model{}: all planes have the same residuals at the same place in the \
          picture{}.{}",
@@ -199,31 +201,31 @@ pub enum Warning {
         richer_focal(.cure.as_ref(), .held)
     )]
     LensBeyondModel {
-        /// Whether nothing else explains that as well.
+        /// Whether nothing else explains the residuals as well.
         certain: bool,
-        /// The parameter that suffers most.
+        /// The parameter whose standard deviation is raised most.
         parameter: Text,
-        /// Its standard deviation over what it would be if the lens were of its model.
+        /// Its standard deviation relative to that with a lens of its model.
         factor: f64,
-        /// The model that holds the lens, and `fx` with it, pixels; `None` where none does.
+        /// The model that fits the lens, and `fx` with it, pixels; `None` if none does.
         cure: Option<(String, f64)>,
-        /// What of the camera is held, as of [`Warning::PlanesContradict`], and may be what is wrong;
-        /// `cure` has the distortion free.
+        /// Held parts of the camera, as in [`Warning::PlanesContradict`], which may be what is
+        /// wrong; `cure` has the distortion free.
         #[cfg_attr(feature = "serde", serde(default))]
         held: Vec<Text>,
     },
-    /// A lens of another family does what the asked one cannot.
+    /// A lens of another family fits where the requested one does not.
     #[error(
         "the lens is a fisheye: one explains the edges to {rms:.2} px, the lens asked for to \
          {own:.2} px. {}",
         Alternative { setting: Setting::Model(.model), focal: *.focal }
     )]
     LensOfAnotherFamily {
-        /// The model that holds the lens.
+        /// The model that fits the lens.
         model: String,
         /// Root mean square distance of the edge samples with it, px.
         rms: f64,
-        /// The same with the model that was asked for.
+        /// The same with the requested model.
         own: f64,
         /// `fx` with it, pixels.
         focal: f64,
@@ -231,20 +233,20 @@ pub enum Warning {
     /// The pixels did not follow the model closely enough to be used.
     #[error("the fit to the pixels was not used: {reason}")]
     PixelsNotUsed {
-        /// What spoke against it.
+        /// The reason.
         reason: Text,
     },
-    /// The lines of the scene tell nothing, or another lens than the planes.
+    /// The lines of the scene give no information, or indicate another lens than the planes.
     #[error(
         "the lines of the scene were not used: {}",
         lines_not_used(*.sigmas)
     )]
     LinesNotUsed {
-        /// By how many standard deviations the lens would move; `None` where hardly any of them is
-        /// the image of a straight line, or nothing is free.
+        /// Number of standard deviations by which the lens would change; `None` where hardly any of
+        /// the lines is the image of a straight line, or nothing is free.
         sigmas: Option<f64>,
     },
-    /// The pixels of the camera do not come out as squares.
+    /// The estimated pixels of the camera are not square.
     #[error(
         "fy / fx is {}, but nearly every camera's pixels are square: are the targets rectangles, or \
          was the picture stretched?{}",
@@ -254,9 +256,9 @@ pub enum Warning {
     PixelsNotSquare {
         /// `fy / fx`.
         ratio: f64,
-        /// One standard deviation of it.
+        /// Its standard deviation.
         std: f64,
-        /// `fx` with the aspect ratio held, pixels; `None` where that has no answer.
+        /// `fx` with the aspect ratio held, pixels; `None` if that calibration has no result.
         held: Option<f64>,
     },
     /// With a skew, which is held at zero, all planes agree better.
@@ -269,12 +271,12 @@ pub enum Warning {
     Sheared {
         /// The skew, pixels.
         skew: f64,
-        /// One standard deviation of it.
+        /// Its standard deviation.
         std: f64,
         /// `fx` with that skew, pixels.
         focal: f64,
     },
-    /// The principal point comes out far from the centre of the picture.
+    /// The estimated principal point is far from the centre of the picture.
     #[error(
         "the principal point is {} px from the centre of the picture, farther than nearly every \
          camera's: was the picture cropped, or are the targets not square?{}",
@@ -282,14 +284,14 @@ pub enum Warning {
         held_focal(Setting::PrincipalPointHeld, *.held, "which is wrong if it was cropped")
     )]
     PrincipalPointOffCentre {
-        /// From the principal point to the centre of the picture, pixels.
+        /// Distance of the principal point from the centre of the picture, pixels.
         distance: f64,
-        /// One standard deviation of it.
+        /// Its standard deviation.
         std: f64,
-        /// `fx` with the principal point held, pixels; `None` where that has no answer.
+        /// `fx` with the principal point held, pixels; `None` if that calibration has no result.
         held: Option<f64>,
     },
-    /// The planes do not tell the principal point, which is held at the picture's centre.
+    /// The planes do not determine the principal point, which is held at the picture's centre.
     #[error(
         "the standard deviation of fx, {} px, takes the principal point to be at the picture's centre. \
          Of real cameras it is some {scatter:.0} px away (1.2 % of the width), which adds {added:.1} px, \
@@ -300,12 +302,12 @@ pub enum Warning {
     PrincipalPointAssumed {
         /// Standard deviation of principal points about the centre, of each coordinate, pixels.
         scatter: f64,
-        /// What that makes of `fx`, pixels.
+        /// Standard deviation of `fx` because of that, pixels.
         added: f64,
         /// The stated standard deviation of `fx`, pixels.
         std: f64,
     },
-    /// The planes are no more than the camera needs, so that nothing tells whether they are true.
+    /// The planes just suffice for the camera, so that their shapes cannot be checked.
     #[error(
         "the targets cannot be checked{}: {} no more than this camera needs{}. If {}, fx is off by \
          {} px, which its standard deviation, {} px, does not include. Show one more, tilted another \
@@ -314,28 +316,30 @@ pub enum Warning {
         untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
     TargetsUnchecked {
-        /// How many planes tell the camera.
+        /// Number of planes that determine the camera.
         planes: usize,
-        /// How many more are too small or too rough to check them.
+        /// Number of further planes that are too small or too rough to check them.
         #[cfg_attr(feature = "serde", serde(default))]
         rough: usize,
-        /// How many more were rejected: that these were the false ones, nothing tells.
+        /// Number of further planes that were rejected; it cannot be told whether these were the
+        /// false ones.
         #[cfg_attr(feature = "serde", serde(default))]
         rejected: usize,
-        /// In how many directions they and their sides stand; 0 where that was not stored.
+        /// Number of directions in which the planes and their sides stand; 0 if it was not stored.
         #[cfg_attr(feature = "serde", serde(default))]
         directions: usize,
-        /// By what part each square may be longer than wide, or its right angles be off, radians.
+        /// Relative stretch that each square may have, or error of its right angles, radians.
         stretch: f64,
-        /// Whether it is right angles alone that are known of the planes.
+        /// Whether only the right angles of the planes are known.
         #[cfg_attr(feature = "serde", serde(default))]
         are_angles: bool,
-        /// What that makes of `fx`, one way or the other in each direction, pixels (rms).
+        /// Change of `fx` because of that, with either sign in each direction, pixels (rms).
         change: f64,
         /// The stated standard deviation of `fx`, pixels.
         std: f64,
     },
-    /// What the residuals show beyond noise leaves a parameter as open as is refused of geometry.
+    /// Errors beyond noise, as shown by the residuals, leave a parameter as uncertain as a geometry
+    /// that is refused.
     #[error(
         "the standard deviation of {parameter} is {std:.0} px ({:.0} % of {of}): {}",
         100.0 * .part,
@@ -346,11 +350,11 @@ pub enum Warning {
         parameter: Text,
         /// Its standard deviation, pixels.
         std: f64,
-        /// The same as a part...
+        /// The same as a fraction of `of`.
         part: f64,
-        /// ... of the focal length or of the width.
+        /// The unit of `part`: the focal length or the width.
         of: Text,
-        /// Whether it would be known without what an unknown tone curve may shift the edges by.
+        /// Whether it would be known if an unknown tone curve did not shift the edges.
         #[cfg_attr(feature = "serde", serde(default))]
         by_tone: bool,
     },
@@ -364,7 +368,7 @@ pub enum Warning {
     OutsidePicture {
         /// Index among the edges of the first figure that has such samples.
         figure: usize,
-        /// How many of its samples lie outside.
+        /// Number of its samples that lie outside.
         samples: usize,
         /// The first of them, pixels.
         first: [f64; 2],
@@ -378,10 +382,10 @@ pub enum Warning {
         part_of_whole(*.missing)
     )]
     LensEndsInPicture {
-        /// Part of the picture that has no lens.
+        /// Fraction of the picture in which the distortion cannot be inverted.
         missing: f64,
     },
-    /// The lens is a guess in a part of the picture.
+    /// The lens is extrapolated in a part of the picture.
     #[error(
         "projections are not known to {limit:.0} px in {} of the picture. No target was there: their \
          standard deviation reaches {worst:.0} px, and they may be farther off where the lens departs \
@@ -390,9 +394,9 @@ pub enum Warning {
         part_of_whole(*.unknown)
     )]
     LensExtrapolated {
-        /// Part of the picture where projections are not known to `limit`.
+        /// Fraction of the picture where projections are not known to `limit`.
         unknown: f64,
-        /// Standard deviation up to which they are, pixels.
+        /// Standard deviation up to which projections count as known, pixels.
         limit: f64,
         /// The largest standard deviation over the picture, pixels.
         worst: f64,
@@ -406,11 +410,11 @@ pub enum Warning {
     RelationContradicted {
         /// Indices of the planes.
         planes: [usize; 2],
-        /// How they are said to stand.
+        /// The stated relation, in words.
         stand: Text,
-        /// How far they are from that, degrees.
+        /// Angle by which they depart from it, degrees.
         degrees: f64,
-        /// One standard deviation of it.
+        /// Its standard deviation.
         std: f64,
     },
     /// The pixels contradict the tone curve that was stated.
@@ -420,18 +424,18 @@ pub enum Warning {
         with_its_std(*.gamma, *.std), signed_two_digits(*.change)
     )]
     ToneContradicted {
-        /// Index of the picture that contradicts its own the most.
+        /// Index of the picture whose pixels contradict its curve the most.
         picture: usize,
-        /// The pure gamma that codes mid-grey as its pixels do.
+        /// The pure gamma that codes mid-grey as the pixels of that picture do.
         gamma: f64,
-        /// One standard deviation of it.
+        /// Its standard deviation.
         std: f64,
         /// The first free parameter, in most cases `fx`.
         parameter: Text,
-        /// By how much it changes, to first order, where the curve is estimated.
+        /// Its change, to first order, where the curve is estimated.
         change: f64,
     },
-    /// Something lies over a part of one side, which is not used there.
+    /// Something covers a part of one side, which is not used there.
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: it shows no plain edge there (a \
          finger, glare, a stain, a pattern, a torn edge?)",
@@ -440,33 +444,34 @@ pub enum Warning {
     PartlyHidden {
         /// Index of the plane.
         plane: usize,
-        /// Which of the plane's figures, in their order on it: no index of the edges.
+        /// Index of the figure on its plane, not among the edges.
         figure: usize,
-        /// Which of the outline's sides, in the order of its samples.
+        /// Index of the outline's side, in the order of its samples.
         side: usize,
-        /// Part of the side's length that is left out.
+        /// Fraction of the side's length that is left out.
         part: f64,
     },
 }
 
-/// Standard deviations that were raised more than so many times ask for a look. Below there is nothing to
-/// do about sides that err together: the diagnosis names them.
+/// Factor on a standard deviation above which the user should check the cause. Below it, common
+/// errors of sides need no action: the diagnosis reports them.
 pub(crate) const NOTABLE_FACTOR: f64 = 2.0;
 
-/// A warning that names only what standard deviations include is one step less severe if focal lengths
-/// and principal point are known to this part of the focal length or the width. An error of four such
-/// standard deviations is no larger than that of three squares printed 0.3 % too long in one direction.
+/// Standard deviation of focal lengths and principal point, as a fraction of the focal length or
+/// the width, below which a warning whose cause the standard deviations include is one step less
+/// severe: an error of four such standard deviations is no larger than that from three squares
+/// printed 0.3 % too long in one direction.
 const HARMLESS: f64 = 0.001;
 
-/// What a stored warning says that does not tell how many planes there were.
+/// Number of planes for a stored warning that does not contain it.
 #[cfg(feature = "serde")]
 fn several() -> usize {
     2
 }
 
 impl Warning {
-    /// A name that programs may rely on, the same as in Python. Each has its section in `docs/faq.md` of
-    /// the repository: what it means, why it comes, and what to do.
+    /// Returns a name that programs may rely on, the same as in Python. Each has its section in
+    /// `docs/faq.md` of the repository: its meaning, its causes, and what to do.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
@@ -502,7 +507,7 @@ impl Warning {
         )
     }
 
-    /// The setting that it tried, if it did; its message has that.
+    /// Returns the setting that was tried, if one was; the message contains it.
     #[must_use]
     pub fn alternative(&self) -> Option<Alternative<'_>> {
         let (setting, focal) = match self {
@@ -519,7 +524,7 @@ impl Warning {
         focal.map(|focal| Alternative { setting, focal })
     }
 
-    /// How much it matters.
+    /// Returns the severity.
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
@@ -562,8 +567,8 @@ impl Warning {
         }
     }
 
-    /// Sets what the camera is known to: its largest standard deviation, as a part of the focal length
-    /// or of the width.
+    /// Returns the same warning with the largest standard deviation of the camera, as a fraction of
+    /// the focal length or of the width, if its severity depends on that.
     pub(crate) fn with_camera_known_to(mut self, part: Option<f64>) -> Self {
         if let Self::PlanesContradict { known_to, .. }
         | Self::PlanesVary { known_to, .. }
@@ -574,7 +579,7 @@ impl Warning {
         self
     }
 
-    /// The picture that it is about, if it is about one.
+    /// Returns the picture that the warning is about, if it is about one.
     #[must_use]
     pub fn picture(&self) -> Option<usize> {
         match self {
@@ -583,7 +588,7 @@ impl Warning {
         }
     }
 
-    /// The plane that it is about, if it is about one.
+    /// Returns the plane that the warning is about, if it is about one.
     #[must_use]
     pub fn plane(&self) -> Option<usize> {
         match self {
@@ -598,7 +603,7 @@ impl Warning {
     }
 }
 
-/// Whether an error within the standard deviations of a camera that is known to `part` is small.
+/// Whether errors within the standard deviations of a camera that is known to `part` are small.
 fn is_harmless(part: Option<f64>) -> bool {
     part.is_some_and(|part| part < HARMLESS)
 }

@@ -1,8 +1,8 @@
-//! Parts of what warnings say.
+//! Parts of the messages of warnings.
 
 use std::borrow::Cow;
 
-/// Writes a part of a whole in per cent.
+/// Formats a fraction in per cent.
 pub(super) fn part_of_whole(part: f64) -> String {
     match part {
         ..0.005 => "less than 1 %".into(),
@@ -10,25 +10,25 @@ pub(super) fn part_of_whole(part: f64) -> String {
     }
 }
 
-/// A value and its standard deviation, with two significant digits of the latter.
+/// Formats a value and its standard deviation, with two significant digits of the latter.
 pub(super) fn with_its_std(value: f64, std: f64) -> String {
     let decimals = decimals_of(std);
     format!("{value:.decimals$} +- {std:.decimals$}")
 }
 
-/// A number with two significant digits.
+/// Formats a number with two significant digits.
 pub(super) fn two_digits(value: f64) -> String {
     let decimals = decimals_of(value);
     format!("{value:.decimals$}")
 }
 
-/// A number with its sign and two significant digits.
+/// Formats a number with its sign and two significant digits.
 pub(super) fn signed_two_digits(value: f64) -> String {
     let decimals = decimals_of(value.abs());
     format!("{value:+.decimals$}")
 }
 
-/// How many decimals show two significant digits.
+/// Number of decimals that show two significant digits.
 fn decimals_of(value: f64) -> usize {
     match value > 0.0 {
         true => (1.0 - value.log10().floor()).clamp(0.0, 12.0) as usize,
@@ -36,7 +36,7 @@ fn decimals_of(value: f64) -> usize {
     }
 }
 
-/// A factor; of a large one the digits say nothing.
+/// Formats a factor; the digits of a large one are meaningless and are omitted.
 pub(super) fn times(factor: f64) -> String {
     if factor < 100.0 {
         format!("{factor:.1} times")
@@ -45,7 +45,7 @@ pub(super) fn times(factor: f64) -> String {
     }
 }
 
-/// By how much a standard deviation was raised; nothing where that rounds to once.
+/// Text on the factor by which a standard deviation was raised; empty if it rounds to 1.
 pub(super) fn raised(parameter: &str, factor: f64) -> String {
     if factor < 1.05 {
         return String::new();
@@ -56,7 +56,7 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
     )
 }
 
-/// Why a parameter is as good as unknown, and what to do.
+/// Reason why a parameter is hardly known, and what to do.
 pub(super) fn what_leaves_open(by_tone: bool) -> &'static str {
     if by_tone {
         "the tone curve is not known, and may have shifted all edges. State it if you know it, take the \
@@ -67,7 +67,7 @@ pub(super) fn what_leaves_open(by_tone: bool) -> &'static str {
     }
 }
 
-/// What speaks against lines.
+/// Reason why lines were not used.
 pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
     match sigmas {
         Some(sigmas) => format!(
@@ -80,7 +80,8 @@ pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
     }
 }
 
-/// What planes contradict, and what may be wrong: one plane contradicts what is held alone.
+/// Text on what planes contradict, and the possible causes: a single plane contradicts only what is
+/// held.
 pub(super) fn contradiction(
     factor: f64,
     displacement: f64,
@@ -93,7 +94,7 @@ pub(super) fn contradiction(
         _ => ("the planes contradict each other", "one of them"),
     };
     let suspected = or_held(held);
-    // What was stored before does not say how far.
+    // Warnings stored by older versions do not contain the displacement.
     let off = match displacement {
         0.0 => "off by".into(),
         _ => format!("{} px off,", two_digits(displacement)),
@@ -111,7 +112,7 @@ pub(super) fn contradiction(
     )
 }
 
-/// What else may be wrong where something is held.
+/// Further possible cause where something is held.
 pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
     match held {
         [] => String::new(),
@@ -119,7 +120,7 @@ pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
     }
 }
 
-/// Which figure of its plane a side belongs to, unless that is the first.
+/// Figure of its plane to which a side belongs, unless it is the first.
 pub(super) fn of_figure(figure: usize) -> String {
     match figure {
         0 => String::new(),
@@ -128,7 +129,7 @@ pub(super) fn of_figure(figure: usize) -> String {
     }
 }
 
-/// What would become of `fx`, unless that is held.
+/// Change of `fx` without a plane, unless `fx` is held.
 pub(super) fn without_it(focal_change: f64) -> String {
     match focal_change {
         0.0 => String::new(),
@@ -149,7 +150,7 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
     format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
 }
 
-/// What planes that were rejected leave open, where the others cannot be checked.
+/// Text on rejected planes where the others cannot be checked.
 pub(super) fn after_rejections(rejected: usize) -> &'static str {
     match rejected {
         0 => "",
@@ -158,7 +159,7 @@ pub(super) fn after_rejections(rejected: usize) -> &'static str {
     }
 }
 
-/// How many planes there are, and in how many directions if those are fewer.
+/// Number of planes, and of their directions if those are fewer.
 pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     match (planes, directions) {
         (1, _) => "one plane is".into(),
@@ -169,7 +170,7 @@ pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     }
 }
 
-/// How many planes there are beside those, of which the shape is not known well enough.
+/// Number of further planes whose shape is not known well enough.
 pub(super) fn beside_rough(rough: usize) -> String {
     match rough {
         0 => String::new(),
@@ -178,7 +179,7 @@ pub(super) fn beside_rough(rough: usize) -> String {
     }
 }
 
-/// What may be wrong with targets that cannot be checked.
+/// Possible fault of targets that cannot be checked.
 pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
     match are_angles {
         true => format!(
@@ -192,7 +193,7 @@ pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
     }
 }
 
-/// What differs more than it should.
+/// The groups that differ more than they should.
 pub(super) fn groups(one_picture: bool) -> &'static str {
     match one_picture {
         true => "the planes",
@@ -200,7 +201,7 @@ pub(super) fn groups(one_picture: bool) -> &'static str {
     }
 }
 
-/// Why it may; within one picture neither focus nor zoom changes.
+/// Possible causes of that; within one picture neither focus nor zoom changes.
 pub(super) fn causes_of_variation(one_picture: bool) -> &'static str {
     match one_picture {
         true => {
@@ -211,7 +212,7 @@ pub(super) fn causes_of_variation(one_picture: bool) -> &'static str {
     }
 }
 
-/// What makes sides err together.
+/// Cause of common errors of sides.
 pub(super) fn cause_of_errors(height: Option<f64>) -> String {
     match height {
         Some(height) => format!(

@@ -1,4 +1,4 @@
-//! What a principal point that is held where nobody measured it makes of the focal length.
+//! Effect on the focal length of a principal point that is held without having been measured.
 
 use nalgebra::{DMatrix, Matrix2, SymmetricEigen, Vector2};
 
@@ -9,21 +9,22 @@ use crate::observations::{Fixed, Options};
 use crate::refine::EdgeProblem;
 use crate::result::{Calibration, Warning};
 
-/// Standard deviation of principal points about the centre, over the width, of each coordinate.
+/// Standard deviation of cameras' principal points about the centre, of each coordinate, as a
+/// fraction of the width.
 const USUAL_SCATTER: f64 = 0.012;
 
-/// The planes contradict a principal point if it costs them so much (of chi-square).
+/// Increase of chi-square above which the planes contradict a principal point.
 const CONTRADICTED: f64 = 18.0;
 
-/// Sweeps of the symmetric eigenvalue iteration; a few suffice.
+/// Maximum number of sweeps of the symmetric eigenvalue iteration; a few suffice.
 const MAX_SWEEPS: usize = 100;
 
-/// Warns where a principal point held at the picture's centre decides of `fx`, and no plane can say
-/// that it is elsewhere.
+/// Warns if `fx` depends on a principal point held at the picture's centre, and the planes could
+/// not show that it is elsewhere.
 ///
-/// The centre of distortion is freed from the principal point, as where the geometry is judged: a
-/// lens polynomial does not vouch for what the planes leave open. `factor` turns the inverse of the
-/// information into a covariance.
+/// The centre of distortion is freed from the principal point, as in the judgement of the geometry:
+/// a lens polynomial does not determine what the planes leave open. `factor` turns the inverse of
+/// the information into a covariance.
 pub(crate) fn assumed_centre<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     found: &Calibration<L>,
@@ -48,7 +49,8 @@ pub(crate) fn assumed_centre<L: Lens>(
     })
 }
 
-/// What the planes tell of a principal point that is held, and by how much `fx` follows it.
+/// Returns the planes' information about a principal point that is held, and the derivative of `fx`
+/// with respect to it.
 fn freed_centre<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     factor: f64,

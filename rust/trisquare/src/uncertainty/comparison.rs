@@ -1,4 +1,5 @@
-//! How far apart two cameras project, and whether their uncertainties explain it.
+//! Difference between the projections of two cameras, and a test whether their uncertainties
+//! explain it.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
 
@@ -7,49 +8,50 @@ use crate::error::Error;
 use crate::lens::{Lens, SeenAgain, TurnedLenses};
 use crate::numeric::chi_square_tail;
 
-/// Directions of difference known this much better than the least known are rounding.
+/// Standard deviation of a direction of difference, relative to the largest, below which it is
+/// rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Sweeps of the singular value decomposition of a few columns.
+/// Maximum number of sweeps of the singular value decomposition of a few columns.
 const MAX_SWEEPS: usize = 1000;
 
-/// How far apart two cameras project.
+/// Difference between the projections of two cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProjectionDifference {
-    /// `second_from_first`: the rotation that fits best, taken out of the differences.
+    /// `second_from_first`: the rotation that fits best; it is removed from the differences.
     pub rotation: Matrix3<f64>,
-    /// For each pixel the second camera's projection of the direction that the first sees there,
-    /// less that pixel; `None` where one of the two cannot follow.
+    /// For each pixel, the second camera's projection of the direction that the first sees there,
+    /// minus that pixel; `None` where one of the two cannot map it.
     pub differences: Vec<Option<Vector2<f64>>>,
-    /// What the stated uncertainties say of it, if either camera states one.
+    /// Test against the stated uncertainties, if either camera states one.
     pub test: Option<DifferenceTest>,
 }
 
-/// Whether uncertainties explain a difference.
+/// Test whether uncertainties explain a difference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DifferenceTest {
-    /// For each pixel the root mean square distance that is to be expected between two
-    /// calibrations of one camera, pixels; `None` likewise.
+    /// For each pixel, the root mean square distance expected between two calibrations of one
+    /// camera, pixels; `None` as in the differences.
     pub std: Vec<Option<f64>>,
-    /// How often two calibrations of one camera, each from photographs of its own, differ at least
-    /// so much (chi-squared).
+    /// Probability that two calibrations of one camera, each from its own photographs, differ at
+    /// least as much (chi-squared).
     pub p_value: f64,
-    /// Independent differences that the uncertainties allow.
+    /// Number of independent differences that the uncertainties allow.
     pub degrees_of_freedom: usize,
-    /// Root mean square, pixels, of the difference of a shape that no change of the uncertain
-    /// parameters makes.
+    /// Root mean square, pixels, of the part of the difference that no change of the uncertain
+    /// parameters produces.
     pub unexplained: f64,
 }
 
 /// Compares two cameras over pixels of the first one, after the rotation that fits best.
 ///
-/// What a camera's parameters are uncertain by moves the directions seen at its pixels; the
-/// rotation takes up what it can of that, too, so that its three columns are projected out of the
-/// differences' covariance. `ProjectionUncertainty` of no parameters is a camera taken as exact.
+/// Errors of a camera's parameters move the directions seen at its pixels. The rotation absorbs a
+/// part of that, too, so that its three columns are projected out of the differences' covariance. A
+/// `ProjectionUncertainty` of no parameters is a camera taken as exact.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] if the two can follow less than a tenth of the pixels together, or a
-/// covariance has no eigenvalues.
+/// [`Error::InvalidArgument`] if both cameras together can map less than a tenth of the pixels, or
+/// a covariance has no eigenvalues.
 pub fn compare_projections<A: Lens, B: Lens>(
     first: &ProjectionUncertainty<'_, A>,
     second: &ProjectionUncertainty<'_, B>,
@@ -72,7 +74,8 @@ pub fn compare_projections<A: Lens, B: Lens>(
     })
 }
 
-/// Whether the free parameters of two cameras explain how far apart they project.
+/// Tests whether the free parameters of two cameras explain the difference between their
+/// projections.
 fn test_of_free(
     (first, second): (&FreeColumns, &FreeColumns),
     (is_of_one_family, focal): (bool, f64),
@@ -88,9 +91,9 @@ fn test_of_free(
     let mut spread = DMatrix::zeros(2 * seen.len(), count);
     let mut turns = DMatrix::zeros(2 * seen.len(), 3);
     for (i, matched) in seen.iter().enumerate() {
-        // What moves the first camera's projection moves the direction seen at a pixel back. From
-        // one lens to another of its family the mean of their derivatives leads, but for what is
-        // of the third order.
+        // A parameter that moves the first camera's projection moves the direction seen at a pixel
+        // the opposite way. Between two lenses of one family, the mean of their derivatives gives
+        // the difference, up to the third order.
         let (by_first, by_second) = if is_of_one_family {
             let mean = (matched.by_first + matched.by_second) / 2.0;
             (mean, mean)
@@ -109,24 +112,25 @@ fn test_of_free(
     let before = spread.norm();
     spread -= &basis * basis.tr_mul(&spread);
     if spread.norm() < ROUNDING * before {
-        spread.fill(0.0); // all is a rotation, but for rounding
+        spread.fill(0.0); // all is a rotation, up to rounding
     }
     let seen = differences.iter().flatten();
     let difference = DVector::from_iterator(spread.nrows(), seen.flat_map(|d| [d.x, d.y]));
-    // In how many ways parameters can change: in each of two cameras of one family the same.
+    // Number of parameters, those of two cameras of one family counted once: they cause the same
+    // changes.
     let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
     let kinds = first.len() + second.columns().iter().filter(is_new).count();
     tested(&difference, &spread, focal, kinds, matches).map(Some)
 }
 
-/// The chi-squared test of a difference against a square root of its covariance.
+/// Chi-squared test of a difference against a square root of its covariance.
 ///
-/// In two cameras of one family a parameter does the same, but for the aspects that `fy` may follow
-/// `fx` by: beyond the `kinds` of change that there are, directions are of the second order.
+/// In two cameras of one family a parameter has the same effect, but for the aspects at which `fy`
+/// may follow `fx`: there are `kinds` of change, and further directions are of the second order.
 ///
-/// What the least known direction leaves in the second order, its own size over the focal length
-/// times itself, would look significant in directions that are better known than that: they are
-/// not put to the test.
+/// The second-order effect of the least known direction, the square of its size over the focal
+/// length, would look significant in directions with a smaller standard deviation: they are not
+/// tested.
 fn tested(
     difference: &DVector<f64>,
     spread: &DMatrix<f64>,

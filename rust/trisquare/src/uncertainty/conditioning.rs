@@ -1,34 +1,35 @@
-//! The refusal of geometry from which the camera matrix does not follow.
+//! Refusal of geometry that does not determine the camera matrix.
 //!
-//! K must follow from the planes, not from the lens polynomial: wherever the principal point is
-//! free, the covariance is judged with the centre of distortion freed from it. (Tied, the
-//! polynomial's centre would vouch for the principal point, and with it the planes' one direction
-//! for the focal lengths: parallel planes would give plausible numbers.)
+//! K must be determined by the planes, not by the lens polynomial: wherever the principal point is
+//! free, the covariance is judged with the centre of distortion freed from it. (With the two tied,
+//! the polynomial's centre would determine the principal point, and with it a single direction of
+//! planes the focal lengths: parallel planes would give plausible numbers.)
 //!
-//! The rule: refused is what predicts a standard deviation above [`MAX_STD`] of the focal length
-//! (`fx`, `fy`) or of the width (`cx`, `cy`). The evidence, over scenes of three squares measured
-//! every 4 px with noise of 0.05 to 0.5 px, each by its worst parameter: 3,000 sound scenes (tilts
-//! of 25 to 50 degrees) have a median of 0.5 % and a largest value of 2.9 %; 2,000 scenes of
-//! parallel planes have a median of 43 % and a smallest value of 5.9 %. The latter does not depend
-//! on the noise, because the angle between planes that are parallel is estimated at some multiple
-//! of its own standard deviation, and what that angle tells of K has a relative error of one over
-//! that multiple; its distribution falls off like a Gaussian's tail toward the limit.
+//! The rule: a geometry is refused if it predicts a standard deviation above [`MAX_STD`] of the
+//! focal length (`fx`, `fy`) or of the width (`cx`, `cy`). The evidence is from scenes of three
+//! squares measured every 4 px with noise of 0.05 to 0.5 px, each judged by its worst parameter:
+//! 3,000 sound scenes (tilts of 25 to 50 degrees) have a median of 0.5 % and a largest value of
+//! 2.9 %; 2,000 scenes of parallel planes have a median of 43 % and a smallest value of 5.9 %. The
+//! latter does not depend on the noise, because the angle between planes that are parallel is
+//! estimated as some multiple of its own standard deviation, and the information about K from that
+//! angle has a relative error of one over that multiple; its distribution falls off like a
+//! Gaussian's tail toward the limit.
 //!
 //! Strong noise alone is no reason to refuse: where planes clearly differ in direction (by more
 //! than [`DISTINCT_DEGREES`], which in 1,000 scenes of parallel planes with noise of 1 to 3 px no
 //! estimate reached whose standard deviation was below the limit) the limit grows with the noise
-//! above [`COMMON_NOISE`], so that a sound scene photographed badly returns large standard
-//! deviations. And exact samples do not make a degenerate geometry sound: less noise than
-//! [`MIN_NOISE`] is judged as if it were that, because boards are not flat and lenses are not
-//! polynomials.
+//! above [`COMMON_NOISE`], so that a sound scene photographed badly gives large standard
+//! deviations. And exact samples do not make a degenerate geometry sound: noise below [`MIN_NOISE`]
+//! is raised to that value, because boards are not flat and lenses are not polynomials.
 //!
-//! Where a value of the camera matrix is held, residuals above [`NO_NOISE`] say that it is wrong: the
-//! planes contradict it, and what the residuals predict hangs on where the search ended. (Of 24 scenes,
-//! a focal length held at 1,000 times the truth left 4 % of half the diagonal or more in all that
-//! found an optimum; one at 1.3 times left 0.3 % at most.)
+//! Where a value of the camera matrix is held, residuals above [`NO_NOISE`] show that it is wrong:
+//! the planes contradict it, and the standard deviations predicted from the residuals depend on
+//! where the search ended. (In 24 scenes, a focal length held at 1,000 times the truth left
+//! residuals of 4 % of half the diagonal or more wherever an optimum was found; one at 1.3 times
+//! left 0.3 % at most.)
 //!
-//! A freed skew has no limit of its own: where the planes leave it open, it is the focal lengths and
-//! the principal point that suffer.
+//! A freed skew has no limit of its own: if the planes do not determine it, the focal lengths and
+//! the principal point become uncertain.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -39,18 +40,19 @@ use crate::lens::Lens;
 use crate::numeric::ArrowSystem;
 use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options, View};
 
-/// Largest standard deviation accepted: of a focal length as a part of it, of the principal point
-/// as a part of the width. Between the sound and the parallel scenes of the module's evidence.
+/// Largest accepted standard deviation: of a focal length as a fraction of it, of the principal
+/// point as a fraction of the width. It lies between the sound and the parallel scenes of the
+/// module's evidence.
 const MAX_STD: f64 = 0.04;
 
-/// The same where the principal point is held, and no lens polynomial can stand in for the planes:
-/// those that face the camera, which is what remains to be refused, predict 18 % or more (250
+/// The same where the principal point is held, so that no lens polynomial can stand in for the
+/// planes. Planes that face the camera, the remaining case to be refused, predict 18 % or more (250
 /// scenes). Of parallel planes tilted by 25 to 50 degrees, which are legitimate then, 6 % predict
-/// more than 4 %, and 2 % more than 10 %: about an axis along the picture's own, tilt leaves the
-/// aspect open.
+/// more than 4 %, and 2 % more than 10 %: a tilt about an axis parallel to one of the picture's
+/// leaves the aspect open.
 const MAX_STD_CENTRED: f64 = 0.1;
 
-/// The one that holds for what is fixed.
+/// Returns the limit for what is fixed.
 pub(super) fn largest_std(fixed: Fixed) -> f64 {
     match fixed.principal_point {
         true => MAX_STD_CENTRED,
@@ -58,44 +60,48 @@ pub(super) fn largest_std(fixed: Fixed) -> f64 {
     }
 }
 
-/// Noise of one pixel of edge above which the limit grows: what ordinary pictures have at most
-/// (0.5 px for samples 4 px apart).
+/// Noise of one pixel of edge above which the limit grows: the maximum of ordinary pictures (0.5 px
+/// for samples 4 px apart).
 const COMMON_NOISE: f64 = 1.0;
 
-/// The limit grows with the noise to so many times itself, where a linear prediction ends.
+/// Largest factor by which the limit grows with the noise: beyond it a linear prediction is not
+/// valid.
 const MAX_LIMIT_GROWTH: f64 = 4.0;
 
-/// Planes so far apart (degrees) are certainly not parallel.
+/// Angle between planes (degrees) above which they are certainly not parallel.
 const DISTINCT_DEGREES: f64 = 25.0;
 
-/// Noise of one pixel of edge that is assumed at least (0.1 px for samples 4 px apart): below, what
-/// is wrong with paper and lens is larger.
+/// Minimum noise of one pixel of edge that is assumed (0.1 px for samples 4 px apart): below, the
+/// errors of paper and lens are larger.
 const MIN_NOISE: f64 = 0.2;
 
-/// Residuals of so large a part of half the picture's diagonal are no noise.
+/// Residual, as a fraction of half the picture's diagonal, above which it is not noise.
 const NO_NOISE: f64 = 0.01;
 
-/// Standard deviation granted to a freed centre of distortion beforehand, in half image
-/// diagonals: it is unobservable where there is no distortion, and then tells nothing anyway.
+/// Prior standard deviation of a freed centre of distortion, in half image diagonals: the centre is
+/// unobservable where there is no distortion, and then gives no information in any case.
 const CENTRE_PRIOR: f64 = 0.5;
 
-/// A standard deviation above this part of its limit asks for a second look at the optimum.
+/// Standard deviation, as a fraction of its limit, above which another optimum is looked for.
 const DOUBTFUL: f64 = 0.3;
 
-/// Planes less apart than this (degrees) are called parallel when the geometry is refused.
+/// Angle between planes (degrees) below which a refusal calls them parallel.
 const PARALLEL_DEGREES: f64 = 5.0;
 
-/// Planes less apart, or less tilted, than this (degrees) are the likeliest cause of a refusal.
+/// Angle between planes, or their tilt, (degrees) below which it is the likeliest cause of a
+/// refusal.
 const ALIKE_DEGREES: f64 = 20.0;
 
-/// Figures that span less than this part of the picture's height are small.
+/// Extent of the largest figure, as a fraction of the picture's height, below which figures are
+/// small.
 const SMALL_SPAN: f64 = 0.2;
 
-/// Figures that span less than this part of both width and height huddle together.
+/// Extent of all figures together, as a fraction of width and height, below which they lie close
+/// together.
 const HUDDLED_SPAN: f64 = 0.6;
 
-/// The free parameters, with the centre of distortion freed from the principal point where the
-/// lens polynomial could otherwise stand in for the planes.
+/// Returns the free parameters, with the centre of distortion freed from the principal point where
+/// the lens polynomial could otherwise stand in for the planes.
 pub(crate) fn judged_parameters(free: &FreeParameters) -> FreeParameters {
     if free.position("cx").is_some() {
         free.with_free_centre()
@@ -104,13 +110,13 @@ pub(crate) fn judged_parameters(free: &FreeParameters) -> FreeParameters {
     }
 }
 
-/// What a judgement of the geometry looks at.
+/// Input of a judgement of the geometry.
 pub(crate) struct Conditioning<'a, L: Lens> {
     pub view: &'a View<L>,
     pub planes: &'a [ObservedPlane],
     pub size: ImageSize,
     pub options: &'a Options<L>,
-    /// What the samples' standard deviations are to be multiplied by.
+    /// Factor on the samples' standard deviations.
     pub noise_scale: f64,
 }
 
@@ -118,15 +124,15 @@ pub(crate) struct Conditioning<'a, L: Lens> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weakest {
     pub parameter: &'static str,
-    /// As a part of a focal length itself, or of the picture's width; infinite where it is not
-    /// observable.
+    /// Its standard deviation, as a fraction of the focal length itself or of the picture's width;
+    /// infinite where it is not observable.
     pub std: f64,
-    /// In the same unit.
+    /// Its largest accepted standard deviation, in the same unit.
     pub limit: f64,
 }
 
 impl Weakest {
-    /// The standard deviation as a part of what is accepted.
+    /// Standard deviation as a fraction of the limit.
     pub fn ratio(&self) -> f64 {
         self.std / self.limit
     }
@@ -139,8 +145,8 @@ impl Weakest {
 }
 
 impl<L: Lens> Conditioning<'_, L> {
-    /// Why the camera matrix does not follow from the geometry, without remedies; `None` where it
-    /// does.
+    /// Returns why the geometry does not determine the camera matrix, without remedies; `None` if
+    /// it does.
     ///
     /// `system` holds the normal equations over the [`judged_parameters`], `factor` turns the
     /// inverse of their information into a covariance.
@@ -160,8 +166,8 @@ impl<L: Lens> Conditioning<'_, L> {
         })
     }
 
-    /// The refusal of what is held of the camera matrix, in an optimum without it; of what is free
-    /// with it, one parameter is named.
+    /// Returns the refusal of held values of the camera matrix, judged at an optimum without them;
+    /// `parameter` is one of those that are free beside the held values.
     pub fn of_contradicted(
         &self,
         parameter: &'static str,
@@ -177,7 +183,7 @@ impl<L: Lens> Conditioning<'_, L> {
         }
     }
 
-    /// The parameter that is known worst in proportion to its limit; `None` if K is held.
+    /// Returns the parameter that is known worst in proportion to its limit; `None` if K is held.
     pub fn weakest(
         &self,
         system: &ArrowSystem,
@@ -185,7 +191,7 @@ impl<L: Lens> Conditioning<'_, L> {
         factor: f64,
     ) -> Option<Weakest> {
         let noise = self.noise();
-        // Where a bent side was left out, the paper has shown what is wrong with it.
+        // A bent side that was left out has already shown the errors of the paper.
         let entire = self
             .planes
             .iter()
@@ -247,8 +253,8 @@ impl<L: Lens> Conditioning<'_, L> {
         covariance(&system, factor)
     }
 
-    /// Bounds the centre of distortion where it is freed from the principal point: the parameters
-    /// after the free ones.
+    /// Adds the prior of the centre of distortion where it is freed from the principal point: to
+    /// the parameters after the free ones.
     pub(super) fn bound_centre(
         &self,
         system: &mut ArrowSystem,
@@ -270,7 +276,8 @@ impl<L: Lens> Conditioning<'_, L> {
         largest_std(self.options.fixed) * growth
     }
 
-    /// Noise of one pixel of edge: that of a sample, brought from the samples' spacing to 1 px.
+    /// Returns the noise of one pixel of edge: that of a sample, converted from the samples'
+    /// spacing to 1 px.
     fn noise(&self) -> f64 {
         let (mut weights, mut length) = (0.0, 0.0);
         for side in self.planes.iter().flat_map(ObservedPlane::sides) {
@@ -278,7 +285,7 @@ impl<L: Lens> Conditioning<'_, L> {
             length += span(side.samples.iter().map(|s| s.pixel)).norm();
         }
         let noise = self.noise_scale * (length / weights).sqrt();
-        // Samples without weight or extent tell nothing.
+        // Samples without weight or extent give no information.
         if noise.is_nan() { f64::INFINITY } else { noise }
     }
 
@@ -325,7 +332,7 @@ impl<L: Lens> Conditioning<'_, L> {
         Cause::Open { planes, degrees }
     }
 
-    /// The larger dimension of the largest figure, in pixels.
+    /// Returns the larger dimension of the largest figure, in pixels.
     fn largest_figure(&self) -> f64 {
         let figures = self.planes.iter().flat_map(|plane| &plane.figures);
         figures
@@ -333,7 +340,7 @@ impl<L: Lens> Conditioning<'_, L> {
             .fold(0.0, f64::max)
     }
 
-    /// All pairs of planes, and the angles between their directions in degrees.
+    /// Returns all pairs of planes, and the angles between their directions in degrees.
     fn pairs(&self) -> impl Iterator<Item = ((usize, usize), f64)> {
         let normals: Vec<_> = self.view.planes.iter().map(|p| p.pose.normal()).collect();
         let pairs = (0..normals.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
@@ -344,7 +351,8 @@ impl<L: Lens> Conditioning<'_, L> {
         })
     }
 
-    /// The first two of the planes that differ most in direction, and the angle between them.
+    /// Returns the first two of the planes that differ most in direction, and the angle between
+    /// them.
     fn farthest_pair(&self) -> Option<((usize, usize), f64)> {
         self.pairs()
             .reduce(|farthest, pair| match pair.1 > farthest.1 {
@@ -353,7 +361,7 @@ impl<L: Lens> Conditioning<'_, L> {
             })
     }
 
-    /// The largest angle between a plane and the image plane, in degrees.
+    /// Returns the largest angle between a plane and the image plane, in degrees.
     fn largest_tilt(&self) -> f64 {
         let tilts = self.view.planes.iter().map(|plane| {
             let normal = plane.pose.normal();
@@ -363,7 +371,7 @@ impl<L: Lens> Conditioning<'_, L> {
     }
 }
 
-/// Width and height of the box around points.
+/// Returns width and height of the box around points.
 fn span(points: impl Iterator<Item = Vector2<f64>>) -> Vector2<f64> {
     let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
     for point in points {

@@ -1,4 +1,4 @@
-//! Do planes stand as they are said to? Their poses tell, where nothing is asked of them.
+//! Test of stated relations between planes, by the poses of a calibration without the relations.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,10 +8,11 @@ use crate::numeric::normal_deviate;
 use crate::observations::Related;
 use crate::result::{Calibration, Warning};
 
-/// Normal deviates from which a relation is contradicted: one in thirty thousand.
+/// Normal deviate above which a relation is contradicted: one in thirty thousand.
 const EVIDENT: f64 = 4.0;
 
-/// Warns of planes that contradict their stated relation, by a calibration without the relations.
+/// Warns of planes that contradict their stated relation, given a calibration without the
+/// relations.
 pub(crate) fn contradicted_relations<L: Lens>(
     found: &Calibration<L>,
     relations: &[Related],

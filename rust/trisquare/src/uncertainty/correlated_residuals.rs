@@ -1,5 +1,5 @@
-//! What the residuals say of their own noise, and what that makes of the answer: planes that are
-//! measured less well than others, neighbours and whole sides that err together.
+//! Noise of the residuals and their correlation, and its effect on the covariance: planes that are
+//! measured less well than others, and neighbours and whole sides with common errors.
 
 use std::collections::BTreeMap;
 
@@ -17,35 +17,38 @@ use crate::observations::{FreeParameters, ObservedPlane};
 use crate::refine::{Refined, residuals};
 use crate::result::{Disagreement, NOTABLE_FACTOR, ResidualCorrelation, Warning};
 
-/// Variances that were raised by less are not told of: deviations would be 1.0 times as large.
+/// Factor on a variance below which no warning is given: standard deviations would be 1.0 times as
+/// large.
 const WORTH_TELLING: f64 = 1.1;
 
-/// A plane's noise differs from that of all if it does so by so many of its own standard
-/// deviations...
+/// Difference of a plane's noise from that of all planes, in its own standard deviations, above
+/// which the plane has noise of its own.
 const DIFFERENT: f64 = 4.0;
 
-/// ... of which its logarithm has `0.71 / sqrt(n)`.
+/// Standard deviation of the logarithm of a plane's noise, for one degree of freedom; for `n` it is
+/// `0.71 / sqrt(n)`.
 const LOG_SCALE_STD: f64 = 0.71;
 
-/// Standard deviations of a tone curve's error that leave the robust weights as they are.
+/// Step of a tone curve's error, in standard deviations, that leaves the robust weights unchanged.
 const SMALL_DRIFT: f64 = 0.01;
 
-/// What is known once correlation is allowed for.
+/// Covariance and its parts when correlation is allowed for.
 #[derive(Clone)]
 pub(crate) struct Correlated {
-    /// Of the free parameters.
+    /// Covariance of the free parameters.
     pub covariance: DMatrix<f64>,
-    /// What of it errors of sides make that were known beforehand, beyond those that these show.
+    /// The part of it from errors of sides that were known beforehand, beyond the errors that the
+    /// residuals show.
     pub known: DMatrix<f64>,
-    /// The plane that disagrees with the rest, if any does, and by how much the free parameters
-    /// change without it.
+    /// The plane that disagrees with the rest, if any does, and the change of the free parameters
+    /// without it.
     pub disagreement: Option<(Disagreement, DVector<f64>)>,
     pub residual_correlation: ResidualCorrelation,
 }
 
 impl ResidualCorrelation {
-    /// By how much the standard deviation of each parameter of a covariance was raised by what the
-    /// residuals show, and not by the part that was known beforehand.
+    /// Returns the factors by which the residuals raise the standard deviations of the parameters
+    /// of a covariance, without the part that was known beforehand.
     fn factors(&self, covariance: &DMatrix<f64>, known: &DMatrix<f64>) -> Vec<f64> {
         let independent = (covariance - &self.added).diagonal();
         let shown = (covariance - known).diagonal();
@@ -53,7 +56,7 @@ impl ResidualCorrelation {
         pairs.map(|(shown, own)| (shown / own).sqrt()).collect()
     }
 
-    /// Whether sides lie farther from their lines than their own straightness lets expect.
+    /// Whether sides lie farther from their lines than their own straightness explains.
     pub(crate) fn planes_contradict(&self) -> bool {
         self.between_plane_variance_ratio > WORTH_TELLING
     }
@@ -72,7 +75,7 @@ impl ResidualCorrelation {
                 factor: self.between_plane_variance_ratio.sqrt(),
                 displacement: self.line_displacement,
                 planes: self.displacements.len(),
-                known_to: None, // until all is counted
+                known_to: None, // set once the covariance is complete
                 held: free.held().into_iter().map(Into::into).collect(),
             });
         }
@@ -80,7 +83,7 @@ impl ResidualCorrelation {
         let Some(worst) = (0..factors.len()).max_by(most) else {
             return warnings;
         };
-        // Planes that contradict each other raise all deviations at least as much.
+        // Planes that contradict each other raise all standard deviations at least as much.
         let least = self.between_plane_variance_ratio.max(WORTH_TELLING);
         if self.group_variance_ratio > least {
             warnings.push(Warning::PlanesVary {
@@ -90,7 +93,7 @@ impl ResidualCorrelation {
             });
         }
         let (parameter, factor) = (free.names()[worst], factors[worst]);
-        // Not a number where the fit to the pixels is so much better that it has no such part.
+        // NaN where the fit to the pixels is so much better that there is no such part.
         if !(factor > NOTABLE_FACTOR) {
             return warnings;
         }
@@ -110,13 +113,14 @@ impl ResidualCorrelation {
     }
 }
 
-/// The first of the largest values.
+/// Returns the first of the largest values, and its index.
 fn largest(values: &[f64]) -> Option<(usize, f64)> {
     let values = values.iter().copied().enumerate().rev();
     values.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The planes with their samples weighed by the noise of each; `None` if all have the same.
+/// Returns the planes with the samples of each weighted by its own noise; `None` if all have the
+/// same noise.
 pub(crate) fn weighed_by_noise(
     planes: &[ObservedPlane],
     noise: &Noise,
@@ -134,8 +138,8 @@ pub(crate) fn weighed_by_noise(
     })
 }
 
-/// The covariance that every plane makes of the whole: that of its noise, at weights that take it
-/// for white, and of its sides' displacements.
+/// Returns the part of the covariance from every plane: from its noise, with weights for white
+/// noise, and from its sides' displacements.
 fn parts(
     (system, noise): (&ArrowSystem, f64),
     units: &[DMatrix<f64>],
@@ -152,8 +156,8 @@ fn parts(
     Some(parts)
 }
 
-/// What the errors of the pictures' tone curves add to a covariance, of planes whose optimum takes
-/// them for none.
+/// Returns the part of a covariance from the errors of the pictures' tone curves, for planes whose
+/// optimum assumes that there are none.
 fn drifted<L: Lens>(
     (planes, free): (&[ObservedPlane], &FreeParameters),
     refined: &Refined<L>,
@@ -189,8 +193,8 @@ fn drifted<L: Lens>(
     Some(total)
 }
 
-/// The covariance of an optimum under the correlation that its own residuals show; `None` if it
-/// is singular.
+/// Returns the covariance of an optimum under the correlation that its own residuals show; `None`
+/// if it is singular.
 pub(crate) fn correlated_covariance<L: Lens>(
     planes: &[ObservedPlane],
     free: &FreeParameters,
@@ -205,7 +209,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let between_plane_variance_ratio = misfit.between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
     // Boards with an out-of-plane shape have been fitted by generalised least squares, all others
-    // at weights that take the noise for white.
+    // with weights for white noise.
     let generalised = match planes.iter().any(|plane| plane.board_relief.is_some()) {
         true => Some(covariance(&system, 1.0)?),
         false => None,
@@ -234,7 +238,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let parts = parts(fitted, &units, &strength.mean)?;
     let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated);
     let group_variance_ratio = spread.as_ref().map_or(1.0, |it| it.variance_ratio.max(1.0));
-    // Sides in the wrong place may be none of a group's errors in the camera.
+    // Displaced sides need not displace the camera that a group determines.
     let raised = match spread {
         Some(spread) if spread.is_enough => group_variance_ratio,
         _ => group_variance_ratio.max(between_plane_variance_ratio),

@@ -1,4 +1,4 @@
-//! How well the camera is known: the covariance of its parameters.
+//! Covariance of the camera's parameters.
 
 use nalgebra::DMatrix;
 
@@ -7,8 +7,8 @@ use crate::lens::MATRIX;
 use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
 
-/// The covariance of the free parameters from the normal equations at the optimum; `None` if they
-/// are singular. `factor` turns the inverse of the weighted information into a covariance.
+/// Returns the covariance of the free parameters from the normal equations at the optimum; `None`
+/// if they are singular. `factor` turns the inverse of the weighted information into a covariance.
 pub(crate) fn covariance(system: &ArrowSystem, factor: f64) -> Option<DMatrix<f64>> {
     if system.prior.is_empty() {
         return Some(DMatrix::zeros(0, 0));
@@ -31,8 +31,8 @@ fn invert(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         .then_some(covariance)
 }
 
-/// Checks that there are planes enough for the free entries of the camera matrix, by the equations
-/// that they give; how planes stand to each other gives further ones.
+/// Checks that the planes give enough equations for the free entries of the camera matrix;
+/// relations between planes give further ones.
 ///
 /// # Errors
 /// [`Error::NotEnoughPlanes`].
@@ -62,7 +62,7 @@ fn free_of_matrix(free: &FreeParameters) -> Vec<&'static str> {
     names.filter(|name| MATRIX.contains(name)).collect()
 }
 
-/// The same of planes that give two equations each.
+/// Checks the number of planes, if each gives two equations.
 ///
 /// # Errors
 /// [`Error::NotEnoughPlanes`].

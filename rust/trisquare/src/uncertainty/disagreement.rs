@@ -1,4 +1,4 @@
-//! Does one plane disagree with the rest? Each is left out in turn.
+//! Test whether one plane disagrees with the rest, by leaving out each in turn.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -6,26 +6,26 @@ use crate::numeric::{ArrowSystem, normal_deviate};
 use crate::observations::FreeParameters;
 use crate::result::Disagreement;
 
-/// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
+/// Maximum number of sweeps of the symmetric eigenvalue iteration; a few per column suffice.
 const MAX_SWEEPS: usize = 1000;
 
-/// Eigenvalues below this part of the largest are directions that a plane does not determine.
+/// Eigenvalue, as a fraction of the largest, below which a plane does not determine its direction.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// Normal deviates from which a disagreement is no accident: one in thirty thousand.
+/// Normal deviate above which a disagreement is not chance: one in thirty thousand.
 const DISAGREEMENT: f64 = 4.0;
 
-/// A focal length or principal point that moves by less than this part of the focal length when
-/// a plane is left out is of no consequence, however significant.
+/// Change of a focal length or principal point when a plane is left out, as a fraction of the focal
+/// length, below which it is of no consequence, however significant.
 const CONSEQUENCE: f64 = 0.002;
 
-/// The plane that disagrees most with the rest, if any does beyond chance, and by how much the free
-/// parameters change without it.
+/// Returns the plane that disagrees most with the rest, if any does beyond chance, and the change
+/// of the free parameters without it.
 ///
-/// At the optimum, plane `p` has the reduced gradient `g_p`, whose
-/// covariance is `S_p - S_p S^-1 S_p` with `S_p` its information and `S` that of all; leaving it
-/// out moves them by `(S - S_p)^-1 g_p` in one Gauss-Newton step. `factor` turns the inverse of
-/// the weighted information into a covariance.
+/// At the optimum, plane `p` has the reduced gradient `g_p`, whose covariance is
+/// `S_p - S_p S^-1 S_p` with `S_p` its information and `S` that of all planes; leaving it out moves
+/// the parameters by `(S - S_p)^-1 g_p` in one Gauss-Newton step. `factor` turns the inverse of the
+/// weighted information into a covariance.
 pub(crate) fn disagreement(
     system: &ArrowSystem,
     free: &FreeParameters,
@@ -38,8 +38,8 @@ pub(crate) fn disagreement(
     }
     let total = system.reduced_information()?;
     let inverse = total.clone().cholesky()?.inverse();
-    // The optimum is only reached to the iteration's tolerance: what is left of the total gradient
-    // is not any plane's own.
+    // The optimum is only reached to the iteration's tolerance: the remaining total gradient does
+    // not belong to any plane.
     let left = contributions
         .iter()
         .map(|part| &part.gradient)
@@ -84,7 +84,7 @@ fn mahalanobis(a: &DMatrix<f64>, g: &DVector<f64>) -> Option<(f64, usize)> {
     if a.is_empty() {
         return None;
     }
-    // Scaled so that parameters of very different units compare.
+    // Scaled so that parameters of very different units are comparable.
     let scale = a
         .diagonal()
         .map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });

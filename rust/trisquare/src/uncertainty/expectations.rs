@@ -1,8 +1,9 @@
-//! What is expected of an answer: a camera as nearly every one is, of square pixels and with its
-//! principal point near the centre; known well enough to be used, and in all of the picture.
+//! Checks of a result against expectations: a camera like nearly every other, with square pixels
+//! and its principal point near the centre, that is known well enough to be used, in all of the
+//! picture.
 //!
-//! Targets that are no squares, a stretched or a cropped picture give an answer that fits as well
-//! as a true one. Only what is known of cameras tells it.
+//! Targets that are not square, and a stretched or a cropped picture, give a result that fits as
+//! well as a true one. Only prior knowledge of cameras reveals it.
 
 use nalgebra::{DMatrix, Vector2};
 
@@ -14,15 +15,16 @@ use crate::lens::{Lens, MATRIX};
 use crate::observations::Fixed;
 use crate::result::{Calibration, Warning};
 
-/// Pixels are square to this part, and principal points central to this part of the width; what
-/// departs is farther off by so many standard deviations.
+/// Tolerance of `fy / fx` about 1.
 const ASPECT_TOLERANCE: f64 = 0.005;
+/// Tolerance of the principal point about the centre, as a fraction of the width.
 const CENTRE_TOLERANCE: f64 = 0.05;
+/// Standard deviations beyond a tolerance above which a departure is evident.
 const EVIDENT: f64 = 4.0;
 
 /// Warns of a camera that is unlike nearly all others.
 ///
-/// `held` gives `fx` where more is held than was: what is usual of cameras.
+/// `held` returns `fx` with a further parameter held at the value that is usual of cameras.
 pub(crate) fn unlikely_camera<L: Lens>(
     found: &Calibration<L>,
     fixed: Fixed,
@@ -54,22 +56,23 @@ pub(crate) fn unlikely_camera<L: Lens>(
     warnings
 }
 
-/// Places along either side of a picture at which its lens is asked for.
+/// Number of places along either side of a picture at which its lens is checked.
 const PLACES: u32 = 21;
 
-/// Part of a picture, at its corners, that a lens may miss.
+/// Fraction of a picture, at its corners, in which a lens may have no inverse.
 const MIN_MISSING: f64 = 0.01;
 
-/// Places along either side at which the uncertainty of its projections is asked for.
+/// Number of places along either side at which the uncertainty of the projections is checked.
 const COARSE_PLACES: u32 = 11;
 
-/// Standard deviation of a projection, over the picture's width, up to which it is known, and the
-/// part of a picture from which on it matters that it is not.
+/// Standard deviation of a projection, as a fraction of the picture's width, up to which it is
+/// known.
 const KNOWN: f64 = 0.01;
+/// Fraction of a picture above which unknown projections matter.
 const MIN_UNKNOWN: f64 = 0.1;
 
-/// The parameter of the camera matrix that is known worst, its standard deviation, and that as a part of
-/// the focal length or of the width; `None` if none is free.
+/// Returns the parameter of the camera matrix that is known worst, its standard deviation, and that
+/// as a fraction of the focal length or of the width, which is named last; `None` if none is free.
 fn known_worst<L: Lens>(found: &Calibration<L>) -> Option<(&'static str, f64, f64, &'static str)> {
     let focal = found.camera.focal();
     let width = f64::from(found.image_size.width);
@@ -86,14 +89,14 @@ fn known_worst<L: Lens>(found: &Calibration<L>) -> Option<(&'static str, f64, f6
     parts.max_by(|a, b| a.2.total_cmp(&b.2))
 }
 
-/// The largest standard deviation of a focal length, as a part of it, or of the principal point, as a
-/// part of the width; `None` if none of them is free.
+/// Returns the largest standard deviation of a focal length, as a fraction of it, or of the
+/// principal point, as a fraction of the width; `None` if none of them is free.
 pub(crate) fn camera_known_to<L: Lens>(found: &Calibration<L>) -> Option<f64> {
     known_worst(found).map(|(_, _, part, _)| part)
 }
 
-/// Warns of a camera that is known worse than what is refused before the residuals are asked, and
-/// of a lens that ends within the picture, or is a guess in a part of it.
+/// Warns of a camera that is known worse than the limit at which a geometry is refused, and of a
+/// lens that ends within the picture, or is extrapolated in a part of it.
 pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
     let limit = largest_std(fixed);
     let open = known_worst(found).filter(|(_, _, part, _)| *part > limit);
@@ -112,7 +115,7 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
     open.into_iter().chain(ends).chain(guess).collect()
 }
 
-/// The part of the picture in which the lens has no inverse.
+/// Returns the fraction of the picture in which the lens has no inverse.
 fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
     if found.camera.sees_all_of(found.image_size) {
         return 0.0;
@@ -122,7 +125,7 @@ fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
     unseen.count() as f64 / f64::from(PLACES * PLACES)
 }
 
-/// Middles of the cells that a picture is divided into, so many along either side.
+/// Returns the centres of the cells of a grid over a picture, with `along` cells along either side.
 fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
     let place =
         move |i: u32, size: u32| f64::from(size) * (f64::from(i) + 0.5) / f64::from(along) - 0.5;
@@ -132,9 +135,10 @@ fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
     })
 }
 
-/// Warns of a lens that is estimated from so small a part of the picture that the rest is a guess.
+/// Warns of a lens that is estimated from so small a part of the picture that it is extrapolated in
+/// the rest.
 ///
-/// Where the lens ends in the picture, what lies beyond is no part of that: it is warned of by itself.
+/// If the lens ends in the picture, the part beyond does not count: it has its own warning.
 fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     let is_of_lens = |name: &&str| !MATRIX.contains(name);
     if !found.parameters.iter().any(is_of_lens) {
@@ -145,14 +149,15 @@ fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     let is_seen = |pixel: &Vector2<f64>| found.camera.unproject(pixel).is_some();
     let pixels: Vec<_> = places.filter(is_seen).collect();
     let uncertainty = found.projection_uncertainty().ok()?;
-    // A turn taken out makes the sum of all variances less, which says enough of nearly all lenses.
+    // Removing a rotation reduces the sum of all variances: for nearly all lenses this bound
+    // suffices.
     let variances = pixels.iter().map(|p| Some(uncertainty.at(p)?.trace()));
     let sum: Option<f64> = variances.sum();
     if sum.is_some_and(|sum| sum < MIN_UNKNOWN * pixels.len() as f64 * limit * limit) {
         return None;
     }
     let exact = ProjectionUncertainty::new(&found.camera, &[], false, DMatrix::zeros(0, 0)).ok()?;
-    // A turn of the whole camera goes unnoticed, as in the projection map.
+    // A rotation of the whole camera is removed, as in the projection map.
     let compared = compare_projections(&uncertainty, &exact, &pixels).ok()?;
     let stds: Vec<f64> = compared.test?.std.into_iter().flatten().collect();
     let part = |count: usize| count as f64 / f64::from(COARSE_PLACES * COARSE_PLACES);
@@ -165,7 +170,8 @@ fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
     })
 }
 
-/// Adds to the covariance of a camera what it leaves out, and warns of how well it is known then.
+/// Adds a missing part to the covariance of a camera, and renews the warnings of how well it is
+/// known.
 pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed: Fixed) {
     found.covariance += by;
     found.warnings.retain(|warning| {
@@ -181,7 +187,7 @@ pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed
     found.sort_warnings();
 }
 
-/// The ratio `fy / fx` and its standard deviation, if it is free.
+/// Returns the ratio `fy / fx` and its standard deviation, if it is free.
 fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
     let [x, y] = [found.position("fx")?, found.position("fy")?];
     let focal = found.camera.focal();
@@ -189,7 +195,8 @@ fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
     Some((focal.y / focal.x, found.deviation([x, y], by)))
 }
 
-/// The distance of the principal point from the centre and its standard deviation, if it is free.
+/// Returns the distance of the principal point from the centre and its standard deviation, if it is
+/// free.
 fn off_centre<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
     let [x, y] = [found.position("cx")?, found.position("cy")?];
     let away = found.camera.principal_point() - found.image_size.centre();
@@ -198,7 +205,7 @@ fn off_centre<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
 }
 
 impl<L: Lens> Calibration<L> {
-    /// The standard deviation of a function of two parameters with these derivatives.
+    /// Returns the standard deviation of a function of two parameters with these derivatives.
     fn deviation(&self, [i, j]: [usize; 2], by: Vector2<f64>) -> f64 {
         let c = &self.covariance;
         let variance =

@@ -1,4 +1,4 @@
-//! A skew that is held at zero, and that the planes ask for: the picture was sheared, as by a rolling
+//! Test for a skew where it is held at zero: the picture may have been sheared, as by a rolling
 //! shutter or a scanner.
 
 use super::covariance::covariance;
@@ -7,22 +7,22 @@ use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options};
 use crate::refine::{Refined, system_at};
 use crate::result::{Calibration, Warning};
 
-/// A skew matters beyond this part of the focal length.
+/// Skew, as a fraction of the focal length, above which it matters.
 const NOTABLE_SKEW: f64 = 5e-4;
 
-/// It is evident beyond so many of its standard deviations.
+/// Skew, in its standard deviations, above which it is evident.
 const EVIDENT: f64 = 4.0;
 
-/// So many samples of each side are asked first, as they are quick to answer, ...
+/// Number of samples of each side in the first, quick test.
 const FIRST_SAMPLES: usize = 50;
 
-/// ... and all of them where the skew is beyond so many standard deviations of what the first tell.
+/// Skew, in the standard deviations of the first test, above which all samples are tested.
 const POSSIBLE: f64 = 1.5;
 
 /// Warns of a skew that all planes agree with, and that is not zero.
 ///
-/// `freed` gives the calibration where so much is held. It is asked where one step from the optimum says
-/// that the skew is not zero.
+/// `freed` returns the calibration with the given parameters held. It is called only if one step
+/// from the optimum shows that the skew is not zero.
 pub(crate) fn held_skew<L: Lens>(
     planes: &[ObservedPlane],
     refined: &Refined<L>,
@@ -30,7 +30,7 @@ pub(crate) fn held_skew<L: Lens>(
     freed: impl Fn(Fixed) -> Option<Calibration<L>>,
 ) -> Option<Warning> {
     let held = options.fixed;
-    // Beside what else is held a skew would make up for that.
+    // If something else is held, a skew would compensate for its error.
     let alone = !(held.focal || held.principal_point || held.distortion);
     if !(held.skew && alone) || L::skew_column().is_none() {
         return None;
@@ -59,7 +59,7 @@ pub(crate) fn held_skew<L: Lens>(
     })
 }
 
-/// Whether a target is blamed, which a skew would only make up for.
+/// Whether a warning is about a target, whose error a skew would only compensate for.
 fn is_of_a_target(warning: &Warning) -> bool {
     use Warning::{PlaneRejected, PlanesContradict, SideRejected};
     matches!(
@@ -68,8 +68,8 @@ fn is_of_a_target(warning: &Warning) -> bool {
     )
 }
 
-/// The skew after one step of all parameters from an optimum, in its standard deviations; `None` where
-/// it is open.
+/// Returns the skew after one step of all parameters from an optimum, in its standard deviations;
+/// `None` if it is not determined.
 fn deviations<L: Lens>(
     planes: &[ObservedPlane],
     optimum: &Refined<L>,

@@ -1,12 +1,13 @@
-//! Does the lens do what its model cannot? What all planes miss alike, at their places in the
-//! picture, is the lens; what sides and boards miss on their own is theirs.
+//! Test whether the lens departs from its model. Residuals that all planes have in common, at the
+//! same places in the picture, are due to the lens; residuals of single sides and boards are due to
+//! these.
 //!
-//! Two explanations of the residuals are weighed: that sides err, and boards are bent, each on its
-//! own, or squares are none; and that further fields displace the picture besides
-//! ([`crate::noise::PictureFields`]). The fields are normal beforehand, of the strength that lenses
-//! have, so that the restricted likelihoods compare as marginal ones do: fields that explain by
-//! chance what sides do on their own cost more than they gain. Few planes that are bent look a
-//! little like any lens; but with a lens alone for the cause, no bend is left beside its fields.
+//! Two explanations of the residuals are compared: sides with errors and boards with bends of their
+//! own, or squares that are not square; and, in addition, further fields that displace the picture
+//! ([`crate::noise::PictureFields`]). The fields have a normal prior of the strength that lenses
+//! have, so that the restricted likelihoods compare as marginal ones do: fields that explain the
+//! sides' own errors by chance cost more than they gain. A few bent planes always resemble some
+//! lens a little; but if a lens is the only cause, no bend is left beside its fields.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,57 +19,59 @@ use crate::observations::{BoardRelief, FreeParameters, ObservedPlane};
 use crate::refine::Refined;
 use crate::result::{Calibration, Warning};
 
-/// How often independent noise alone shows so much of the fields: the weighing is then begun.
+/// Probability that independent noise alone shows as much of the fields, below which the
+/// explanations are compared.
 const CHANCE: f64 = 1e-3;
 
-/// Twice the logarithm of the odds by which the fields have to explain the residuals better.
+/// Twice the logarithm of the odds by which an explanation has to be better than the others.
 const CLEARLY: f64 = 12.0;
 
-/// Variances tried of the planes' relief: none, and heights of a thousandth of half the extent to a
-/// tenth.
+/// Variances of the planes' relief that are tried: none, and heights from a thousandth of half the
+/// extent to a tenth.
 const RELIEFS: [f64; 5] = [FLAT, NEARLY_FLAT, 1e-5, 1e-4, 1e-2];
 
-/// The least of them: it takes up what little a model leaves.
+/// The smallest of them, which absorbs the little that a model leaves.
 const NEARLY_FLAT: f64 = 1e-6;
 
-/// Variances (px^2) tried of where the sides lie of squares that are none, each so many times the one
-/// before.
+/// Variances (px^2) that are tried of the positions of the sides of squares that are not square,
+/// each `LINES_RATIO` times the one before.
 const LINES: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e3];
 const LINES_RATIO: f64 = 10.0;
 
-/// What the residuals say of the lens.
+/// Conclusion from the residuals about the lens.
 pub(crate) enum LensVerdict {
-    /// They do not ask for another, and no plane is bent.
+    /// The residuals do not require another lens, and no plane is bent.
     Held,
-    /// Sheets that are not flat explain them best.
+    /// Sheets that are not flat explain the residuals best.
     NotFlat,
-    /// Fields alone explain them: by how much the free parameters would change with a lens that has
+    /// Fields alone explain the residuals: the change of the free parameters with a lens that has
     /// them, to first order.
     Beyond(DVector<f64>),
-    /// Fields explain them best, and something else nearly as well: the same.
+    /// Fields explain the residuals best, and something else nearly as well: the same change.
     Likely(DVector<f64>),
-    /// Squares that are none explain them, and fields perhaps as well.
+    /// Squares that are not square explain the residuals, and fields perhaps as well.
     NoSquares(NoSquares),
-    /// Fields explain a part of them.
+    /// Fields explain a part of the residuals.
     Unclear {
-        /// Whether they do clearly.
+        /// Whether they do so clearly.
         asked: bool,
     },
 }
 
-/// What squares that are none make of the answer.
+/// Effect on the result of squares that are not square.
 pub(crate) struct NoSquares {
-    /// By how much the free parameters would change if it were known, to first order, ...
+    /// Change of the free parameters if the shapes were accounted for, to first order.
     change: DVector<f64>,
-    /// ... and their covariance then.
+    /// Covariance of the free parameters then.
     covariance: DMatrix<f64>,
-    /// How far sides lie from where true squares would have them, px.
+    /// Distance of the sides from where true squares would have them, px.
     displacement: f64,
-    /// Where fields explain the residuals about as well: the change with a lens that has them.
+    /// The change with a lens that has the fields, if these explain the residuals about as well.
     pub lens: Option<DVector<f64>>,
 }
 
-/// Whether the residuals ask for a lens that has the fields; `None` where that cannot be told.
+/// Tests whether the residuals require a lens that has the fields; `None` if that cannot be
+/// computed.
 pub(crate) fn beyond_lens<L: Lens>(
     planes: &[ObservedPlane],
     (free, fields): (&FreeParameters, PictureFields),
@@ -90,7 +93,7 @@ pub(crate) fn beyond_lens<L: Lens>(
             return Some(LensVerdict::Held);
         }
     }
-    // A square may be bent as well as a board, only that it tells less of it.
+    // A square may be bent like a board, but its samples show less of the bend.
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&view.planes) {
         if plane.board_relief.is_none() && !plane.is_outlier() {
@@ -132,24 +135,24 @@ pub(crate) fn beyond_lens<L: Lens>(
     })
 }
 
-/// What explains the residuals beside noise, its strengths the likeliest.
+/// An explanation of the residuals beside noise, with its most likely strengths.
 struct Explanation {
     /// Standard deviations of the picture's fields.
     fields: [f64; FIELDS],
-    /// Variance of the planes' relief, ...
+    /// Variance of the planes' relief.
     relief: f64,
-    /// ... of where the sides of squares lie (px^2), ...
+    /// Variance of the positions of squares' sides (px^2).
     line_variance: f64,
-    /// ... and of what the sides of each plane err on their own.
+    /// Variance of the own errors of each plane's sides.
     variances: Vec<f64>,
-    /// Minus twice the logarithm of its likelihood, ...
+    /// Minus twice the logarithm of the likelihood.
     criterion: f64,
-    /// ... and of that without a relief.
+    /// The same without a relief.
     flat: f64,
 }
 
 impl Explanation {
-    /// Planes that are bent, or flat, beside fields of either strength.
+    /// Explanations by bent or flat planes, with fields of either strength.
     fn bent(errors: &mut SideErrors, fields: [[f64; FIELDS]; 2]) -> Option<[Self; 2]> {
         let under = |relief| {
             fields
@@ -182,7 +185,7 @@ impl Explanation {
         Some([likeliest(0)?, likeliest(1)?])
     }
 
-    /// Squares that are none, beside fields; `None` without squares.
+    /// Explanation by squares that are not square, with fields; `None` without squares.
     fn misshapen(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
         let flat = Assumption {
             relief: FLAT,
@@ -198,7 +201,8 @@ impl Explanation {
         let by_criterion = |a: &usize, b: &usize| tried[*a].2.total_cmp(&tried[*b].2);
         let likeliest = (0..tried.len()).min_by(by_criterion)?;
         let (at, variance, criterion) = tried[likeliest];
-        // Between those tried it follows a parabola over their logarithms.
+        // Between the variances tried, the criterion is interpolated by a parabola over their
+        // logarithms.
         let around = likeliest.checked_sub(1).zip(tried.get(likeliest + 1));
         let line_variance = around.map_or(at, |(before, after)| {
             let [before, after] = [tried[before].2, after.2].map(|other| other - criterion);
@@ -215,20 +219,20 @@ impl Explanation {
         })
     }
 
-    /// By how much the free parameters would change, to first order, ...
+    /// Returns the change of the free parameters, to first order.
     fn change(&self, errors: &mut SideErrors, free: &FreeParameters) -> Option<DVector<f64>> {
         let step = self.system(errors)?.solve(0.0)?;
         Some(step.shared.rows(0, free.len()).into_owned())
     }
 
-    /// ... and their covariance then.
+    /// Covariance of the free parameters then.
     fn covariance(&self, errors: &mut SideErrors, free: &FreeParameters) -> Option<DMatrix<f64>> {
         let all = covariance(&self.system(errors)?, 1.0)?;
         let size = free.len();
         Some(all.view((0, 0), (size, size)).into_owned())
     }
 
-    /// The normal equations that allow for it.
+    /// Returns the normal equations under this explanation.
     fn system(&self, errors: &mut SideErrors) -> Option<ArrowSystem> {
         errors.hold_fields(&self.fields);
         errors.set_relief(self.relief);
@@ -237,14 +241,14 @@ impl Explanation {
     }
 }
 
-/// As the relief's and the sides' own priors, that of the fields has its norm.
+/// Normalisation of the fields' prior, as those of the relief and of the sides have it.
 fn norm(fields: &[f64]) -> f64 {
     fields.iter().map(|std| 2.0 * std.ln()).sum()
 }
 
 impl<L: Lens> Calibration<L> {
-    /// Adds to the covariance how far a lens beyond the model moves the free parameters; the warning
-    /// names the model that holds it, with `fx` there.
+    /// Adds the change of the free parameters by a lens beyond the model to the covariance; the
+    /// warning names the model that fits the lens, with its `fx`.
     pub(crate) fn allow_for_lens(
         &mut self,
         change: &DVector<f64>,
@@ -262,7 +266,7 @@ impl<L: Lens> Calibration<L> {
         })
     }
 
-    /// The same for squares that are none, or for what is held at a wrong value.
+    /// The same for squares that are not square, or for what is held at a wrong value.
     pub(crate) fn allow_for_no_squares(
         &mut self,
         found: &NoSquares,
@@ -278,8 +282,8 @@ impl<L: Lens> Calibration<L> {
         })
     }
 
-    /// Adds a doubt to the covariance; returns the parameter whose standard deviation grows most,
-    /// and how many times.
+    /// Adds `doubt` to the covariance; returns the parameter whose standard deviation grows most,
+    /// and its factor.
     fn raise(&mut self, doubt: &DMatrix<f64>) -> Option<(&'static str, f64)> {
         let (added, own) = (doubt.diagonal(), self.covariance.diagonal());
         let factors = added.iter().zip(&own);

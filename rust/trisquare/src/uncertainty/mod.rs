@@ -1,4 +1,4 @@
-//! How well the camera is known, and whether the geometry determines it at all.
+//! Uncertainty of the camera, and the judgement whether the geometry determines it at all.
 
 mod assumed_centre;
 mod comparison;

@@ -1,4 +1,4 @@
-//! The angle between two planes of one picture, and how well it is known.
+//! The angle between two planes of one picture, and its standard deviation.
 
 use nalgebra::Vector6;
 
@@ -8,18 +8,18 @@ use crate::geometry::Pose;
 use crate::lens::Lens;
 use crate::result::PoseUncertainty;
 
-/// Sine of the angle between planes from which on the axis of their angle is theirs.
+/// Sine of the angle between planes above which their normals determine its axis.
 const MIN_SINE: f64 = 1e-9;
 
 impl<L: Lens> ProjectionUncertainty<'_, L> {
-    /// The angle between the normals of two planes of one picture, 0 to pi, and its standard
-    /// deviation, both in radians. Of planes of different pictures it is none: the camera may have
-    /// turned.
+    /// Returns the angle between the normals of two planes of one picture, 0 to pi, and its
+    /// standard deviation, both in radians. It is meaningless for planes of different pictures: the
+    /// camera may have turned.
     ///
-    /// Both poses follow the camera. A turn `w` of a plane changes its normal `n` by `w x n`, and so
-    /// the angle about its axis `a`, the unit vector along `n x n'`, by `a . (w' - w)`. That of
-    /// parallel planes is never negative: within some standard deviations of 0, planes may be
-    /// parallel.
+    /// Both poses follow the camera. A rotation `w` of a plane changes its normal `n` by `w x n`,
+    /// and so the angle about its axis `a`, the unit vector along `n x n'`, by `a . (w' - w)`. The
+    /// estimated angle of parallel planes is never negative: planes within some standard deviations
+    /// of 0 may be parallel.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] for an uncertainty of another lens, [`Error::NotFinite`] for a

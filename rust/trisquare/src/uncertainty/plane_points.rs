@@ -1,4 +1,4 @@
-//! Points of a plane, from where they are seen, and how well they are known.
+//! Points of a plane from the pixels at which they are seen, and their covariance.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, Vector2};
 
@@ -8,20 +8,20 @@ use crate::geometry::Pose;
 use crate::lens::{Lens, ProjectionJacobian, of_all};
 use crate::result::PoseUncertainty;
 
-/// Cosine of the angle between ray and normal below which a point's place means nothing.
+/// Cosine of the angle between ray and normal below which a point's position is meaningless.
 const GRAZING: f64 = 1e-3;
 
-/// Where a pixel's ray meets a plane.
+/// The point at which a pixel's ray meets a plane.
 struct PlanePoint {
-    /// In the plane's coordinates and unit.
+    /// The point in the plane's coordinates and unit.
     point: Vector2<f64>,
     by_pixel: Matrix2<f64>,
     by_pose: SMatrix<f64, 2, 6>,
-    /// How the pixel of the point's direction follows the lens's parameters.
+    /// Derivative of the pixel of the point's direction with respect to the lens's parameters.
     by_lens: ProjectionJacobian,
 }
 
-/// The points of a plane that are seen at pixels, in the plane's own coordinates and unit.
+/// Returns the points of a plane that are seen at pixels, in the plane's own coordinates and unit.
 ///
 /// ```
 /// use nalgebra::Vector2;
@@ -36,7 +36,7 @@ struct PlanePoint {
 ///
 /// # Errors
 /// [`Error::BeyondValidRadius`], [`Error::InvalidArgument`] for a pixel at or beyond the plane's
-/// horizon, or [`Error::NotFinite`] for a pixel, a pose, or a point that is not.
+/// horizon, or [`Error::NotFinite`] for a pixel, a pose, or a point that is not finite.
 pub fn points_on_plane<L: Lens>(
     lens: &L,
     pose: &Pose,
@@ -46,9 +46,11 @@ pub fn points_on_plane<L: Lens>(
     Ok(met.iter().map(|met| met.point).collect())
 }
 
+/// Intersects the rays of pixels with a plane.
+///
 /// The direction `d` of a pixel meets the plane at `lambda d = R (p, 0) + t`. A change of the point
 /// of the plane by `s` in camera coordinates, or of the direction by `-s / lambda`, moves `p` so
-/// that `[r1 r2 -d] (dp, dlambda) = -s`; a rotation vector `w` makes `s = w x R (p, 0)`.
+/// that `[r1 r2 -d] (dp, dlambda) = -s`; a rotation vector `w` gives `s = w x R (p, 0)`.
 fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
     let mut numbers = pose.rotation.iter().chain(pose.translation.iter());
     if !numbers.all(|v| v.is_finite()) {
@@ -60,7 +62,7 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
     let meet = |(index, (ray, pixel)): (usize, (&L::PixelRay, &Vector2<f64>))| {
         let direction = lens.direction(ray);
         let towards = normal.dot(&direction);
-        // A ray meets the plane ahead of the camera if it leaves to the plane's side.
+        // A ray meets the plane ahead of the camera if it points to the plane's side.
         if !(distance.signum() * towards > GRAZING * direction.norm()) {
             return Err(Error::InvalidArgument(format!(
                 "point {index}, ({}, {}), is at or beyond the plane's horizon",
@@ -97,15 +99,16 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
 }
 
 impl<L: Lens> ProjectionUncertainty<'_, L> {
-    /// The points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
+    /// Returns the points of a plane that are seen at pixels, and their covariance, `(2 N, 2 N)` of
     /// `x0, y0, x1, ...`.
     ///
-    /// It holds what the pixels (`pixel_std`, one standard deviation of each coordinate), the pose
-    /// and the camera contribute, jointly: the pose follows the camera.
+    /// The covariance contains the contributions of the pixels (`pixel_std`, one standard deviation
+    /// of each coordinate), the pose and the camera, jointly: the pose follows the camera.
     ///
     /// # Errors
     /// As [`points_on_plane`]; [`Error::InvalidArgument`] for a `pixel_std` that is negative or not
-    /// finite, or an uncertainty of another lens; [`Error::NotFinite`] for a covariance that is not.
+    /// finite, or an uncertainty of another lens; [`Error::NotFinite`] for a covariance that is not
+    /// finite.
     pub fn points_on_plane(
         &self,
         pose: &Pose,
@@ -130,7 +133,8 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
                 .fixed_view_mut::<2, 2>(2 * i, 2 * i)
                 .copy_from(&own);
             by_pose.fixed_rows_mut::<2>(2 * i).copy_from(&met.by_pose);
-            // Where the camera projects a ray further along, a pixel's ray is the one before.
+            // If a parameter moves the pixel of a fixed ray forward, it moves the ray of a fixed
+            // pixel back.
             let moved = met.by_pixel * self.free().of(&met.by_lens);
             let followed = met.by_pose * &pose_by_free;
             by_camera.rows_mut(2 * i, 2).copy_from(&(followed - moved));
@@ -190,7 +194,8 @@ mod tests {
 
     #[test]
     fn a_camera_s_error_that_the_pose_follows_moves_no_point_of_it() {
-        // The principal point moves, and every pixel with it: only a pose that does not follow errs.
+        // The principal point moves, and every pixel with it: only a pose that does not follow the
+        // camera is wrong.
         let camera = camera().without_distortion();
         let uncertain =
             ProjectionUncertainty::new(&camera, &["cx"], false, DMatrix::identity(1, 1)).unwrap();

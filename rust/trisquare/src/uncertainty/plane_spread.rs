@@ -1,40 +1,43 @@
-//! The spread between groups of planes, beside what the covariance lets expect.
+//! The spread between groups of planes, relative to that expected from the covariance.
 //!
-//! At the optimum, group `g` of the planes has the gradient `g_g` of the shared parameters, its own
-//! eliminated; with `S` the information of all, `u_g = S^-1 g_g` is what the group does to the
-//! answer (a delete-one-group jackknife to first order: J. A. Reeds, Ann. Statist. 6 (1978)
-//! 727-739). With `V_g` the part of the covariance `V` that the group is said to make and
-//! `A_g = S^-1 S_g`, the fit leaves of it
-//! `E_g = V_g - A_g V_g - V_g A_g^T + A_g V A_g^T`.
-//! The sum of `u_g^T V^-1 u_g` over that of `tr(V^-1 E_g)` says how many times the stated covariance
-//! the groups scatter: one number, which ten groups tell well, where they would tell little of a
-//! whole matrix.
+//! At the optimum, group `g` of the planes has the gradient `g_g` of the shared parameters, with
+//! its own eliminated; with `S` the information of all, `u_g = S^-1 g_g` is the influence of the
+//! group on the result (a delete-one-group jackknife to first order: J. A. Reeds, Ann. Statist. 6
+//! (1978) 727-739). With `V_g` the group's stated part of the covariance `V` and `A_g = S^-1 S_g`,
+//! the fit leaves of it `E_g = V_g - A_g V_g - V_g A_g^T + A_g V A_g^T`. The sum of
+//! `u_g^T V^-1 u_g` over that of `tr(V^-1 E_g)` is the ratio of the groups' scatter to the stated
+//! covariance: a single number, which ten groups determine well, while they would determine little
+//! of a whole matrix.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::numeric::{ArrowSystem, chi_square_tail};
 use crate::observations::ObservedPlane;
 
-/// Groups that tell of a spread; of fewer, each has half of the say in some parameter.
+/// Minimum number of groups to estimate a spread: with fewer, each has half of the weight in some
+/// parameter.
 const MIN_GROUPS: usize = 5;
 
-/// How often chance makes the groups scatter so much; a covariance is seldom raised without cause.
+/// Probability of such a scatter by chance below which the covariance is raised: it is seldom
+/// raised without cause.
 const CHANCE: f64 = 0.01;
 
-/// Groups that tell it better than the residuals do.
+/// Number of groups from which they determine the spread better than the residuals do.
 const ENOUGH_GROUPS: usize = 10;
 
-/// How groups of planes scatter.
+/// Scatter of groups of planes.
 pub(crate) struct GroupSpread {
-    /// By how much more, in variance, than the covariance lets expect; 1 where that may be chance.
+    /// Ratio of their variance to that expected from the covariance; 1 where the excess may be
+    /// chance.
     pub variance_ratio: f64,
-    /// Whether so many groups scatter that nothing else need tell how much they do.
+    /// Whether there are enough groups that no other estimate of their scatter is needed.
     pub is_enough: bool,
 }
 
-/// How groups of planes scatter beside what a covariance lets expect; `None` where they are too few.
+/// Returns the scatter of groups of planes relative to that expected from a covariance; `None` if
+/// they are too few.
 ///
-/// `parts` are the covariances that the planes make of the total.
+/// `parts` are the planes' parts of the total covariance.
 pub(crate) fn spread_of_planes(
     planes: &[ObservedPlane],
     system: &ArrowSystem,
@@ -80,7 +83,8 @@ pub(crate) fn spread_of_planes(
     })
 }
 
-/// The planes that share their errors: those of one picture, or where there is only one, each.
+/// Returns the planes in groups that share their errors: those of one picture, or, if there is only
+/// one, each plane.
 fn groups_of(planes: &[ObservedPlane]) -> Vec<Vec<usize>> {
     let counting = (0..planes.len()).filter(|p| !planes[*p].is_outlier());
     let mut pictures = std::collections::BTreeMap::<usize, Vec<usize>>::new();

@@ -1,15 +1,16 @@
-//! How well the poses of the planes are known, together with the camera.
+//! Uncertainty of the poses of the planes, together with the camera.
 //!
 //! With `H` and `C` a plane's block of the normal equations and its cross terms with the camera,
-//! the pose that fits best follows the camera by `-H^-1 C`, and is known to `H^-1` (in units of
-//! the noise) where the camera is given. The covariance of camera and pose together follows from
-//! these and from the camera's own, whether it was found from the same planes or from others.
-//! Where the sides of a plane err together (paper that is not flat), each side's error moves the
-//! pose as the sum of its samples' gradients. What was eliminated, the error of a picture's tone curve,
-//! is a part of both: it follows the camera, and is not known where that is given.
+//! the pose that fits best follows the camera by `-H^-1 C`, and has the covariance `H^-1` (in units
+//! of the noise) where the camera is given. The joint covariance of camera and pose follows from
+//! these and from the camera's own, whether it was found from the same planes or from others. Where
+//! the sides of a plane have common errors (paper that is not flat), each side's error moves the
+//! pose like the sum of its samples' gradients. An eliminated parameter, the error of a picture's
+//! tone curve, contributes to both: it follows the camera, and is not known where the camera is
+//! given.
 //!
-//! The aspect of a rectangle, where it is unknown, is one more parameter of its plane, as is every
-//! unknown radius of a circle.
+//! An unknown aspect of a rectangle is one more parameter of its plane, as is every unknown radius
+//! of a circle.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
@@ -19,25 +20,26 @@ use crate::observations::{FreeParameters, ObservedPlane, POSE_PARAMETERS};
 use crate::refine::{EdgeProblem, Refined};
 use crate::result::{Calibration, PoseUncertainty};
 
-/// Samples of each side from which it is told how a pose follows the camera: that depends on where
+/// Number of samples of each side to compute how a pose follows the camera: that depends on where
 /// the sides are, and little on how densely they are sampled.
 const SAMPLES_PER_SIDE: usize = 8;
 
-/// How well what is estimated of a plane is known.
+/// Uncertainty of the estimated parameters of a plane.
 pub(crate) struct PlaneUncertainty {
     pub pose: PoseUncertainty,
-    /// Of the aspect or the radii of its first figure, where they are unknown.
+    /// Uncertainty of the aspect or the radii of its first figure, where they are unknown.
     pub shape: Vec<ShapeUncertainty>,
 }
 
-/// How well an aspect or a radius is known where the camera is given, and how it follows that.
+/// Variance of an aspect or a radius where the camera is given, and its derivative with respect to
+/// the camera.
 pub(crate) struct ShapeUncertainty {
     variance: f64,
     by_camera: DVector<f64>,
 }
 
 impl ShapeUncertainty {
-    /// Standard deviation, with what is unknown of the camera.
+    /// Standard deviation, with the uncertainty of the camera included.
     pub fn std<L: Lens>(&self, calibration: &Calibration<L>) -> f64 {
         let names = L::parameter_names();
         let mut by_free = DVector::zeros(calibration.parameters.len());
@@ -56,8 +58,9 @@ impl ShapeUncertainty {
 }
 
 impl PlaneUncertainty {
-    /// From the covariance of all that is estimated of a plane where the camera is given, and from how
-    /// it follows the camera; `None` where they are not finite.
+    /// Creates it from the covariance of all estimated parameters of a plane where the camera is
+    /// given, and from their derivative with respect to the camera; `None` where they are not
+    /// finite.
     fn of(
         given_camera: &DMatrix<f64>,
         by_camera: &DMatrix<f64>,
@@ -80,11 +83,12 @@ impl PlaneUncertainty {
     }
 }
 
-/// Of every plane of an optimum, `None` where its own samples do not determine its pose.
+/// Returns the uncertainty of every plane of an optimum; `None` where its own samples do not
+/// determine its pose.
 ///
-/// `independent` is the covariance that independent noise gives the free parameters, which are in
-/// these `columns` of the camera's; `displacements` are what the sides of each plane err by beyond
-/// it, px.
+/// `independent` is the covariance of the free parameters under independent noise, which are in
+/// these `columns` of the camera's; `displacements` are the errors of the sides of each plane
+/// beyond that noise, px.
 pub(crate) fn pose_uncertainties<L: Lens>(
     planes: &[ObservedPlane],
     refined: &Refined<L>,
@@ -152,8 +156,8 @@ pub(crate) fn pose_uncertainties<L: Lens>(
     system.blocks.iter().enumerate().map(of_plane).collect()
 }
 
-/// How the parameters of a plane are moved where each side, one after the other, errs by the displacement
-/// of its plane. Planes that are tied to each other are moved by each other's sides.
+/// Returns the moves of a plane's parameters when each side, one after the other, is displaced by
+/// the error of its plane. Planes that are tied to each other are moved by each other's sides.
 fn moves_by_sides(
     plane: usize,
     factor: &Cholesky<f64, Dyn>,
@@ -181,7 +185,8 @@ fn moves_by_sides(
     Some(moves)
 }
 
-/// The gradient, by a plane's own parameters, of each of its sides' samples all displaced by 1 px.
+/// Returns the gradient, with respect to a plane's own parameters, of each of its sides with all
+/// samples displaced by 1 px.
 fn gradients_of_sides<L: Lens>(
     plane: &ObservedPlane,
     index: usize,
@@ -211,7 +216,7 @@ fn gradients_of_sides<L: Lens>(
     Some(gradients)
 }
 
-/// The normal equations over all of the camera's parameters.
+/// Returns the normal equations over all of the camera's parameters.
 fn following<L: Lens>(planes: &[ObservedPlane], refined: &Refined<L>) -> Option<ArrowSystem> {
     let all = FreeParameters::all::<L>();
     let problem = EdgeProblem::new(planes, &all, refined.scale);
@@ -230,7 +235,7 @@ mod tests {
     use crate::result::Calibration;
     use crate::synthetic::{Scene, SceneOptions};
 
-    /// The calibration of a scene, its camera held.
+    /// Calibrates a scene with its camera held.
     fn held(scene: &Scene, camera: Brown) -> Calibration {
         let fixed = Fixed {
             focal: true,
@@ -274,7 +279,8 @@ mod tests {
                 worst = worst.max(((turn - turned).norm() + (shift - shifted).norm()) / size);
             }
         }
-        // Second order, and robust weights that differ a little between all samples and some.
+        // The rest is the second order, and robust weights that differ a little between all samples
+        // and some.
         assert!(worst < 0.1, "{worst}");
     }
 }

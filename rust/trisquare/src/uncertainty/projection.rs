@@ -1,9 +1,10 @@
-//! How far the projection of a viewing direction may be off.
+//! Covariance of the projection of a viewing direction.
 //!
-//! Whoever uses a calibration cares less for its parameters, which may be uncertain together and
-//! in ways that cancel, than for where a direction is seen. For the direction `u` seen at a pixel,
-//! held fixed in the camera's frame, the pixel's covariance is `J C J^T` with `J` the derivative of
-//! the projection by the free parameters and `C` their covariance.
+//! For the use of a calibration, the uncertainty of its parameters, whose errors may be correlated
+//! and cancel, matters less than that of the pixel at which a direction is seen. For the direction
+//! `u` seen at a pixel, held fixed in the camera's frame, the pixel's covariance is `J C J^T` with
+//! `J` the derivative of the projection with respect to the free parameters and `C` their
+//! covariance.
 
 use nalgebra::{
     Const, DMatrix, Dim, Dyn, Matrix, Matrix2, Matrix6xX, OMatrix, Storage, SymmetricEigen, Vector2,
@@ -14,7 +15,7 @@ use crate::lens::{DefaultLens, Lens, of_all};
 use crate::numeric::is_covariance;
 use crate::result::{Calibration, PoseUncertainty};
 
-/// Sweeps of the symmetric eigenvalue iteration; a few per column suffice.
+/// Maximum number of sweeps of the symmetric eigenvalue iteration; a few per column suffice.
 const MAX_SWEEPS: usize = 1000;
 
 /// The uncertainty of projections that follows from that of a camera's parameters.
@@ -35,12 +36,12 @@ pub(super) struct FreeColumns {
 }
 
 impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
-    /// From the names of the free parameters and their covariance, in one order.
+    /// Creates it from the names of the free parameters and their covariance, in the same order.
     ///
     /// With `aspect_fixed`, `fy` follows `fx`.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] for a name that is none or is given twice, or a covariance of
+    /// [`Error::InvalidArgument`] for a name that is unknown or given twice, or a covariance of
     /// another size, or one that is not symmetric and positive semidefinite; [`Error::NotFinite`].
     pub fn new(
         camera: &'a L,
@@ -90,8 +91,8 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         })
     }
 
-    /// The covariance, in px^2, of where the direction seen at a pixel is projected; `None` beyond
-    /// the valid radius.
+    /// Returns the covariance, in px^2, of the projection of the direction seen at a pixel; `None`
+    /// beyond the valid radius.
     pub fn at(&self, pixel: &Vector2<f64>) -> Option<Matrix2<f64>> {
         let pixel_ray = self.camera.unproject_with_jacobian(pixel)?;
         let free = self.free.of(&self.camera.projection_jacobian(&pixel_ray));
@@ -112,7 +113,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         &self.free
     }
 
-    /// How a pose follows the free parameters.
+    /// Returns the derivative of a pose with respect to the free parameters.
     ///
     /// # Errors
     /// [`Error::InvalidArgument`] for the uncertainty of a pose seen by another lens.
@@ -130,7 +131,7 @@ impl<'a, L: Lens> ProjectionUncertainty<'a, L> {
         Ok(self.free.of(&uncertainty.by_camera))
     }
 
-    /// The same for many pixels.
+    /// Returns the same covariance for many pixels.
     ///
     /// # Errors
     /// [`Error::BeyondValidRadius`].
@@ -145,18 +146,18 @@ impl FreeColumns {
         &self.covariance
     }
 
-    /// Their places among all parameters.
+    /// Their columns among all parameters.
     pub(super) fn columns(&self) -> &[usize] {
         &self.columns
     }
 
-    /// How many they are.
+    /// Number of free parameters.
     pub(super) fn len(&self) -> usize {
         self.columns.len()
     }
 
-    /// A square root `L` of the covariance, `C = L L^T`, which rounding may have left a little
-    /// indefinite.
+    /// Returns a square root `L` of the covariance, `C = L L^T`; rounding may have left the
+    /// covariance slightly indefinite.
     pub(super) fn root(&self) -> Result<DMatrix<f64>, Error> {
         if self.columns.is_empty() {
             return Ok(DMatrix::zeros(0, 0));
@@ -168,7 +169,8 @@ impl FreeColumns {
         Ok(eigen.eigenvectors * DMatrix::from_diagonal(&roots))
     }
 
-    /// Of derivatives by all parameters, those by these; `fy` may follow `fx`.
+    /// Selects the derivatives with respect to the free parameters from those with respect to all;
+    /// `fy` may follow `fx`.
     pub(super) fn of<const R: usize, C: Dim>(
         &self,
         all: &Matrix<f64, Const<R>, C, impl Storage<f64, Const<R>, C>>,
@@ -186,10 +188,10 @@ impl FreeColumns {
 }
 
 impl<L: Lens> Calibration<L> {
-    /// The uncertainty of projections with this camera.
+    /// Returns the uncertainty of projections with this camera.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] for a covariance that is not.
+    /// [`Error::NotFinite`] for a covariance that is not finite.
     pub fn projection_uncertainty(&self) -> Result<ProjectionUncertainty<'_, L>, Error> {
         let covariance = self.covariance.clone();
         ProjectionUncertainty::new(
@@ -200,13 +202,14 @@ impl<L: Lens> Calibration<L> {
         )
     }
 
-    /// How far, in pixels (rms), the projections of the directions seen at pixels may be off.
+    /// Returns the standard deviation, in pixels (rms), of the projections of the directions seen
+    /// at pixels.
     ///
-    /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`]. Directions are held in the camera's frame,
-    /// so that an uncertain principal point counts in full, although a turn of the camera makes up
-    /// for most of it. What is left after the rotation that fits the given pixels best (of a grid over
-    /// the picture, what `lens_extrapolated` is about) are the deviations of a comparison with the
-    /// same camera taken as exact:
+    /// `sqrt(trace(J C J^T))`: see [`ProjectionUncertainty`]. Directions are held in the camera's
+    /// frame, so that an uncertain principal point counts in full, although a rotation of the
+    /// camera compensates for most of it. The standard deviations that remain after the rotation
+    /// that fits the given pixels best (for a grid over the picture, those of `lens_extrapolated`)
+    /// are given by a comparison with the same camera taken as exact:
     ///
     /// ```
     /// use nalgebra::{DMatrix, Vector2};
@@ -226,7 +229,7 @@ impl<L: Lens> Calibration<L> {
     /// [`Error::BeyondValidRadius`]; [`Error::NotFinite`].
     pub fn projection_std(&self, pixels: &[Vector2<f64>]) -> Result<Vec<f64>, Error> {
         let found = self.projection_uncertainty()?.at_pixels(pixels)?;
-        // Rounding may leave a trace that vanishes a little below zero.
+        // Rounding may make a trace of zero slightly negative.
         Ok(found.iter().map(|c| c.trace().max(0.0).sqrt()).collect())
     }
 }

@@ -1,7 +1,7 @@
-//! What would help a geometry that is refused: every remedy is tried before it is named.
+//! Remedies for a refused geometry: every remedy is tried before it is named.
 //!
 //! Holding a parameter is tried on the samples themselves. A change of the scene is tried on
-//! noise-free samples: the planes, each where it is seen, are turned or brought closer, and judged
+//! noise-free samples: the planes, each where it is seen, are rotated or brought closer, and judged
 //! by the same rule.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -16,47 +16,50 @@ use crate::numeric::Problem;
 use crate::observations::{Fixed, ObservedPlane, View};
 use crate::refine::EdgeProblem;
 
-/// Tilts tried, in degrees; beyond, squares become slivers.
+/// Tilts that are tried, in degrees; beyond, squares become slivers.
 const TILTS: [f64; 8] = [15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0];
 
-/// Enlargements tried.
+/// Enlargements that are tried.
 const FACTORS: [f64; 6] = [1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
 
-/// Directions of the first square's tilt for which a remedy must work (parts of a turn).
+/// Directions of the first square's tilt, as fractions of a turn, for all of which a remedy must
+/// work.
 const PHASES: [f64; 4] = [0.0, 0.07, 0.14, 0.21];
 
-/// Samples of each side that stand for all of them in a scene that is only imagined.
+/// Number of samples of each side of an imagined scene, which stand for all of them.
 const SAMPLES_PER_SIDE: usize = 16;
 
-/// A remedy must reach this part of what is accepted: the photograph to come is not quite the one
-/// imagined.
+/// Largest standard deviation with a remedy, as a fraction of the limit: the photograph to come
+/// differs from the imagined one.
 pub(crate) const MARGIN: f64 = 0.7;
 
-/// A camera whose worst parameter exceeds its limit by less than this factor is taken for the true
-/// one.
+/// Ratio of the worst parameter's standard deviation to its limit below which the camera is taken
+/// for the true one.
 const KNOWN: f64 = 2.5;
 
-/// The focal length assumed otherwise, in image widths: a long one, which shows least perspective.
+/// Focal length that is assumed otherwise, in image widths: a long one, which shows least
+/// perspective.
 const ASSUMED_FOCAL: f64 = 1.5;
 
-/// How far outside the picture (parts of its size) samples of an imagined scene may lie: it could
-/// be moved.
+/// Distance outside the picture, as a fraction of its size, at which samples of an imagined scene
+/// may lie: the scene could be moved.
 const SLACK: f64 = 0.1;
 
-/// Adds what would help to a refusal, `succeeds` being told what is held.
+/// Adds remedies to a refusal. `succeeds` returns whether a calibration with the given parameters
+/// held succeeds.
 pub(crate) fn add_remedies<L: Lens>(
     ill_conditioning: &mut IllConditioning,
     conditioning: &Conditioning<'_, L>,
     succeeds: impl Fn(Fixed) -> bool,
 ) {
-    // With less known less is determined, unless what was held is wrong: then nothing else helps.
+    // Freeing a parameter helps only if its held value is wrong, and then nothing else helps.
     let freed = remedies_by_freeing(conditioning, &succeeds);
     if !freed.is_empty() {
         ill_conditioning.remedies = freed;
         return;
     }
     let mut remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
-    // Another photograph is better than a principal point that nobody knows.
+    // Another photograph is better than a principal point that is not known.
     let guesses = remedies.iter().position(Remedy::is_of_principal_point);
     let shown = remedy_by_showing(conditioning, ill_conditioning);
     let before = guesses.unwrap_or(remedies.len());
@@ -64,7 +67,7 @@ pub(crate) fn add_remedies<L: Lens>(
     ill_conditioning.remedies = remedies;
 }
 
-/// What to hold no longer so that a calibration succeeds.
+/// Returns what has to be freed for a calibration to succeed.
 fn remedies_by_freeing<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     succeeds: impl Fn(Fixed) -> bool,
@@ -93,7 +96,7 @@ fn remedies_by_freeing<L: Lens>(
         .collect()
 }
 
-/// Gives a remedy if what it holds is other than now, and a calibration then succeeds.
+/// Returns a remedy if it changes what is held, and a calibration then succeeds.
 fn tried(
     now: &Fixed,
     succeeds: impl Fn(Fixed) -> bool,
@@ -101,7 +104,7 @@ fn tried(
     move |remedy, held| (held != *now && succeeds(held)).then_some(remedy)
 }
 
-/// What to hold so that a calibration succeeds.
+/// Returns what has to be held for a calibration to succeed.
 fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<Remedy> {
     let skew = Fixed {
         skew: true,
@@ -132,7 +135,8 @@ fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<R
     both.into_iter().collect()
 }
 
-/// How to show the planes so that a calibration succeeds; `None` if nothing tried would do.
+/// Returns how to show the planes for a calibration to succeed; `None` if nothing that was tried
+/// suffices.
 fn remedy_by_showing<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     ill_conditioning: &IllConditioning,
@@ -164,9 +168,9 @@ fn remedy_by_showing<L: Lens>(
 /// The same planes as another photograph might show them.
 struct Imagined<'a, 'b, L: Lens> {
     conditioning: &'a Conditioning<'b, L>,
-    /// Some of the samples, which stand for all.
+    /// The planes with some of the samples, which stand for all.
     planes: Vec<ObservedPlane>,
-    /// The noise scale that goes with them.
+    /// The noise scale for these samples.
     noise_scale: f64,
     lens: L,
     lens_is_known: bool,
@@ -203,7 +207,7 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
         }
     }
 
-    /// Whether the planes, tilted (or as they stand) and enlarged, pass the rule with a margin.
+    /// Whether the planes, tilted (or as they are) and enlarged, pass the rule with a margin.
     fn suffices(&self, tilt: Option<f64>, factor: f64) -> bool {
         let phases = if tilt.is_some() { &PHASES[..] } else { &[0.0] };
         phases.iter().all(|phase| {
@@ -212,7 +216,7 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
         })
     }
 
-    /// The worst standard deviation of the imagined scene as a part of what is accepted.
+    /// Returns the worst standard deviation of the imagined scene as a fraction of its limit.
     fn ratio(&self, tilt: Option<f64>, factor: f64, phase: f64) -> Option<f64> {
         let planes = &self.planes;
         let turn = if planes.len() == 2 {
@@ -247,8 +251,8 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
         Some(weakest.ratio())
     }
 
-    /// A plane turned about the middle of its samples and brought closer, and its noise-free
-    /// samples; `None` if they would leave the picture.
+    /// Returns the pose of a plane rotated about the middle of its samples and brought closer, and
+    /// its noise-free samples; `None` if they would leave the picture.
     fn shown(
         &self,
         plane: &ObservedPlane,
@@ -270,7 +274,7 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
             middle += on_plane(&sample.pixel)? / count;
             pixel += sample.pixel / count;
         }
-        // Tilts are against the image plane: only what lies before it is imagined.
+        // Tilts are relative to the image plane: only planes in front of it are imagined.
         let ray = self.lens.unproject(&pixel).filter(|ray| ray.z > 0.0)?;
         let focal_ratio = self.lens.focal().x / view.lens.focal().x;
         let depth = old.transform(&middle).z * focal_ratio / factor;

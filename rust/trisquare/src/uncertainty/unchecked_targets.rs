@@ -1,4 +1,5 @@
-//! Planes that are as many as a camera needs leave nothing to check their figures against.
+//! Warning for planes that just suffice to determine the camera, so that their figures cannot be
+//! checked.
 
 use std::cmp::Reverse;
 
@@ -7,31 +8,33 @@ use crate::lens::{Lens, MATRIX};
 use crate::observations::{ObservedPlane, PlaneEdges};
 use crate::result::{Calibration, Plane, Warning};
 
-/// What printers stretch one direction by, as a part, and nobody sees; right angles are taken to be
-/// off by as much.
+/// Relative stretch of one direction by printers, which is not noticed; right angles are assumed to
+/// be off by as much (radians).
 const STRETCH: f64 = 0.003;
 
-/// Samples of a line that tell well enough what a stretch changes.
+/// Number of samples of a line that suffice to compute the effect of a stretch.
 const SAMPLES: usize = 50;
 
-/// Degrees between planes, and between their sides, up to which one tells what the other does: no
-/// more of the camera, and a stretch of both alike goes unnoticed.
+/// Angle between planes, and between their sides, in degrees, up to which one gives the same
+/// information as the other: no more about the camera, and a stretch of both alike goes unnoticed.
 const ALIKE: f64 = 10.0;
 
-/// A plane of which the shape is known so much better than to [`STRETCH`] would show one.
+/// Ratio of [`STRETCH`] to the standard deviation of a plane's shape above which the plane would
+/// show a stretch.
 const CLEARLY: f64 = 4.0;
 
-/// A stretch that changes `fx` by less than this part of its standard deviation is covered by that.
+/// Change of `fx` by a stretch, as a fraction of the standard deviation of `fx`, up to which the
+/// latter covers it.
 const COVERED: f64 = 0.5;
 
 /// Warns where the planes give no more equations than the camera matrix has unknowns.
 ///
-/// Three squares that are stretched contradict each other. Two do not: the camera takes up all of
-/// the stretch, which planes that stand alike are taken to share. Nor do three planes, as at a box's
-/// corner, whose right angles alone are known, if these are none: that they are at right angles to one
-/// another then says nothing more. Where a plane was rejected, any of those that are left may be the
-/// false one instead. Planes too small or too rough to show a stretch, beside some that give equations
-/// enough, do not count. `focal` gives `fx` from other edges.
+/// Three squares that are stretched contradict each other. Two do not: the camera absorbs all of
+/// the stretch, which planes that stand alike are assumed to share. Nor do three planes, as at a
+/// box's corner, of which only the right angles are known, if these are wrong: that the planes are
+/// at right angles to one another then adds no information. Where a plane was rejected, any of the
+/// remaining ones may be the false one instead. Planes too small or too rough to show a stretch do
+/// not count if the others give enough equations. `focal` returns `fx` from other edges.
 pub(crate) fn unchecked_targets<L: Lens>(
     edges: &[PlaneEdges],
     planes: &[ObservedPlane],
@@ -64,7 +67,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let before = focal(&thinned)?;
     let mut square = 0.0;
     for group in &alike {
-        // An extent that is free takes up all of a stretch.
+        // A free extent absorbs all of a stretch.
         let is_changed = |plane: &&usize| are_angles || equations(plane) > 1;
         let changed = group.iter().filter(is_changed).map(|plane| &planes[*plane]);
         square += (focal(&untrue(&thinned, changed, are_angles))? - before).powi(2);
@@ -82,8 +85,8 @@ pub(crate) fn unchecked_targets<L: Lens>(
     })
 }
 
-/// Planes in groups that stand alike, those that tell more first; `None` where the first of the groups
-/// give more equations than so many.
+/// Groups planes that stand alike, those with more equations first; `None` where the first planes
+/// of the groups give more than `most` equations.
 fn alike_within(
     most: usize,
     telling: &[usize],
@@ -109,7 +112,7 @@ fn alike_within(
     Some(alike)
 }
 
-/// The edges with some planes that are stretched, or sheared where their angles alone are known.
+/// Returns the edges with some planes stretched, or sheared where only their angles are known.
 fn untrue<'a>(
     edges: &[PlaneEdges],
     planes: impl Iterator<Item = &'a ObservedPlane>,
@@ -126,7 +129,8 @@ fn untrue<'a>(
     changed
 }
 
-/// How well the sides of a plane's first figure tell its aspect, as a part of that.
+/// Standard deviation of the aspect of a plane's first figure, from its sides, as a fraction of the
+/// aspect.
 fn shape_std(plane: &Plane, neighbours: f64) -> f64 {
     let corners = &plane.corners;
     let sides = (0..4).map(|side| (corners[(side + 1) % 4] - corners[side]).norm());
