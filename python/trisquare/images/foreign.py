@@ -1,8 +1,8 @@
 """Files of cameras that OpenCV does not read: HEIC, raw pictures and video.
 
 HEIC and raw pictures are read with the extras ``trisquare[heif]`` (pillow-heif) and
-``trisquare[raw]`` (rawpy). Without them an error names them, and a raw file's thumbnail is never
-taken for the photograph.
+``trisquare[raw]`` (rawpy). Without them an error says which one is needed, and a raw file's
+thumbnail is never taken for the photograph.
 """
 
 from __future__ import annotations

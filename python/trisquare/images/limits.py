@@ -45,7 +45,7 @@ class PictureLimits:
     max_pixels : int
         Width times height, as its header states them.
     max_bytes : int
-        Size of the file.
+        Size of the file in bytes.
     max_scans : int
         Number of scans of a progressive JPEG.
     max_frames : int

@@ -66,8 +66,8 @@ class UnscaledCamera(RebuiltByConstructor):
 
     Straight lines determine the displacement of pixels by a lens, but not the angle of a pixel's
     ray. There is no `K`: `camera` makes one with a focal length that is known otherwise. Points and
-    pictures need none. With ``q = (pixel - centre) / S`` and `S` half the image diagonal, ``q_ideal
-    = q / D``, ``D = 1 + a1 s + a2 s^2 + a3 s^3``.
+    pictures need none. With ``q = (pixel - centre) / S`` and `S` half the image diagonal,
+    ``q_ideal = q / D``, ``D = 1 + a1 s + a2 s^2 + a3 s^3``.
 
     Parameters
     ----------

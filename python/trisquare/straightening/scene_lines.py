@@ -15,7 +15,7 @@ from trisquare.straightening.fit import Problem, fit_lens
 from trisquare.straightening.straighten import LONG, MIN_LINES
 
 MAX_LINES = 60
-"""Maximum number of lines, the longest ones: the core's time grows with its square."""
+"""Maximum number of lines, the longest ones: the core's time grows with the square of this."""
 
 ECHO = 0.015
 """Distance, in half diagonals, within which most of a line runs beside a longer one: the two sides
