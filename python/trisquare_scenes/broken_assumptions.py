@@ -288,7 +288,7 @@ class Kind:
     causes : frozenset of str
         Codes of the warnings that name it.
     told : bool
-        Whether the picture, or what is known of all cameras, can show it.
+        Whether it can be detected from the picture, or from what is known of all cameras.
     """
 
     draw: Draw

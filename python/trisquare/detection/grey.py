@@ -37,7 +37,7 @@ def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
 def grey_bytes_and_range(
     image: NDArray[np.generic],
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """Return `grey_bytes` and the levels that its 0 and 255 stand for, white being 255."""
+    """Return `grey_bytes` and the levels at its 0 and 255, white being 255."""
     if image.size == 0:
         return np.zeros(image.shape[:2], dtype=np.uint8), (0.0, 0.0)
     if image.dtype == np.uint8:

@@ -135,7 +135,7 @@ def draw_overlay(
 def drawn_residuals(sides: Sequence[MeasuredSide], size: tuple[int, int]) -> tuple[float, float]:
     """Return the rms of the residuals in a picture, and the factor by which to draw them longer.
 
-    It is the 1, 2 or 5 times a power of ten that makes them visible.
+    The factor is 1, 2 or 5 times a power of ten, and makes them visible.
     """
     residuals = np.concatenate([side.residuals for side in sides]) if sides else np.zeros(1)
     rms = float(np.sqrt(np.mean(residuals**2)))

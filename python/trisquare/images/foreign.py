@@ -82,7 +82,7 @@ def _is_raw_tiff(encoded: bytes) -> bool:
             tag, _, _, value = struct.unpack_from(f"{order}HHII", encoded, at)
             values[tag] = value
     except struct.error:
-        pass  # cut off: what was read is used
+        pass  # cut off: the values read so far are used
     is_reduced = values.get(SUBFILE_TYPE, 0) & REDUCED and SUBDIRECTORIES in values
     return DNG_VERSION in values or bool(is_reduced)
 

@@ -78,7 +78,7 @@ def with_frames(
     ImageError
         If a video cannot be read completely.
     TypeError, ValueError
-        If `count` is no positive whole number, or none of the pictures is a video.
+        If `count` is not a positive whole number, or none of the pictures is a video.
     """
     sources = list(sources)
     if count is None:
@@ -121,8 +121,8 @@ def choose_frames(
 ) -> list[VideoFrame]:
     """Choose sharp and different frames of a video, in their order.
 
-    The video is read once. At most `count` frames are kept: each new one replaces the one that is
-    worth least beside the others.
+    The video is read once. At most `count` frames are kept: each new one replaces the one of
+    least worth.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
         return None  # text, such as SVG: not a picture here, and not parsed
     try:
         width, height = _of_usual(encoded) or _of_others(encoded)
-    except Exception:  # whatever a damaged header leads to
+    except Exception:  # a damaged header may raise any error
         return None
     is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_STATED
     return (int(width), int(height)) if is_possible else None

@@ -65,7 +65,7 @@ class OrientationTag:
         return TURNS[self.value]
 
     def ignored(self, what_refers: str, size: tuple[int, int]) -> str:
-        """Describe that the tag is ignored, and what therefore refers to the stored picture."""
+        """Return a text: the tag is ignored, and `what_refers` to the stored picture."""
         return (
             f"its orientation tag ({self.turn}) is ignored; {what_refers} to the picture as it is "
             f"stored, {size[0]} x {size[1]} pixels"

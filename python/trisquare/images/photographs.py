@@ -103,8 +103,8 @@ class Photographs:
         Raises
         ------
         ImageError
-            When called, if a file cannot be read: a named file is not skipped, and the message says
-            which one it is.
+            When called, if a file cannot be read: a named file is not skipped, and the message
+            names it.
         TypeError, ValueError
             When called, if an array is not a picture.
         """

@@ -126,7 +126,7 @@ class Video:
             )
 
     def frames_in_all(self, done: int) -> int:
-        """Return the number of all frames, once so many are read: the video may state too few."""
+        """Return the number of all frames, once `done` are read: the video may state too few."""
         return max(done, self.stated_frames)
 
     def frames(self) -> Iterator[Image]:

@@ -195,7 +195,7 @@ def search_annotated(
     Raises
     ------
     ValueError
-        If `kinds` names boards, of which more is measured than an outline.
+        If `kinds` names boards, for which outlines do not suffice.
     """
     if annotated and (kinds.board or kinds.layout):
         raise ValueError(

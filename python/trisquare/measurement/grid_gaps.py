@@ -44,7 +44,7 @@ class LineSamples(NamedTuple):
     """Edge samples on one grid line."""
 
     is_row: bool
-    number: int  # of the row or column
+    number: int  # index of the row or column
     points: FloatArray  # (N, 2), pixels
     cells: NDArray[np.intp]  # (N,) number of the crossing before each sample
 

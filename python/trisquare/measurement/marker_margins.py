@@ -63,7 +63,7 @@ def marker_rims(
     ----------
     grey : ndarray of uint8, shape (H, W)
     lattice : Lattice
-        Of R x C crossings.
+        The board's R x C crossings.
     first_is_dark : bool
         Whether the cell before the first crossing, in its row and column, is dark.
 

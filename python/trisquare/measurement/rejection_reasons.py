@@ -60,7 +60,7 @@ MAX_CUT_SHARE = 0.2
 
 
 def rejection_reasons(search: Search) -> list[Rejected]:
-    """Return the four-sided shapes of a searched picture that are no targets, with the reasons.
+    """Return the four-sided shapes of a searched picture that are not targets, and why.
 
     The largest come first, at most `MAX_REPORTED`. Shapes within a target that was found are
     omitted, and so are the sheets and signs that targets lie on.

@@ -19,7 +19,7 @@ OFF_DIAGONAL = 15.0  # degrees
 DISTANCE = (1.02, 1.2)
 JITTER = 0.02  # of the picture's height
 CENTRING_STEPS = 3  # each leaves half; after three, under 10 px, less than the jitter
-NEARER = 0.95  # factor of the distance while the camera still sees the whole corner
+NEARER = 0.95  # factor by which a camera approaches while it sees the whole corner
 
 
 def folded_frames(page: TargetPage) -> list[tuple[Array, Array]]:

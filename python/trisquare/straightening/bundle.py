@@ -49,7 +49,7 @@ class Bundle:
     starts : ndarray of int, shape (L,)
         Index of each curve's first point.
     weights : ndarray, shape (P,)
-        Weight of each point; those of a curve add up to `most` at most.
+        Weight of each point; those of a curve add up to at most `most`.
     radius : float
         ``S``, half the diagonal, pixels.
     """

@@ -1,4 +1,4 @@
-"""The distortion of a picture from whatever straight lines it shows."""
+"""The distortion of a picture from any straight lines that it shows."""
 
 from __future__ import annotations
 

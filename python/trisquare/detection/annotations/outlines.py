@@ -173,7 +173,7 @@ class AnnotatedSquare:
 
 
 def _spread(count: int) -> NDArray[np.intp]:
-    """Return `MAX_POINTS` evenly spread indices of so many points."""
+    """Return `MAX_POINTS` evenly spread indices of `count` points."""
     return np.linspace(0, count, MAX_POINTS, endpoint=False).astype(np.intp)
 
 

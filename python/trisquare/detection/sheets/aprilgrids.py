@@ -106,7 +106,7 @@ class Pair(NamedTuple):
 
     first: int
     second: int
-    number: int  # of the first
+    number: int  # that of the first tag
     more: int  # number of the second less that of the first
     turn: int  # quarter turns clockwise from the right of the first one's code to the second one
     gap: float  # between them, over their side

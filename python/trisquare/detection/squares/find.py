@@ -57,7 +57,7 @@ def find_squares(
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR.
     tag_search : TagSearch, optional
-        Without it tags are not looked for.
+        Without it tags are not searched for.
     enough : int
         Number of squares below which the picture is searched again at half its size.
     is_known : callable

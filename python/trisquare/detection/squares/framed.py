@@ -109,7 +109,7 @@ def find_framed_squares(
     quads : Quads
         Each outline once.
     read_tags : callable, optional
-        Without it no tags are looked for.
+        Without it tags are not searched for.
     """
     if len(quads) == 0:
         return []

@@ -27,7 +27,7 @@ BORDER = 1
 """Width of the black border round a code, in cells."""
 
 WIDE_BORDER = 2
-"""The same of tags of `WIDE_BORDERED` with the wide border."""
+"""Width of the wide border that tags of `WIDE_BORDERED` may have, in cells."""
 
 PROBES = np.array([0.3, 0.5, 0.7])
 """Positions at which a cell's shade is sampled, in cells: clear of its neighbours' blur."""
@@ -138,7 +138,7 @@ class _Reading(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """How well the shades of quads' cells agree with a dictionary's codes."""
+    """Agreement of the shades of quads' cells with a dictionary's codes."""
 
     numbers: NDArray[np.intp]  # (Q,) of the codes that agree best
     turns: NDArray[np.intp]  # (Q,) as of `Tag`
