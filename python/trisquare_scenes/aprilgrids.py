@@ -1,9 +1,9 @@
 """Seeded scenes of Kalibr AprilGrids, and photographs of them.
 
-`trisquare.simulate.render` takes the scenes, exactly but in ten seconds: each run of bits is a
-quadrilateral of its own. `ink` takes each part of a pixel for a rectangle along the grid, with the
-middle and the extents of what it shows. That takes two seconds, and moves what is measured of edges
-by 0.001 px. All edges of one direction are moved alike, which may move a camera as much as noise.
+`trisquare.simulate.render` renders the scenes exactly, but in ten seconds: each run of bits is a
+quadrilateral of its own. `ink` approximates what each part of a pixel shows by a rectangle along
+the grid with the same middle and extents. That takes two seconds, and moves measured edges by 0.001
+px. All edges of one direction are moved alike, which may move a camera as much as noise.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ from trisquare.simulate.scene import (
 from trisquare_scenes.tagged import BOX_MARGIN, MAX_DRAWS, PLACES, box_faces, in_picture, marker
 
 SAMPLES = 4
-"""Parts of a pixel's side."""
+"""Number of parts of a pixel's side."""
 
 POSE_TILTS = (25.0, 50.0)  # degrees
 POSE_WIDTHS = (0.38, 0.5)
-"""Of a grid in a pose of its own: its side over the picture's height, before foreshortening."""
+"""Range of the side of a grid in a pose of its own, over the picture's height, before
+foreshortening."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +61,7 @@ class AprilGridTarget(Target):
     shape : tuple of int
         Tags across and down.
     gap : float
-        Between tags, and the side of the dark squares.
+        Width between tags, and side of the dark squares.
     first : int
         Number of the bottom left tag.
     """
@@ -71,7 +72,7 @@ class AprilGridTarget(Target):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Half width and half height with the outermost dark squares, tags' sides."""
+        """Half width and half height, including the outermost dark squares, in tags' sides."""
         cols, rows = self.shape
         half = [0.5 * (count * (1.0 + self.gap) + self.gap) for count in (cols, rows)]
         return half[0], half[1]
@@ -96,7 +97,7 @@ class AprilGridTarget(Target):
                 yield 1.0, sides_of(place + self.gap * rectangle(0.5, 0.5))
 
     def bitmap(self) -> npt.NDArray[np.bool_]:
-        """Return what is dark: a row and a column for each gap and for each cell of a tag."""
+        """Return which cells are dark: a row and a column for each gap and each cell of a tag."""
         codes = dictionary(WIDE_BORDERED).codes
         cells = codes.shape[1] + 2 * WIDE_BORDER
         cols, rows = self.shape
@@ -109,7 +110,7 @@ class AprilGridTarget(Target):
         return dark
 
     def sides(self) -> list[Side]:
-        """Sides of the tags' borders."""
+        """Return the sides of the tags' borders."""
         unit = rectangle(0.5, 0.5)
         return [side for _, middle in self.tags() for side in sides_of(middle + unit)]
 
@@ -121,7 +122,7 @@ def aprilgrid_box_scene(
     gap: float = 0.3,
     camera: TrueCamera | None = None,
 ) -> Scene:
-    """Draw a box's corner with a grid on each of its faces; grid f is numbered from f M on."""
+    """Draw a box's corner with a grid on each of its faces; the numbers of grid f begin at f M."""
     half = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent
     unit = (1.0 - 2.0 * BOX_MARGIN) / (2.0 * max(half))
     for _ in range(MAX_DRAWS):
@@ -149,7 +150,7 @@ def aprilgrid_poses_scene(
     widths: tuple[float, float] = POSE_WIDTHS,
     camera: TrueCamera | None = None,
 ) -> Scene:
-    """Draw three copies of one grid, all numbered from 0, that lie apart in three poses."""
+    """Draw three separate copies of one grid, all numbered from 0, in three poses."""
     camera = camera or random_camera(rng)
     half = max(AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent)
     first, upright = rng.uniform(0.0, 360.0, 2)
@@ -178,7 +179,7 @@ def aprilgrid_poses_scene(
 
 
 def _overlap(camera: TrueCamera, one: Target, two: Target, half: float) -> bool:
-    """Whether the images of two sheets meet: no side of one has all of the other beyond it."""
+    """Return whether two sheets' images meet: no side of one has all of the other beyond it."""
     quads = [camera.project(target.to_camera(rectangle(half, half))) for target in (one, two)]
     for quad, other in (quads, quads[::-1]):
         along = np.roll(quad, -1, axis=0) - quad
@@ -190,7 +191,7 @@ def _overlap(camera: TrueCamera, one: Target, two: Target, half: float) -> bool:
 
 
 def ink(scene: Scene, blur: float) -> Array:
-    """How much of each pixel is dark, shape (H, W), blurred by `blur` pixels."""
+    """Return the dark fraction of each pixel, shape (H, W), blurred by `blur` pixels."""
     width, height = scene.camera.image_size
     covered = np.zeros((height, width))
     for target in scene.targets:
@@ -210,7 +211,7 @@ def ink(scene: Scene, blur: float) -> Array:
 
 
 def _sampled(target: AprilGridTarget, places: Array, blur: float) -> Array:
-    """Share of ink in pixels that show these places of the grid, shape (2, H, W), with the blur."""
+    """Return the blurred fraction of ink in pixels that show places of the grid, (2, H, W)."""
     down, across = (np.gradient(places, axis=axis) / SAMPLES for axis in (1, 2))
     reach = 0.5 * np.hypot(down, across)
     offsets = np.arange(SAMPLES) - 0.5 * (SAMPLES - 1)
@@ -230,7 +231,7 @@ def _sampled(target: AprilGridTarget, places: Array, blur: float) -> Array:
 
 
 def _integral(target: AprilGridTarget) -> Callable[[Array, Array], Array]:
-    """Return what tells the area of ink to the left of and above any place, exactly."""
+    """Return a function that computes the area of ink to the left of and above a place, exactly."""
     bitmap = target.bitmap()
     cells = (len(bitmap) - 1) // target.shape[1] - 1
     borders = []
@@ -254,7 +255,7 @@ def photograph(
     jpeg_quality: int | None = None,
     exact: bool = False,
 ) -> tuple[Image, npt.NDArray[np.float32]]:
-    """Photograph grids as `trisquare.simulate.render` does, and return what is ideal of it, too."""
+    """Photograph grids as `simulate.render` does; return the picture, and that without noise."""
     if exact:
         coded = render(
             scene, rng, noise=0.0, blur=blur, contrast=contrast, tone=tone, dtype=np.float32

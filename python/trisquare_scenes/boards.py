@@ -1,4 +1,4 @@
-"""Chessboards where a scene has squares."""
+"""Chessboards in place of a scene's squares."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from trisquare.simulate.scene import Scene
 
 
 def with_boards(squares: Scene, inner_corners: tuple[int, int], extent: int) -> Scene:
-    """Put a chessboard in place of each square, so many of its cells as long as the side."""
+    """Replace each square by a chessboard, `extent` of whose cells are as long as its side."""
     boards = (
         replace(
             target,

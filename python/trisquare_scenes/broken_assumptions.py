@@ -1,7 +1,7 @@
-"""Pictures that break one assumption of the calibration each, with their truth.
+"""Pictures that each break one assumption of the calibration, with their truth.
 
-Each kind is drawn whole or undamaged from the same seed, so that a warning of the damage can be
-told from a warning of the scene.
+Each kind is drawn damaged and undamaged from the same seed, so that a warning about the damage can
+be distinguished from one about the scene.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from trisquare.simulate.scenes import inside, random_camera, random_scene
 from trisquare_scenes.other_lenses import PrismCamera, RationalCamera
 
 NOISE = (1.0, 4.0)
-"""Grey levels."""
+"""Standard deviation of the noise, grey levels."""
 
 BLUR = (0.5, 1.2)
-"""Pixels."""
+"""Standard deviation of the blur, pixels."""
 
 
 class Broken(NamedTuple):
@@ -41,11 +41,11 @@ class BentTarget(Target):
     Parameters
     ----------
     curvature : float
-        Of a cylinder on which it lies, per unit of the plane.
+        Curvature of a cylinder on which it lies, per unit of the plane.
     direction : float
-        Of the cylinder's axis in the plane, radians.
+        Direction of the cylinder's axis in the plane, radians.
     twist : float
-        How far it leaves its plane, as a multiple of ``x y``, per unit of the plane.
+        Height above the plane, as a multiple of ``x y``, per unit of the plane.
     """
 
     curvature: float = 0.0
@@ -70,7 +70,7 @@ Draw: TypeAlias = Callable[[np.random.Generator, bool], Broken]
 
 
 def settings(rng: np.random.Generator) -> dict[str, Any]:
-    """Draw how a picture is taken: what `render` is given."""
+    """Draw the conditions of a picture: arguments of `render`."""
     return {"noise": rng.uniform(*NOISE), "blur": rng.uniform(*BLUR), "tone": "srgb"}
 
 
@@ -93,7 +93,7 @@ def of_targets(change: Callable[[np.random.Generator, Target], Target], which: i
 
 
 def rectangular(ratio: float) -> Callable[[np.random.Generator, Target], Target]:
-    """Rectangles of up to this ratio, turned in their planes as the squares were."""
+    """Return a change to rectangles of up to this ratio, turned in their planes as the squares."""
 
     def change(rng: np.random.Generator, target: Target) -> Target:
         return replace(target, printed=rectangle(0.5 * rng.uniform(1.003, ratio), 0.5))
@@ -102,7 +102,7 @@ def rectangular(ratio: float) -> Callable[[np.random.Generator, Target], Target]
 
 
 def sheared(rng: np.random.Generator, target: Target) -> Target:
-    """Return it as a printer draws it whose axes are not square to one another."""
+    """Return it as drawn by a printer whose axes are not perpendicular."""
     shear = np.array([[1.0, rng.choice([-1.0, 1.0]) * rng.uniform(0.003, 0.03)], [0.0, 1.0]])
     return replace(target, printed=rectangle(0.5, 0.5) @ shear.T)
 
@@ -125,7 +125,7 @@ def twisted(rng: np.random.Generator, target: Target) -> Target:
 
 
 def upright_rectangles(rng: np.random.Generator, damaged: bool) -> Broken:
-    """Windows: rectangles of one ratio, all with their long sides nearly level."""
+    """Draw windows: rectangles of one ratio, all with their long sides nearly level."""
     ratio = rng.uniform(1.005, 1.1) if damaged else 1.0
     while True:
         scene = random_scene(rng)
@@ -146,7 +146,7 @@ def upright_rectangles(rng: np.random.Generator, damaged: bool) -> Broken:
 
 
 def of_lens(other: Callable[[np.random.Generator, TrueCamera], TrueCamera]) -> Draw:
-    """Photograph through another lens."""
+    """Photograph scenes through another lens."""
 
     def draw(rng: np.random.Generator, damaged: bool) -> Broken:
         usual = random_camera(rng)
@@ -198,7 +198,7 @@ def _members(camera: TrueCamera) -> dict[str, Any]:
 
 
 def of_picture(change: Callable[[np.random.Generator, Image], Image], **how: Any) -> Draw:
-    """Change the picture when it has been taken."""
+    """Change the picture after it has been taken."""
 
     def draw(rng: np.random.Generator, damaged: bool) -> Broken:
         scene = random_scene(rng)
@@ -209,7 +209,7 @@ def of_picture(change: Callable[[np.random.Generator, Image], Image], **how: Any
 
 
 def photo_of_photo(rng: np.random.Generator, picture: Image) -> Image:
-    """Return what a second camera sees that looks at the print at an angle."""
+    """Return the view of a second camera that looks at the print at an angle."""
     height, width = picture.shape[:2]
     corners = rectangle(0.5 * width, 0.5 * height)
     turn = tilted(rng.uniform(8.0, 25.0), rng.uniform(0.0, 360.0), 0.0)
@@ -225,14 +225,14 @@ def photo_of_photo(rng: np.random.Generator, picture: Image) -> Image:
 
 
 def cropped(rng: np.random.Generator, picture: Image) -> Image:
-    """Return it without a part of one side that shows nothing."""
+    """Return it without a part of one side that shows no target."""
     empty = (picture > picture.max() // 2).all(axis=0)
     first = int(np.argmin(empty))
     return np.ascontiguousarray(picture[:, max(first - 12, 0) :])
 
 
 def stretched(rng: np.random.Generator, picture: Image) -> Image:
-    """Return it wider by 1 to 10 %, as a film's pixels are shown."""
+    """Return it stretched in width by 1 to 10 %, as a film's pixels are shown."""
     height, width = picture.shape[:2]
     size = (round(width * rng.uniform(1.01, 1.1)), height)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC))
@@ -248,7 +248,7 @@ def patterned(rng: np.random.Generator, picture: Image) -> Image:
 
 
 def shadowed(rng: np.random.Generator, picture: Image) -> Image:
-    """Return it with the shadow of a pole over all of it."""
+    """Return it with the shadow of a pole across it."""
     height, width = picture.shape[:2]
     y, x = np.mgrid[:height, :width]
     angle = rng.uniform(0.0, np.pi)
@@ -259,7 +259,7 @@ def shadowed(rng: np.random.Generator, picture: Image) -> Image:
 
 
 def unchanged(rng: np.random.Generator, picture: Image) -> Image:
-    """Return it as it is: it was rendered with its damage."""
+    """Return it unchanged: it was rendered with its damage."""
     return picture
 
 
@@ -269,7 +269,7 @@ def mirrored(rng: np.random.Generator, picture: Image) -> Image:
 
 
 def two_zooms(rng: np.random.Generator, damaged: bool) -> Broken:
-    """Two pictures, of which the second one was taken with another focal length."""
+    """Draw two pictures, the second one of which is taken with another focal length."""
     camera = random_camera(rng)
     zoom = rng.uniform(1.03, 1.3) if damaged else 1.0
     other = replace(camera, fx=zoom * camera.fx, fy=zoom * camera.fy)
@@ -284,11 +284,11 @@ class Kind:
     Attributes
     ----------
     draw : callable
-        Draws pictures, whole or undamaged.
+        Draws pictures, damaged or undamaged.
     causes : frozenset of str
         Codes of the warnings that name it.
     told : bool
-        Whether the picture, or what is known of all cameras, can tell it.
+        Whether it can be detected from the picture, or from what is known of all cameras.
     """
 
     draw: Draw
@@ -333,4 +333,5 @@ KINDS: Mapping[str, Kind] = {
     "JPEG 30": Kind(of_picture(unchanged, jpeg_quality=30), CODING),
     "two zooms": Kind(two_zooms, ("pictures_disagree", *NO_SQUARES)),
 }
-"""The mirrored picture is that of a possible camera, whose focal length is the true one."""
+"""All kinds by name. The mirrored picture is that of a possible camera with the true focal
+length."""

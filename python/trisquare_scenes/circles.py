@@ -1,4 +1,4 @@
-"""Edges of concentric circles with known truth, and how well any calibration can do with them."""
+"""Edges of concentric circles with known truth, and the best accuracy that they allow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUND = 2.0 * np.pi
 DENSE = 20000
 STEP = 1e-6
 CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2")
-# A turn about the centre changes no image of a circle: information of it is rounding.
+# A turn about the centre changes no circle's image: information about it is a rounding error.
 NO_INFORMATION = 1e-10
 
 
@@ -33,7 +33,7 @@ def circle_edges(
     Parameters
     ----------
     scene : Scene
-        Where the planes stand; of the targets themselves nothing is drawn.
+        Its targets give the poses of the planes; they are not drawn themselves.
     rng : numpy.random.Generator
         Source of the noise.
     radii : sequence of float
@@ -43,9 +43,9 @@ def circle_edges(
     spacing : float
         Pixels between samples.
     centre : sequence of float, shape (2,)
-        Of all circles, on the plane.
+        Centre of all circles, on the plane.
     extent : float
-        Part of each circle that is seen, from a random place on.
+        Fraction of each circle that is seen, from a random place on.
     """
     edges = []
     for target in range(len(scene.targets)):
@@ -115,7 +115,7 @@ def _points(angles: Array, radius: float, centre: Sequence[float]) -> Array:
 def _angles(
     scene: Scene, target: int, radius: float, spacing: float, centre: Sequence[float] = (0.0, 0.0)
 ) -> Array:
-    """Angles of points evenly spread along a circle's image."""
+    """Return angles of points evenly spread along a circle's image."""
     dense = np.linspace(0.0, ROUND, DENSE)
     image = scene.image_points(target, _points(dense, radius, centre))
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(image, axis=0), axis=1)))
@@ -145,7 +145,7 @@ def _slopes(scene: Scene, target: int, radius: float, angles: Array) -> list[Arr
         return _changed(scene.camera, of_camera).project(points @ cv2.Rodrigues(turn)[0].T + shift)
 
     units = np.eye(13)
-    # Focal lengths and centre are in the hundreds.
+    # Focal lengths and centre are in the hundreds of pixels.
     units[:4] *= scene.camera.fx
     return [
         (image(STEP * unit) - image(-STEP * unit)) / (2.0 * STEP * unit.max()) for unit in units

@@ -1,7 +1,7 @@
-"""Pictures of scenes in which one target is not what it should be, with known truth.
+"""Pictures of scenes in which one target is not as it should be, with known truth.
 
 A finger, glare, a torn edge or a stain spoils up to a quarter of one side; paper curls along a
-side; or a target is no square at all.
+side; or a target is not a square.
 """
 
 from __future__ import annotations
@@ -23,52 +23,52 @@ DamageKind = Literal[
 KINDS: tuple[DamageKind, ...] = get_args(DamageKind)
 
 HIDDEN_RANGE = (0.08, 0.25)
-"""Share of a side's length that is hidden."""
+"""Range of the hidden fraction of a side's length."""
 
 MIN_HIDDEN = 0.05
-"""A draw that hides less than this share is drawn again."""
+"""Minimum of the hidden fraction; a draw that hides less is repeated."""
 
 TOUCHED = 0.02
-"""A point of an edge counts as hidden where a mask is above this."""
+"""Mask value above which a point of an edge counts as hidden."""
 
 PLACE_RANGE = (0.15, 0.85)
-"""Middle of the hidden stretch, from corner to corner."""
+"""Range of the middle of the hidden stretch, from corner to corner."""
 
 BOW_RANGE = (0.5, 3.0)
-"""Bend of a curled side at its middle, pixels of the picture."""
+"""Range of the bend of a curled side at its middle, pixels of the picture."""
 
 RECTANGLE_RATIO = 1.1
 TRAPEZIUM_RANGE = (0.05, 0.10)
-"""By how much of its length a trapezium's one side is too short."""
+"""Ratio of a rectangle's sides, and range of the relative shortening of a trapezium's one side."""
 
 SKIN = np.array([0.45, 0.62, 1.0])
 SKIN_RANGE = (0.15, 0.5)
-"""Light of skin, blue to red, relative to red; and the range of the red."""
+"""Light of skin, blue to red, relative to red; and the range of its red."""
 
 FINGER_LENGTHS = (60.0, 6.0, 4.0, 2.5, 1.6)
-"""Lengths tried, in finger widths: out of the picture if nothing else is hidden by that."""
+"""Lengths that are tried, in finger widths: out of the picture if that hides nothing else."""
 
 MAX_DRAWS = 400
-"""Placements are drawn by rejection; one in a few is good."""
+"""Maximum number of placements; they are drawn by rejection, and one in a few is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """What is wrong in a picture, and where.
+    """The damage in a picture, and its place.
 
     Attributes
     ----------
     kind : str
         One of `KINDS`.
     plane : int
-        Index of the target that is damaged.
+        Index of the damaged target.
     side : int or None
         Index of the damaged side of its outer outline; None if the whole target is false.
     extent : float
-        Share of that side that is hidden; the bow of a curled side, pixels; or the relative
+        Hidden fraction of that side; or the bow of a curled side, pixels; or the relative
         departure of a false target from a square.
     hidden : tuple of (target, outline, side, share)
-        Every side that is hidden in part, a frame's inner outline being its outline 1.
+        Every side that is partly hidden, a frame's inner outline being its outline 1.
     """
 
     kind: DamageKind
@@ -85,7 +85,7 @@ class BentSide(Side):
     bow: float
 
     def points(self, fraction: Array) -> Array:
-        """Points at fractions of the chord, shape (N, 2)."""
+        """Return points at fractions of the chord, shape (N, 2)."""
         chord = self.end - self.start
         outward = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
         height = 4.0 * self.bow * fraction * (1.0 - fraction)
@@ -100,14 +100,14 @@ class CurledTarget(Target):
     Parameters
     ----------
     bows : ndarray, shape (4,)
-        How far the middle of each side is bent outward, plane units. A frame's inner side bends
-        less, as the square of its distance from the middle.
+        Outward bend of each side's middle, plane units. A frame's inner side bends less, by the
+        square of its distance from the middle.
     """
 
     bows: Array = field(default_factory=lambda: np.zeros(4))
 
     def outline_sides(self) -> list[list[Side]]:
-        """Sides of each of `outlines`."""
+        """Return the sides of each of `outlines`."""
         bows = (self.bows.tolist(), (self.inner**2 * self.bows).tolist())
         return [
             [BentSide(side.start, side.end, bow) for side, bow in zip(sides, bent, strict=True)]
@@ -135,7 +135,7 @@ def damaged_scene(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     kind : str
         One of `KINDS`: ``"finger"``, ``"glare"``, ``"torn"`` and ``"stain"`` spoil 8 to 25 % of a
         side of one of three targets, ``"curl"`` bends one by 0.5 to 3 pixels; ``"rectangle"``
@@ -148,7 +148,7 @@ def damaged_scene(
     -------
     picture : ndarray of uint8, shape (H, W) or (H, W, 3)
     scene : Scene
-        The truth, the false shape of a target included.
+        The truth, including the false shape of a target.
     damage : Damage
     """
     if kind not in KINDS:
@@ -175,7 +175,7 @@ def damaged_scene(
 
 
 def _settings(rng: np.random.Generator) -> dict[str, Any]:
-    """Draw how the picture is taken."""
+    """Draw the conditions of the picture."""
     return {
         "noise": rng.uniform(1.0, 4.0),
         "blur": rng.uniform(0.5, 1.2),
@@ -221,7 +221,7 @@ def _false_square(
     if kind == "false_of_three":
         shape = "rectangle" if rng.random() < 0.5 else "trapezium"
     if shape == "rectangle":
-        # As large as the square it takes the place of.
+        # Of the same area as the square that it replaces.
         stretch = np.sqrt(RECTANGLE_RATIO)
         printed = rectangle(0.5 * stretch, 0.5 / stretch)
         departure = RECTANGLE_RATIO - 1.0
@@ -238,7 +238,7 @@ def _false_square(
 def _hidden_stretch(
     scene: Scene, plane: int, kind: DamageKind, rng: np.random.Generator, settings: dict[str, Any]
 ) -> tuple[Overlay, Damage]:
-    """Hide a stretch of one side and nothing else but what lies behind it in the same frame."""
+    """Hide a stretch of one side, and nothing else except what lies behind it in the same frame."""
     sides = [sample_sides(scene.camera, target, 1.0) for target in scene.targets]
     for _ in range(MAX_DRAWS):
         side = int(rng.integers(4))
@@ -268,7 +268,7 @@ def _draw_place(side: SideSamples, rng: np.random.Generator) -> _Place:
 def _hidden_shares(
     overlay: Overlay, sides: list[list[SideSamples]]
 ) -> Iterator[tuple[int, int, int, float]]:
-    """Tell the share of every side that is touched, where any is."""
+    """Yield the touched fraction of every side that is touched."""
     for target, samples in enumerate(sides):
         for index, side in enumerate(samples):
             x, y = np.rint(side.image).astype(int).T
@@ -284,12 +284,12 @@ def _overlays(
     rng: np.random.Generator,
     settings: dict[str, Any],
 ) -> Iterator[Overlay]:
-    """Yield what may hide a place, in order of preference."""
+    """Yield overlays that may hide a place, in order of preference."""
     size, blur = scene.camera.image_size, settings["blur"]
     if kind == "finger":
         yield from _fingers(place, size, blur, rng, bool(settings["colour"]))
     elif kind == "torn":
-        # What is missing of the ink shows the paper beside it.
+        # The torn part shows the paper beside it.
         beside = np.rint(place.middle - (6.0 + 4.0 * blur) * place.inward).astype(int)
         bite = polygon_mask(_bite(place, rng), size, blur)
         yield Overlay(bite, 1.0, (int(beside[0]), int(beside[1])))
@@ -305,7 +305,7 @@ def _overlays(
 def _fingers(
     place: _Place, size: tuple[int, int], blur: float, rng: np.random.Generator, colour: bool
 ) -> Iterator[Overlay]:
-    """Yield fingers of falling length that reach over a side from outside."""
+    """Yield fingers of decreasing length that reach over a side from outside."""
     slant = np.deg2rad(rng.uniform(-30.0, 30.0))
     away = -np.cos(slant) * place.inward + np.sin(slant) * place.along
     width = 0.95 * place.stretch * np.cos(slant)
@@ -332,7 +332,7 @@ def _fingers(
 
 
 def _bite(place: _Place, rng: np.random.Generator) -> Array:
-    """Jagged outline of a piece that is torn out of a side."""
+    """Return the jagged outline of a piece that is torn out of a side."""
     teeth = int(rng.integers(5, 14))
     along = np.linspace(-0.5, 0.5, teeth) * 0.95 * place.stretch
     depth = place.side_length * rng.uniform(0.015, 0.10) * rng.uniform(0.3, 1.0, teeth)
@@ -344,7 +344,7 @@ def _bite(place: _Place, rng: np.random.Generator) -> Array:
 def _stain_mask(
     place: _Place, size: tuple[int, int], blur: float, rng: np.random.Generator
 ) -> Array:
-    """Blob with a wavy and more or less soft rim, across the side or from the ground to it."""
+    """Return a blob with a wavy, more or less soft rim, across the side or beside it."""
     angle = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
     waves = sum(
         rng.normal(0.0, 0.12 / k) * np.cos(k * angle + rng.uniform(0.0, 2.0 * np.pi))

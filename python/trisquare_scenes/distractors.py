@@ -1,7 +1,7 @@
 """Scenes in which true squares lie among rectangles: windows, screens, books, tiles.
 
-The rectangles stand in perspective like the squares, often in rows of equal ones, and parallel
-or perpendicular to something else, as things that people build do.
+Like the squares, the rectangles are seen in perspective, often in rows of equal ones, and parallel
+or perpendicular to something else, as things that people build are.
 """
 
 from __future__ import annotations
@@ -19,39 +19,41 @@ from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import faces_camera, inside
 
 TRUE_SIDES = (0.20, 0.32)
-"""Sides of the true squares, of the picture's height: three leave room for ten others."""
+"""Range of the true squares' sides, over the picture's height: three leave room for ten others."""
 
 MORE_TRUE_SIDES = (0.16, 0.26)
-"""The same of four and more."""
+"""The same for four squares and more."""
 
 FALSE_SIDES = (0.09, 0.26)
-"""Geometric mean of a rectangle's sides, of the picture's height."""
+"""Range of the geometric mean of a rectangle's sides, over the picture's height."""
 
 TRUE_TILTS = (25.0, 50.0)
 TRUE_JITTER = 20.0
-"""Degrees; directions are spread evenly but for this, as in `random_scene`."""
+"""Range of tilts, and jitter of their otherwise evenly spread directions as in `random_scene`,
+degrees."""
 
 SLENDER, BROAD = (0.4, 0.95), (1.05, 2.5)
 NEARLY_SQUARE = ((0.9, 0.97), (1.03, 1.1))
 NEARLY_SQUARE_SHARE = 0.15
-"""Aspect ratios of the rectangles, and how many of them are hard to tell from a square."""
+"""Ranges of the rectangles' aspect ratios, and the fraction that is hard to distinguish from a
+square."""
 
 ROW_SHARE = 0.25
 ROW_LENGTHS = (2, 4)
 ROW_GAPS = (0.35, 0.6)
-"""How often rectangles come in rows (of 2 to 4 equal ones), and their gaps, in shorter sides."""
+"""Fraction of rectangles in rows of 2 to 4 equal ones, and the gaps of these, in shorter sides."""
 
 STANCES = {"parallel": 0.35, "perpendicular": 0.25, "picture": 0.1, "free": 0.3}
-"""How a rectangle stands: parallel or perpendicular to what is there already, in the plane of the
-picture, or anyhow."""
+"""Probabilities of a rectangle's orientation: parallel or perpendicular to a target that is there
+already, in the plane of the picture, or random."""
 
 FREE_TILTS = (0.0, 60.0)
 EDGE = 0.04
-"""Centres keep this part of the picture away from its border."""
+"""Minimum distance of centres from the picture's border, as a fraction of the picture."""
 
 MAX_SCENES = 60
 MAX_PLACES = 400
-"""Scenes, and places within one, are drawn by rejection."""
+"""Maximum numbers of scenes, and of places within one: both are drawn by rejection."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,13 +77,13 @@ def mixed_scene(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     squares, rectangles : int
-        How many of each.
+        Numbers of squares and of rectangles.
     camera : TrueCamera, optional
         The camera; drawn if not given.
     image_size : tuple of int
-        Width and height, pixels; a given `camera` brings its own.
+        Width and height, pixels; those of `camera` if that is given.
 
     Returns
     -------
@@ -171,7 +173,7 @@ def _continue_row(
 
 
 def _stance(rng: np.random.Generator, targets: list[Target]) -> Array:
-    """Orientation of a rectangle."""
+    """Draw the orientation of a rectangle."""
     stance = rng.choice(list(STANCES), p=list(STANCES.values()))
     if stance == "picture":
         return tilted(0.0, 0.0, rng.uniform(0.0, 360.0))
@@ -190,7 +192,7 @@ def _stance(rng: np.random.Generator, targets: list[Target]) -> Array:
 
 
 def _shape(rng: np.random.Generator) -> Array:
-    """Corners of a rectangle of unit area, plane units."""
+    """Return corners of a rectangle of unit area, plane units."""
     close = rng.random() < NEARLY_SQUARE_SHARE
     ranges = NEARLY_SQUARE if close else (SLENDER, BROAD)
     low, high = ranges[rng.integers(2)]
@@ -207,7 +209,7 @@ def _placed(
     *,
     frame: bool,
 ) -> Target | None:
-    """Put a figure somewhere in the picture; None if it does not face the camera there."""
+    """Place a figure at random in the picture; None if it does not face the camera there."""
     pixel = rng.uniform(EDGE, 1.0 - EDGE, 2) * camera.image_size
     centre = np.append(camera.undistort(pixel[None])[0], 1.0) * camera.fx / side
     if not faces_camera(rotation, centre):
@@ -217,14 +219,14 @@ def _placed(
 
 
 def _is_clear(target: Target, others: list[Target]) -> bool:
-    """Whether a figure with its rim of ground meets no other in the picture."""
+    """Return whether a figure with its rim of ground meets no other in the picture."""
     own = _seen_with_rim(target)
     seen = [_seen_with_rim(other) for other in others]
     return own is not None and all(quad is not None and apart(own, quad) for quad in seen)
 
 
 def _seen_with_rim(target: Target) -> Array | None:
-    """Ideal image of the figure with its rim; distortion, one to one, would not change overlap."""
+    """Return the ideal image of a figure with its rim; distortion would not change overlaps."""
     half = np.array(target.extent)
     corners = target.to_camera(rectangle(*(half + 2.0 * SHEET_RIM[1] * half.min())))
     if np.any(corners[:, 2] <= 0.0):

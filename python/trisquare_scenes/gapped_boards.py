@@ -1,4 +1,4 @@
-"""Chessboards whose dark cells do not quite touch, or overlap, as ink and displays make them."""
+"""Chessboards whose dark cells do not quite touch, or overlap, as in print and on displays."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from trisquare.simulate.scene import Scene, Side, Target, TrueCamera, rectangle,
 from trisquare.simulate.scenes import faces_camera, inside
 
 CELLS = (15.0, 90.0)
-"""Sides of cells, pixels, before the board is tilted."""
+"""Range of the cells' sides before tilting, pixels."""
 
 MAX_TILTED = 45.0  # degrees
 
 FEWEST, MOST = (4, 4), (13, 10)
-"""Inner corners of a board: columns and rows."""
+"""Minimum and maximum numbers of a board's inner corners: columns and rows."""
 
 FILLED = 0.85
-"""Part of the picture's height that a board takes at most, before it is tilted."""
+"""Maximum fraction of the picture that a board takes before tilting."""
 
 MAX_DRAWS = 5000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GappedBoard(Target):
-    """A chessboard of which each dark cell is too small, or too large.
+    """A chessboard whose dark cells are too small, or too large.
 
     Parameters
     ----------
     gap : float
-        From each side of a dark cell to that of the next one across a grid line, in cells: negative
-        if they overlap.
+        Distance from each side of a dark cell to that of the next one across a grid line, in
+        cells: negative if they overlap.
     """
 
     gap: float = 0.0
@@ -45,7 +45,7 @@ class GappedBoard(Target):
         for centre in self.cells(0):
             yield 1.0, sides_of(centre + rectangle(half, half))
         if self.gap < 0.0:
-            # What two dark cells share is dark only once.
+            # The part that two dark cells share is dark only once.
             for crossing in self.board_corners():
                 yield -1.0, sides_of(crossing + rectangle(-0.5 * self.gap, -0.5 * self.gap))
 
@@ -57,12 +57,12 @@ def gapped_scene(
     cell: float | None = None,
     camera: TrueCamera | None = None,
 ) -> Scene:
-    """Draw one board in any pose whose dark cells are so many pixels apart, before it is tilted.
+    """Draw one board in any pose with its dark cells `gap` pixels apart before it is tilted.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     gap : float
         Pixels between dark cells; negative if they overlap.
     cell : float, optional

@@ -1,4 +1,4 @@
-"""Pictures of very many small squares, each tilted in its own way, and of false ones among them."""
+"""Pictures of very many small squares with individual tilts, and of false ones among them."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from trisquare.simulate.scenes import placed
 from trisquare_scenes.distractors import MixedScene
 
 TILTS = (15.0, 40.0)
-"""Degrees, in any direction: squares next to one another have nothing in common."""
+"""Range of tilts, degrees, in any direction: neighbouring squares have nothing in common."""
 
 SIDES = (0.60, 0.70)
-"""Sides of the squares before foreshortening, of a cell's: between two there is ground."""
+"""Range of the squares' sides before foreshortening, over a cell's: ground separates them."""
 
 ASPECTS = (0.5, 0.9)
-"""Shorter over longer side of false squares that are rectangles."""
+"""Range of shorter over longer side of false squares that are rectangles."""
 
 ANGLES = (60.0, 82.0)
-"""Acute angles of those that are rhombi, degrees."""
+"""Range of the acute angles of false squares that are rhombi, degrees."""
 
 MAX_SHIFT = 0.15
-"""Of each corner of those that are other quadrilaterals, of the side."""
+"""Maximum shift of each corner of those that are other quadrilaterals, over the side."""
 
 MAX_DRAWS = 100
-"""Poses of one square, drawn by rejection."""
+"""Maximum number of poses of one square, drawn by rejection."""
 
 FalseShape = Literal["rectangle", "rhombus", "quadrilateral"]
 FALSE_SHAPES: tuple[FalseShape, ...] = ("rectangle", "rhombus", "quadrilateral")
@@ -42,18 +42,18 @@ def many_squares(
     image_size: tuple[int, int] = (4000, 3000),
     camera: TrueCamera | None = None,
 ) -> MixedScene:
-    """Draw so many squares in the cells of a picture, of which some are false.
+    """Draw `count` squares in the cells of a picture, some of which are false.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     count : int
-        Squares, the false ones among them.
+        Number of squares, including the false ones.
     false : int
-        How many are rectangles, rhombi or other quadrilaterals, in turn.
+        Number of those that are rectangles, rhombi or other quadrilaterals, in turn.
     image_size : tuple of int
-        Width and height, pixels; a given `camera` brings its own.
+        Width and height, pixels; those of `camera` if that is given.
     camera : TrueCamera, optional
         The camera; drawn if not given.
 
@@ -94,7 +94,7 @@ def _drawn(
 
 
 def _corners(rng: np.random.Generator, shape: FalseShape | None) -> Array | None:
-    """Corners of a false square in a unit square's circumscribed circle, shape (4, 2)."""
+    """Return corners of a false square in a unit square's circumscribed circle, shape (4, 2)."""
     if shape is None:
         return None
     if shape == "rectangle":

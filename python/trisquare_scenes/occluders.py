@@ -1,4 +1,4 @@
-"""What lies over a scene: shapes with the picture's own blur, and soft spots of light or dirt."""
+"""Overlays on a scene: shapes with the picture's own blur, and soft spots of light or dirt."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-# Polygons are drawn this many times larger and averaged, which leaves a hundredth of a step.
+# Polygons are drawn this many times larger and averaged; the error is a hundredth of a step.
 _SUPERSAMPLING = 8
 _SUBPIXEL_BITS = 4
 
@@ -22,9 +22,9 @@ class Overlay:
     Parameters
     ----------
     mask : ndarray, shape (H, W)
-        How much of each pixel is affected, 0 to 1, blurred like the rest of the picture.
+        Fraction of each pixel that is affected, 0 to 1, blurred like the rest of the picture.
     opacity : float
-        How much of the light below is lost where the mask is 1.
+        Fraction of the light below that is lost where the mask is 1.
     own : ndarray, shape (C,) or (H, W, C), or pair of int
         Linear light that is added where the mask is 1, of one or three channels; or the pixel
         (x, y) whose light it takes on, as bare paper does.
@@ -35,7 +35,7 @@ class Overlay:
     own: Array | tuple[int, int]
 
     def __call__(self, canvas: Array) -> Array:
-        """Return the canvas, linear light of shape (H, W, C), with this laid over it."""
+        """Return the canvas, linear light of shape (H, W, C), with this overlay."""
         if isinstance(self.own, tuple):
             x, y = self.own
             own = canvas[y, x]
@@ -47,7 +47,7 @@ class Overlay:
 
 
 def polygon_mask(polygon: Array, image_size: tuple[int, int], blur: float) -> Array:
-    """Coverage of every pixel by a polygon, blurred.
+    """Return the blurred coverage of every pixel by a polygon.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def polygon_mask(polygon: Array, image_size: tuple[int, int], blur: float) -> Ar
     high = np.clip(np.ceil(polygon.max(axis=0)).astype(int) + margin + 1, 0, image_size)
     if np.any(low >= high):
         return mask
-    # The ground goes on beyond the picture's border, lest the blur fade there.
+    # The ground continues beyond the picture's border, so that the blur does not fade there.
     size = high - low + 2 * margin
     fine = np.zeros((_SUPERSAMPLING * size[1], _SUPERSAMPLING * size[0]), np.uint8)
     places = (polygon - low + margin + 0.5) * _SUPERSAMPLING - 0.5
@@ -84,7 +84,7 @@ def polygon_mask(polygon: Array, image_size: tuple[int, int], blur: float) -> Ar
 def spot_mask(
     centre: Array, axis: Array, half_widths: tuple[float, float], image_size: tuple[int, int]
 ) -> Array:
-    """Soft elliptical spot ``exp(-r^4)``, ``r`` being 1 on the ellipse.
+    """Return a soft elliptical spot ``exp(-r^4)``, ``r`` being 1 on the ellipse.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Lenses outside the families that `simulate` has: rational, thin prism."""
+"""Lenses outside the families of `simulate`: rational, thin prism."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from trisquare.simulate.scene import Array, TrueCamera
 
 _STEP = 1e-6
-"""Of the central differences: their error is some 1e-10 of a normalised coordinate."""
+"""Step of the central differences: their error is some 1e-10 of a normalised coordinate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +22,7 @@ class OtherCamera(TrueCamera):
             (self.distort(ideal + step) - self.distort(ideal - step)) / (2.0 * _STEP)
             for step in steps
         )
-        # Newton's method needs it to a few digits only, and the lenses here are nearly symmetric.
+        # Newton's method needs few digits of this, and the lenses here are nearly symmetric.
         mixed = 0.5 * (along_x[..., 1] + along_y[..., 0])
         return along_x[..., 0], mixed, along_y[..., 1]
 

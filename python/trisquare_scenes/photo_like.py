@@ -1,8 +1,8 @@
 """Scenes like those that people photograph: boards in corners, on boxes and anywhere, with truth.
 
-Three chessboards meet in the corner of a room or of a box, or hang free; some are seen at 70
-degrees, cut by the picture's border, or have an arm before them; squares may stand beside them. Or
-three squares stand among many rectangles, or there are tags, or ChArUco boards on a box.
+Three chessboards meet in the corner of a room or of a box, or hang freely; some are seen at 70
+degrees, cut by the picture's border, or partly hidden by an arm; squares may be beside them. Other
+scenes are three squares among many rectangles, tags, or ChArUco boards on a box.
 """
 
 from __future__ import annotations
@@ -43,28 +43,28 @@ RealKind = Literal[
 KINDS: tuple[RealKind, ...] = get_args(RealKind)
 
 CELLS = (4, 12)
-"""Cells of a board per direction."""
+"""Range of a board's number of cells per direction."""
 
 CELL_PIXELS = (10.0, 40.0)
-"""A cell's side in the picture: drawn for where the boards meet, or for their middle, before
-foreshortening; and no cell's side may be shorter than the first after it."""
+"""Range of a cell's side in the picture before foreshortening, where the boards meet or in their
+middle; after it, no cell's side may be shorter than the minimum."""
 
 STRONG_K1 = -0.2
 STRONG_SHARE = 0.5
-"""Half of the cameras have a barrel distortion beyond this."""
+"""Distortion coefficient, and the fraction of cameras with a stronger barrel distortion: half."""
 
 CORNER_TILT = 22.0
-"""Degrees by which a corner may be turned from looking evenly into all three faces."""
+"""Maximum turn of a corner from the view equally into all three faces, degrees."""
 
 RIMS = (0.3, 1.0)
-"""Paper beyond the cells, in cells."""
+"""Range of the paper's width beyond the cells, in cells."""
 
 FREE_TILTS = (25.0, 50.0)
 STEEP_TILT = 70.0
-"""Degrees."""
+"""Range of tilts of free boards, and tilt of a steep one, degrees."""
 
 TILT_JITTER = 20.0
-"""Degrees; directions of tilt are spread evenly but for this."""
+"""Jitter of the otherwise evenly spread directions of tilt, degrees."""
 
 FREE_PLACES = {
     3: ((0.24, 0.3), (0.76, 0.3), (0.5, 0.72)),
@@ -72,51 +72,53 @@ FREE_PLACES = {
 }
 PLACE_JITTER = 0.03
 SQUARE_SIDES = (0.2, 0.3)
-"""Of the picture's height: a square that stands beside boards."""
+"""Range of the side of a square beside boards, over the picture's height."""
 
 SHOWN = (0.6, 0.95)
-"""Share of all crossings that the border, or an arm, leaves in sight."""
+"""Range of the fraction of all crossings that the border, or an arm, leaves in sight."""
 
 MIN_SHOWN = 9
-"""Crossings that each board shows at least."""
+"""Minimum number of crossings that each board shows."""
 
 ARM_WIDTHS = (0.03, 0.09)
-"""Of the picture's width."""
+"""Range of an arm's width, over the picture's."""
 
 SKIN = np.array([0.45, 0.62, 1.0])
 SKIN_LIGHT = (0.1, 0.5)
 
 TAG_SIDES = (150.0, 260.0)
-"""Pixels, before foreshortening: three smaller tags tell too little of a camera."""
+"""Range of tags' sides before foreshortening, pixels: three smaller tags determine too little of a
+camera."""
 
 CHARUCO_CELLS = (4, 6)
-"""Cells of a ChArUco board per direction."""
+"""Range of a ChArUco board's number of cells per direction."""
 
 CHARUCO_CELL_PIXELS = 24.0
-"""Shortest side of its cells in the picture: a marker's white rim, an eighth of it, is then as wide
-as the widest blur's two flanks."""
+"""Minimum side of its cells in the picture, pixels: a marker's white rim, an eighth of it, is then
+as wide as the two flanks of the widest blur."""
 
 ANSWERABLE = 0.004
-"""Of the width: the bound of fx, cx and cy beyond which a scene is drawn again, since it is near
-where a calibration is rightly refused (3 % of f or 2 % of the width, four times over)."""
+"""Bound of fx, cx and cy, over the width, beyond which a scene is drawn again, since it is near
+those for which a calibration is rightly refused (3 % of f or 2 % of the width, four times over)."""
 
 PINHOLE_AND_RADIAL = ("fx", "fy", "cx", "cy", "k1", "k2")
 
 JUDGED = (*PINHOLE_AND_RADIAL, "p1", "p2")
 JUDGED_NOISE = 0.2
 JUDGED_LIMIT = 0.02
-"""A calibration is refused where, with its centre of distortion freed from the principal point (to
-first order, `p1` and `p2`) and noise of at least so many pixels per pixel of edge, fx, fy, cx or cy
-have a standard deviation of 4 % of f or of the width. No scene comes nearer than half of it."""
+"""A calibration is refused where fx, fy, cx or cy has a standard deviation of 4 % of f or of the
+width, with its centre of distortion freed from the principal point (to first order, `p1` and `p2`)
+and noise of at least `JUDGED_NOISE` pixels per pixel of edge. All scenes are below `JUDGED_LIMIT`,
+half of that."""
 
 BOUND_SPACING = 8.0
-"""Pixels of edge per sample of the bound; the sums are smooth."""
+"""Distance along an edge of the bound's samples, pixels; the sums are smooth."""
 
 BORDER_MARGIN = 2.0
-"""Pixels that a point in sight is away from the border."""
+"""Minimum distance of a point in sight from the border, pixels."""
 
 MAX_DRAWS = 20_000
-"""Scenes are drawn by rejection; of some kinds one in a hundred is good."""
+"""Maximum number of scenes drawn by rejection; for some kinds one in a hundred is accepted."""
 
 
 FIGURES: Mapping[str, Callable[[np.random.Generator, TrueCamera], Scene]] = {
@@ -137,9 +139,9 @@ class RealPicture:
     kind : str
         One of `KINDS`.
     scene : Scene
-        What is to be calibrated from: without rectangles that are no squares.
+        The targets to calibrate from, without rectangles that are not squares.
     settings : dict
-        What `render` was given.
+        The arguments of `render`.
     ideal : ndarray of float32, shape (H, W)
         The grey picture without noise and JPEG, 0 to 255.
     """
@@ -151,14 +153,14 @@ class RealPicture:
     ideal: npt.NDArray[np.float32]
 
     def in_sight(self, points: Array) -> npt.NDArray[np.bool_]:
-        """Whether pixels, shape (N, 2), are in the picture and nothing lies over them."""
+        """Return whether pixels, shape (N, 2), are in the picture and nothing covers them."""
         return _in_sight(self.scene.camera, self.settings["overlays"], points)
 
     def bound(self) -> dict[str, float]:
-        """Return standard deviations of a calibration by all pixels along the edges in sight.
+        """Return standard deviations of a calibration from all pixels along the edges in sight.
 
-        Their errors are the photograph's own: the sensor's noise, of which the mean of three
-        colours has less, and what JPEG does, however that hangs together within its blocks.
+        Their errors are the photograph's own: the sensor's noise, which is lower in the mean of
+        three colours, and JPEG's errors, with any correlation within its blocks.
         """
         wrong = _grey(self.picture.astype(np.float32)) - self.ideal
         blur = self.settings["blur"]
@@ -173,7 +175,7 @@ def real_picture(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     kind : str
         One of `KINDS`.
     image_size : tuple of int
@@ -205,7 +207,7 @@ def real_picture(
 def _photographed(
     rng: np.random.Generator, kind: RealKind, scene: Scene, settings: dict[str, Any]
 ) -> RealPicture:
-    """Render a scene, and keep what it would be without noise."""
+    """Render a scene, and keep its picture without noise."""
     clean = {**settings, "noise": 0.0, "jpeg_quality": None, "dtype": np.float32}
     coded = render(scene, rng, **clean)
     ideal = np.asarray(WHITE * _grey(coded), np.float32)
@@ -225,7 +227,7 @@ def _grey(picture: Image) -> Image:
 
 
 def _settings(rng: np.random.Generator) -> dict[str, Any]:
-    """Draw how the picture is taken."""
+    """Draw the conditions of the picture."""
     return {
         "noise": rng.uniform(1.0, 5.0),
         "blur": rng.uniform(0.5, 1.5),
@@ -248,7 +250,7 @@ def _camera(rng: np.random.Generator, image_size: tuple[int, int]) -> TrueCamera
 
 
 def _scene(rng: np.random.Generator, kind: RealKind, camera: TrueCamera) -> Scene | None:
-    """Draw the targets of a scene; None if they do not go together."""
+    """Draw the targets of a scene; None if they do not fit together."""
     if kind in FIGURES:
         try:
             return FIGURES[kind](rng, camera)
@@ -272,12 +274,12 @@ def _scene(rng: np.random.Generator, kind: RealKind, camera: TrueCamera) -> Scen
 def _corner(
     rng: np.random.Generator, camera: TrueCamera, *, convex: bool, rim: float, whole: bool
 ) -> Scene | None:
-    """Three boards on the faces of a room's corner or a box's, their sheets touching."""
+    """Draw three boards on the faces of a room's corner or a box's, their sheets touching."""
     cells = rng.integers(CELLS[0], CELLS[1] + 1, 3)
     depth = camera.fx / rng.uniform(*CELL_PIXELS)  # in cells
     pixel = rng.uniform(0.3, 0.7, 2) * camera.image_size
     apex = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
-    # Edges that make equal angles with the line of sight, away from the camera on a box.
+    # Edges at equal angles to the line of sight, on a box away from the camera.
     turns = rng.uniform(0.0, 360.0) + np.array([0.0, 120.0, 240.0])
     across, along = np.sqrt(2.0 / 3.0), np.sqrt(1.0 / 3.0) * (1.0 if convex else -1.0)
     even = np.stack(
@@ -309,7 +311,7 @@ def _corner(
 def _free(
     rng: np.random.Generator, camera: TrueCamera, *, boards: int, squares: int, steep: bool = False
 ) -> Scene | None:
-    """Boards and squares that stand apart from each other."""
+    """Draw boards and squares that stand apart from each other."""
     count = boards + squares
     first = rng.uniform(0.0, 360.0)
     order = rng.permutation(count)
@@ -340,7 +342,7 @@ def _free(
 
 
 def _charuco_box(rng: np.random.Generator, camera: TrueCamera) -> Scene:
-    """Three ChArUco boards of small codes on a box, near enough for their markers' white rims."""
+    """Draw three ChArUco boards of small codes on a box, near enough for their white rims."""
     squares = int(rng.integers(CHARUCO_CELLS[0], CHARUCO_CELLS[1] + 1))
     scene = charuco_box_scene(rng, squares=squares, name="4X4_1000", camera=camera)
     if _smallest_cell(scene) < CHARUCO_CELL_PIXELS:
@@ -353,7 +355,7 @@ def _facing(rotation: Array, centre: Array, **options: Any) -> Target | None:
 
 
 def _seen_unfolded(camera: TrueCamera, target: Target) -> bool:
-    """Whether a board that may leave the picture is before the camera and within its lens."""
+    """Return whether a board, which may leave the picture, is ahead and within the lens's range."""
     fractions = np.linspace(-1.0, 1.0, 9)
     u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
     points = target.to_camera(np.stack([u, v], axis=1) * (np.array(target.extent) + target.rim))
@@ -366,7 +368,7 @@ def _seen_unfolded(camera: TrueCamera, target: Target) -> bool:
 
 
 def _overlap(targets: list[Target]) -> bool:
-    """Whether the sheets of two targets meet in the picture."""
+    """Return whether the sheets of two targets meet in the picture."""
     quads = []
     for target in targets:
         rim = 0.15 if target.rim is None else target.rim
@@ -378,7 +380,7 @@ def _overlap(targets: list[Target]) -> bool:
 
 
 def _arms(rng: np.random.Generator, scene: Scene, settings: dict[str, Any]) -> list[Overlay]:
-    """One or two arms that reach from beyond the border over a board."""
+    """Draw one or two arms that reach from beyond the border over a board."""
     size = scene.camera.image_size
     arms = []
     for _ in range(int(rng.integers(1, 3))):
@@ -411,7 +413,7 @@ def _in_sight(camera: TrueCamera, overlays: list[Overlay], points: Array) -> npt
 
 
 def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
-    """Whether of all crossings some are out of sight, but each board shows enough."""
+    """Return whether some of all crossings are out of sight, but each board shows enough."""
     shown = []
     for number, target in enumerate(scene.targets):
         crossings = scene.image_points(number, target.board_corners())
@@ -421,7 +423,7 @@ def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:
 
 
 def _smallest_cell(scene: Scene) -> float:
-    """Length of the shortest side of any board's cell, pixels."""
+    """Return the length of the shortest side of any board's cell, pixels."""
     shortest = [np.inf]
     for number, target in enumerate(scene.targets):
         if target.is_board:
@@ -444,7 +446,7 @@ def _bound(
 
 
 def _answerable(scene: Scene, sigma: float, overlays: list[Overlay]) -> bool:
-    """Whether what is in sight determines the camera well enough to be answered."""
+    """Return whether the parts in sight determine the camera well enough for a calibration."""
     scene = Scene(scene.camera, tuple(target for target in scene.targets if _is_wanted(target)))
     width = scene.camera.image_size[0]
     try:

@@ -1,8 +1,8 @@
-"""The best accuracy that a rendered picture itself allows: every pixel along its edges counts.
+"""The best accuracy that a rendered picture itself allows, with every pixel along its edges.
 
-`cramer_rao_bound` takes an edge to be alone, evenly lit, and its noise to be white. In a picture
-edges cross and take contrast from each other, light falls off, and JPEG's errors hang together:
-here slopes and errors are those of the picture.
+`cramer_rao_bound` assumes that an edge is alone and evenly lit, and that its noise is white. In a
+picture edges cross and reduce each other's contrast, light falls off, and JPEG's errors are
+correlated: here slopes and errors are those of the picture.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_si
 from trisquare_scenes.tagged import MarkedTarget
 
 BAND_BLURS = 3.0
-"""Pixels within so many blurs of an edge know of its place."""
+"""Distance from an edge, in blurs, within which pixels contain information on its position."""
 
 BLOCK = 8
-"""Pixels: JPEG codes the picture in blocks of this side, whose errors are taken to be independent
-of each other, though not within them."""
+"""Side in pixels of the blocks in which JPEG codes the picture: their errors are assumed to be
+independent of each other, though not within a block."""
 
 
 def picture_bound(
@@ -48,15 +48,15 @@ def picture_bound(
     Parameters
     ----------
     scene : Scene
-        What is to be calibrated from.
+        The targets to calibrate from.
     ideal, wrong : ndarray, shape (H, W)
-        The grey picture without noise, and what the photograph has on top of it.
+        The grey picture without noise, and the photograph's errors.
     blur : float
         Standard deviation of the optical blur, pixels.
     free : sequence of str
         As for `cramer_rao_bound`.
     in_sight : callable, optional
-        Tells of pixels, shape (N, 2), which of them show the scene.
+        Takes pixels, shape (N, 2); returns which of them show the scene.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def _sums(
             line = ~_of_marker(target, plane)
             pixels, plane = pixels[line], plane[line]
         x, y = pixels.T
-        # Of a frame, what is nearer to the hole than to the outline moves with the hole.
+        # Points of a frame that are nearer to the hole than to the outline move with the hole.
         of_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
         of_hole &= target.kind == "frame"
         flow = -image_slopes(scene.camera, target, (*free, *range(count)), plane, of_hole)
@@ -111,7 +111,7 @@ def _sums(
 
 
 def _slope(picture: npt.NDArray[np.float32], axis: int) -> Array:
-    """Return the derivative along an axis, exact to the pixels' frequency: a Fourier series."""
+    """Return the derivative along an axis by a Fourier series, exact to the pixels' frequency."""
     mirrored = np.concatenate([picture, np.flip(picture, axis)], axis).astype(np.float64)
     count = mirrored.shape[axis]
     frequency = 2.0 * np.pi * np.fft.rfftfreq(count)
@@ -124,7 +124,7 @@ def _slope(picture: npt.NDArray[np.float32], axis: int) -> Array:
 def _along_edges(
     camera: TrueCamera, target: Target, shape: tuple[int, ...], blur: float
 ) -> npt.NDArray[np.intp]:
-    """Pixels x, y near a target's sides or grid lines, shape (N, 2)."""
+    """Return pixels x, y near a target's sides or grid lines, shape (N, 2)."""
     mask = np.zeros(shape, np.uint8)
     width = int(np.ceil(2.0 * BAND_BLURS * np.hypot(blur, 12.0**-0.5))) + 1
     for side in sample_sides(camera, target, 2.0):
@@ -135,7 +135,7 @@ def _along_edges(
 
 
 def _plane_points(camera: TrueCamera, target: Target, pixels: Array) -> Array:
-    """Points of the target's plane that pixels show, shape (N, 2)."""
+    """Return points of the target's plane that pixels show, shape (N, 2)."""
     rays = np.column_stack([camera.undistort(pixels), np.ones(len(pixels))])
     axes = np.column_stack([target.rotation[:, :2], target.translation])
     plane = np.linalg.solve(axes, rays.T).T
@@ -143,7 +143,7 @@ def _plane_points(camera: TrueCamera, target: Target, pixels: Array) -> Array:
 
 
 def _of_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
-    """Whether points of a ChArUco board are nearer to a marker's border than to a grid line."""
+    """Return whether points of a ChArUco board are nearer to a marker's border than a grid line."""
     cells = plane + 0.5 * (np.array(target.inner_corners) + 1.0)
     light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
     from_middle = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)

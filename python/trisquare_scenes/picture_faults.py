@@ -1,6 +1,6 @@
-"""Pictures of scenes that the camera or a program spoilt on the way, with known truth.
+"""Pictures of scenes that a camera or a program has spoilt, with known truth.
 
-Light is rendered exactly; a fault then acts where it does in a camera: on the light at each colour
+Light is rendered exactly; a fault then acts where it does in a camera: on the light of each colour
 (the lens), on the light at the sensor (exposure, blooming, motion), or on the coded values
 (sharpening, two levels, interlacing, JPEG).
 """
@@ -24,30 +24,30 @@ OnLight: TypeAlias = Callable[[Array], Array]
 OnCoded: TypeAlias = Callable[[Image], Image]
 
 PAPER = 215.0
-"""Grey level of the light side of an edge, coded as sRGB: what `render` gives a contrast of 175."""
+"""Grey level of the light side of an edge, coded as sRGB: that of `render` at a contrast of 175."""
 
 
 BLUR_STEPS = 8
-"""A varying blur is mixed from pictures of one blur each, so many steps apart."""
+"""Number of steps between the pictures of one blur each that are mixed for a varying blur."""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureFault:
-    """What spoils a picture.
+    """The faults of a picture.
 
     Attributes
     ----------
     on_light : sequence of callable
-        What happens to the light, 1 being white, shape (H, W, channels), in order.
+        Changes of the light, 1 being white, shape (H, W, channels), in order.
     on_coded : sequence of callable
-        What happens to the coded picture, uint8, in order.
+        Changes of the coded picture, uint8, in order.
     colour_scales : (float, float, float), optional
-        By what factor the lens magnifies blue, green and red about the centre; the picture is in
-        colour.
+        Factors by which the lens magnifies blue, green and red about the centre; the picture is
+        then in colour.
     second_field : (float, float), optional
-        By how much odd rows are displaced, pixels.
+        Displacement of odd rows, pixels.
     corner_blur : float, optional
-        Blur in the corners, pixels; it grows from the middle with the square of the distance.
+        Blur in the corners, pixels; it increases with the square of the distance from the middle.
     jpeg_quality : int, optional
     """
 
@@ -67,7 +67,7 @@ def photograph(
 ) -> Image:
     """Render a scene as sRGB with 8 bits, with a fault; noise is in grey levels.
 
-    The camera is that of green light, and of the even rows.
+    The camera is that of green light and of the even rows.
     """
     scales = fault.colour_scales
     channels = [
@@ -90,12 +90,12 @@ def photograph(
 
 
 def darkened(part: float) -> OnLight:
-    """Take away a part of the light in the corners, and less by the square of the distance."""
+    """Reduce the light in the corners by a fraction, elsewhere by the square of the distance."""
     return lambda light: light * (1.0 - part * _towards_corners(light))
 
 
 def sloped(part: float, direction: float) -> OnLight:
-    """Let light fall from one end of the picture to the other, by a part: degrees from x to y."""
+    """Reduce light by a fraction from one end of the picture to the other: degrees from x to y."""
 
     def act(light: Array) -> Array:
         height, width = light.shape[:2]
@@ -108,13 +108,13 @@ def sloped(part: float, direction: float) -> OnLight:
 
 
 def exposed(factor: float) -> OnLight:
-    """Expose so that the light sides would be coded as `factor` times `PAPER`."""
+    """Expose such that the light sides are coded as `factor` times `PAPER`."""
     gain = decode_tone(np.array([factor * PAPER, PAPER]) / WHITE, "srgb")
     return lambda light: light * (gain[0] / gain[1])
 
 
 def bloomed(share: float, spread: float) -> OnLight:
-    """Spread a share of the light above white by so many pixels (standard deviation)."""
+    """Spread a fraction of the light above white by a standard deviation in pixels."""
 
     def act(light: Array) -> Array:
         excess = share * np.maximum(light - 1.0, 0.0)
@@ -125,7 +125,7 @@ def bloomed(share: float, spread: float) -> OnLight:
 
 
 def winged(share: float, spread: float) -> OnLight:
-    """Spread a share of all light by so many pixels (standard deviation), as many lenses do."""
+    """Spread a fraction of all light by a standard deviation in pixels, as many lenses do."""
 
     def act(light: Array) -> Array:
         around = cv2.GaussianBlur(light, (0, 0), spread).reshape(light.shape)
@@ -135,7 +135,7 @@ def winged(share: float, spread: float) -> OnLight:
 
 
 def defocused(radius: float) -> OnLight:
-    """Spread all light evenly over a disc, as a lens out of focus does: pixels."""
+    """Spread all light evenly over a disc of a radius in pixels, as a lens out of focus does."""
     reach, parts = int(np.ceil(radius)), 20
     offsets = (np.arange((2 * reach + 1) * parts) + 0.5) / parts - reach - 0.5
     inside = np.hypot(offsets, offsets[:, None]) < radius
@@ -145,7 +145,7 @@ def defocused(radius: float) -> OnLight:
 
 
 def moved(length: float, direction: float) -> OnLight:
-    """Move the camera along a line while the shutter is open: pixels, degrees."""
+    """Move the camera along a line, pixels and degrees, while the shutter is open."""
     return Motion(length, direction).blurred
 
 
@@ -169,9 +169,9 @@ def styled(slope: float) -> OnCoded:
 
 
 def rolled_off(knee: float, steepness: float) -> OnLight:
-    """Compress what would be coded above a knee, 1 being white, as cameras do with highlights.
+    """Compress coded values above a knee, 1 being white, as cameras do with highlights.
 
-    Above it the coded value nears white exponentially, the faster the steeper, and reaches it.
+    Above it the coded value approaches white exponentially, the faster the steeper, and reaches it.
     """
 
     def act(light: Array) -> Array:
@@ -184,7 +184,7 @@ def rolled_off(knee: float, steepness: float) -> OnLight:
 
 
 def thresholded(level: int | None) -> OnCoded:
-    """Leave black and white only; the level is Otsu's (1979) if None."""
+    """Reduce the picture to black and white; the level is Otsu's (1979) if None."""
 
     def act(picture: Image) -> Image:
         method = cv2.THRESH_BINARY | (cv2.THRESH_OTSU if level is None else 0)
@@ -194,7 +194,7 @@ def thresholded(level: int | None) -> OnCoded:
 
 
 def made_smaller(scene: Scene, picture: Image, size: tuple[int, int]) -> tuple[Scene, Image]:
-    """Average a coded picture's pixels to a smaller size; return the scene of that picture."""
+    """Average a coded picture's pixels to a smaller size; return the scene with its camera too."""
     camera = scene.camera
     wide, high = (new / old for new, old in zip(size, camera.image_size, strict=True))
     smaller = replace(
@@ -217,13 +217,13 @@ class ReliefTarget(Target):
     Parameters
     ----------
     relief : (float, float, float)
-        Height above the plane by ``x^2``, ``x y`` and ``y^2``, in plane units.
+        Height above the plane as multiples of ``x^2``, ``x y`` and ``y^2``, in plane units.
     """
 
     relief: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def to_camera(self, plane_points: npt.ArrayLike) -> Array:
-        """Points of the paper in the camera frame, shape (N, 3)."""
+        """Map points of the paper into the camera frame, shape (N, 3)."""
         points = np.asarray(plane_points, dtype=np.float64)
         x, y = points[:, 0], points[:, 1]
         height = self.relief[0] * x * x + self.relief[1] * x * y + self.relief[2] * y * y
@@ -231,7 +231,7 @@ class ReliefTarget(Target):
 
 
 def with_relief(scene: Scene, rng: np.random.Generator, height: float) -> Scene:
-    """Bend the paper of every target, up to `height` of its side between lowest and highest."""
+    """Bend the paper of every target, by `height` of its side between lowest and highest."""
     targets = []
     for target in scene.targets:
         bend = rng.standard_normal(3)
@@ -247,7 +247,7 @@ def with_relief(scene: Scene, rng: np.random.Generator, height: float) -> Scene:
 
 
 def _towards_corners(light: Array) -> Array:
-    """Give the square of the distance from the middle, 1 in the corners: shape (H, W, 1)."""
+    """Return the squared distance from the middle, 1 in the corners: shape (H, W, 1)."""
     height, width = light.shape[:2]
     y, x = np.mgrid[:height, :width]
     square = (x - 0.5 * (width - 1)) ** 2 + (y - 0.5 * (height - 1)) ** 2
@@ -257,7 +257,7 @@ def _towards_corners(light: Array) -> Array:
 def _light(scene: Scene, blur: float, corner_blur: float | None) -> Array:
     if corner_blur is None:
         return _evenly_blurred(scene, blur)
-    # A mixture of two blurs a little apart has the right variance, and nearly the right shape.
+    # A mixture of two slightly different blurs has the correct variance, and nearly the shape.
     blurs = np.linspace(blur, corner_blur, BLUR_STEPS + 1)
     pictures = [_evenly_blurred(scene, float(each)) for each in blurs]
     own = np.square(blur + (corner_blur - blur) * _towards_corners(pictures[0]))
@@ -271,7 +271,7 @@ def _light(scene: Scene, blur: float, corner_blur: float | None) -> Array:
 
 
 def _evenly_blurred(scene: Scene, blur: float) -> Array:
-    # Float pictures are neither rounded nor clipped, and without noise nothing is drawn.
+    # Float pictures are neither rounded nor clipped; without noise no random numbers are drawn.
     coded = render(
         scene, np.random.default_rng(0), tone="srgb", noise=0.0, blur=blur, dtype=np.float32
     )

@@ -1,4 +1,4 @@
-"""Photographs of printed sheets, as a reader of the documentation takes them."""
+"""Photographs of printed sheets, as taken by a reader of the documentation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from trisquare.simulate.scene import Scene
 
 
 def printed_photograph(scene: Scene, rng: np.random.Generator) -> Image:
-    """Render a scene in colour among clutter, under conditions drawn at random, kept as JPEG."""
+    """Render a scene in colour among clutter, under random conditions, as decoded JPEG."""
     return simulate.render(
         scene,
         rng,

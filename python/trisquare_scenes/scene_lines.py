@@ -1,4 +1,4 @@
-"""Small squares amid a picture and straight lines all over it, with known truth."""
+"""Small squares in the middle of a picture and straight lines all over it, with known truth."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from trisquare.simulate.cramer_rao import DIFFERENCE_STEP, changed
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera
 
 SHRINK = 0.5
-"""Of the squares and of their distances from the middle."""
+"""Factor of the squares' sizes and of their distances from the middle."""
 LENGTH_RANGE = (0.3, 0.9)
-"""Of a line, parts of the width."""
+"""Range of a line's length, over the width."""
 SPACING = 8.0
-"""Pixels between samples."""
+"""Distance between samples, pixels."""
 ARC_CHORDS = 400
 MAX_DRAWS = 1000
 
 
 class ImagedLine(NamedTuple):
-    """A straight line of the scene where a camera sees it."""
+    """A straight line of the scene and its image."""
 
     ideal: Array  # normalised coordinates, shape (N, 2)
     image: Array  # pixels, shape (N, 2)
@@ -74,7 +74,7 @@ def imaged_lines(camera: TrueCamera, rng: np.random.Generator, count: int) -> li
 def line_samples(
     line: ImagedLine, rng: np.random.Generator, noise: float, sagitta: float = 0.0
 ) -> Array:
-    """Return noisy samples of a line's image, bent like a cable by so many pixels."""
+    """Return noisy samples of a line's image, bent like a cable by a sagitta in pixels."""
     place = np.linspace(-1.0, 1.0, len(line.image))
     across = rng.normal(0.0, noise, len(place)) + sagitta * (1.0 - place**2)
     return np.asarray(line.image + line.normal * across[:, None])
@@ -83,7 +83,7 @@ def line_samples(
 def line_information(
     camera: TrueCamera, lines: Sequence[ImagedLine], noise: float, free: Sequence[str]
 ) -> Array:
-    """Return what lines tell of a camera's free parameters, their own places eliminated."""
+    """Return lines' information on a camera's free parameters, their own positions eliminated."""
     total = np.zeros((len(free), len(free)))
     step = DIFFERENCE_STEP
     target = Target(np.eye(3), np.array([0.0, 0.0, 1.0]))

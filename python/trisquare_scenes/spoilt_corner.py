@@ -1,4 +1,4 @@
-"""Printed corners that did not come out as they should: badly folded, bent, stretched in print."""
+"""Defective printed corners: badly folded, bent, stretched in print."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def folded_off(scene: Scene, page: TargetPage, face: int, degrees: float) -> Sce
 
 
 def with_bent_face(scene: Scene, face: int, bow: float, direction: float) -> Scene:
-    """Bend a face to a cylinder that arches over its side by so much of it.
+    """Bend a face to a cylinder whose rise over the face is `bow` of its side.
 
     `direction` is that of the cylinder's axis in the plane, radians.
     """
@@ -39,14 +39,14 @@ def with_bent_face(scene: Scene, face: int, bow: float, direction: float) -> Sce
 
 
 def stretched(scene: Scene, stretch: float) -> Scene:
-    """Stretch the print along the sheet's first axis, by so much of its length."""
+    """Stretch the print along the sheet's first axis, by a fraction of its length."""
     along_x = np.diag([1.0 + stretch, 1.0, 1.0])
     targets = (replace(target, rotation=target.rotation @ along_x) for target in scene.targets)
     return replace(scene, targets=tuple(targets))
 
 
 def _side(target: Target) -> float:
-    """Of the figure, in the plane's unit."""
+    """Return the figure's side, in the plane's unit."""
     return 2.0 * target.extent[0]
 
 

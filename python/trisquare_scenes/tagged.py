@@ -18,17 +18,18 @@ from trisquare.simulate.scene import Array, Scene, Side, Target, TrueCamera, rec
 Codes = npt.NDArray[np.bool_]
 
 PLACES = np.array([[0.23, 0.3], [0.77, 0.3], [0.5, 0.72]])
-"""Of three tags, as fractions of the picture."""
+"""Centres of three tags, as fractions of the picture."""
 
 TAG_SIDES = (60.0, 250.0)  # pixels, before foreshortening
 TAG_TILTS = (25.0, 60.0)  # degrees
 TILT_DIRECTION_JITTER = 20.0  # degrees
 
 BOX_TILTS = (48.0, 62.0)
-"""Degrees between each face of a box and the picture: 54.7 when its corner points at the camera."""
+"""Range of the angles between a box's faces and the picture, degrees: 54.7 when its corner points
+at the camera."""
 
 BOX_MARGIN = 0.08
-"""Of a face, between its sheet and the box's edges."""
+"""Margin between a face's sheet and the box's edges, over the face's side."""
 
 PICTURE_MARGIN = 12.0  # pixels
 MAX_DRAWS = 5000
@@ -43,8 +44,8 @@ class MarkedTarget(Target):
     inner : float
         Side of a board's markers, in cells.
     codes : array_like of bool, shape (M, n, n)
-        What is printed in a tag (M = 1), or in a board's markers row by row: True is white. A
-        border of one dark cell comes round it.
+        Code of a tag (M = 1), or of a board's markers row by row: True is white. A border of one
+        dark cell surrounds each.
     """
 
     codes: Codes = field(default_factory=lambda: np.zeros((0, 1, 1), bool))
@@ -55,7 +56,7 @@ class MarkedTarget(Target):
             yield from marker(self.codes[0], np.zeros(2), 1.0)
             return
         yield from Target.figure(self)
-        # As many markers as there are codes: the rest of the light cells stay empty.
+        # Only as many markers as there are codes: the remaining light cells stay empty.
         for centre, code in zip(self.cells(1), self.codes, strict=False):
             yield from marker(code, centre, self.inner)
 
@@ -63,7 +64,7 @@ class MarkedTarget(Target):
 def marker(
     code: Codes, centre: Array, side: float, border: int = BORDER
 ) -> Iterator[tuple[float, list[Side]]]:
-    """Yield a dark square of the given side and, taken out of it, the code's runs of white."""
+    """Yield a dark square of the given side and, subtracted from it, the code's runs of white."""
     yield 1.0, sides_of(centre + side * rectangle(0.5, 0.5))
     cells = len(code) + 2 * border
     cell = side / cells
@@ -82,12 +83,12 @@ def tag_scene(
     sides: tuple[float, float] = TAG_SIDES,
     camera: TrueCamera | None = None,
 ) -> tuple[Scene, list[int]]:
-    """Draw three tags that stand alone, and their numbers.
+    """Draw three tags that stand alone; return their scene and their numbers.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     name : str
         One of `trisquare.detection.tags.families.DICTIONARIES`.
     sides : tuple of float
@@ -106,7 +107,7 @@ def tag_scene(
             rotation = tilted(rng.uniform(*TAG_TILTS), direction, rng.uniform(0.0, 360.0))
             centre = np.append(camera.undistort((place * camera.image_size)[None])[0], 1.0)
             centre *= camera.fx / rng.uniform(*sides)
-            # Beyond 70 degrees from the line of sight little is left of the smallest.
+            # Beyond 70 degrees from the line of sight little of the smallest remains.
             if rotation[:, 2] @ centre > np.cos(np.deg2rad(70.0)) * np.linalg.norm(centre):
                 tag = MarkedTarget(rotation, centre, codes=codes[[number]])
                 if in_picture(camera, tag, 0.5 + SHEET_RIM[1]):
@@ -127,7 +128,7 @@ def charuco_box_scene(
 ) -> Scene:
     """Draw a box's corner, each of its three faces covered by a square ChArUco board.
 
-    Board f carries the numbers from f M on, M being the number of its light cells.
+    The numbers of board f begin at f M, M being the number of its light cells.
     """
     codes = dictionary(name).codes
     half = squares**2 // 2
@@ -143,7 +144,7 @@ def charuco_box_scene(
 
 
 def box_faces(rng: np.random.Generator, camera: TrueCamera) -> list[Target]:
-    """Three faces that meet in a corner which points about at the camera, with unit sides."""
+    """Draw three faces with unit sides that meet in a corner pointing roughly at the camera."""
     width, height = camera.image_size
     while True:
         turned = np.linalg.qr(rng.standard_normal((3, 3)))[0]
@@ -178,7 +179,7 @@ def _board(face: Target, squares: int, ratio: float, codes: Codes) -> Target:
 
 
 def in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
-    """Whether a square of the target's plane stays clear of the picture's border."""
+    """Return whether a square of the target's plane stays clear of the picture's border."""
     corners = rectangle(half, half)
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
     outline = (corners + fraction * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
@@ -190,7 +191,7 @@ def in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
         seen = camera.undistort(pixels)
     except ValueError:
         return False
-    # A point beyond the distortion's fold would come back elsewhere.
+    # A point beyond the distortion's fold would be undistorted to another place.
     same = np.allclose(seen, points[:, :2] / points[:, 2:], atol=1e-6)
     low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
     return bool(same and np.all(pixels > low) and np.all(pixels < high))

@@ -1,4 +1,4 @@
-"""Seeded scenes that a wide lens sees, for `trisquare.simulate.render`."""
+"""Seeded scenes for a wide lens, for `trisquare.simulate.render`."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from trisquare_scenes.boards import with_boards
 from trisquare_scenes.tagged import MarkedTarget
 
 BESIDE = ((0.08, 0.82), (0.92, 0.82), (0.5, 0.1))
-"""Where rectangles lie beside the squares of `wide_scene`, over the picture's size."""
+"""Places of rectangles beside the squares of `wide_scene`, over the picture's size."""
 
 SHORTEST_SIDE = (0.6, 0.85)  # of a rectangle, over its longer one
-LENGTH = 0.09  # of that one in the picture, over its width; nearly
+LENGTH = 0.09  # approximate length of that one in the picture, over its width
 TILT_RANGE = (15.0, 45.0)  # degrees
 
 
@@ -41,14 +41,14 @@ def scene_among_rectangles(rng: np.random.Generator, camera: TrueFisheye) -> Sce
 def wide_board_scene(
     rng: np.random.Generator, camera: TrueFisheye, inner_corners: tuple[int, int] = (8, 6)
 ) -> Scene:
-    """Draw chessboards where `wide_scene` has squares, the longer side as long as theirs."""
+    """Draw chessboards in place of the squares of `wide_scene`, with as long a longer side."""
     return with_boards(wide_scene(rng, camera), inner_corners, max(inner_corners) + 1)
 
 
 def wide_aprilgrid_scene(
     rng: np.random.Generator, camera: TrueFisheye, shape: tuple[int, int] = (6, 6)
 ) -> Scene:
-    """Draw copies of one AprilGrid where `wide_scene` has squares, as large as those."""
+    """Draw copies of one AprilGrid in place of the squares of `wide_scene`, as large as those."""
     scene = wide_scene(rng, camera)
     grid = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape)
     side = 2.0 * max(grid.extent)
@@ -62,7 +62,7 @@ def wide_aprilgrid_scene(
 def wide_charuco_scene(
     rng: np.random.Generator, camera: TrueFisheye, *, squares: int = 8, nearer: float = 1.6
 ) -> Scene:
-    """Draw one ChArUco board of 6X6_1000, so many times as large as a square of `wide_scene`."""
+    """Draw one ChArUco board of 6X6_1000, `nearer` times as large as a square of `wide_scene`."""
     scene = wide_scene(rng, camera)
     place = scene.targets[0]
     board = MarkedTarget(
@@ -79,7 +79,7 @@ def wide_charuco_scene(
 def wide_tag_scene(
     rng: np.random.Generator, camera: TrueFisheye, name: str = "6X6_250"
 ) -> tuple[Scene, list[int]]:
-    """Draw tags of a dictionary where `wide_scene` has squares, and their numbers."""
+    """Draw tags of a dictionary in place of the squares of `wide_scene`, and their numbers."""
     scene = wide_scene(rng, camera)
     codes = dictionary(name).codes
     numbers: list[int] = rng.choice(len(codes), len(scene.targets), replace=False).tolist()

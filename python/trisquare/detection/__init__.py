@@ -1,1 +1,1 @@
-"""Finding targets in a picture with OpenCV: coarse outlines, nothing measured."""
+"""Detection of targets in a picture with OpenCV: coarse outlines, without edge measurement."""

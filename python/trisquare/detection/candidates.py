@@ -1,4 +1,4 @@
-"""What a search returns: coarse outlines, good to a pixel or two."""
+"""Results of a search: coarse outlines, accurate to a pixel or two."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 
 MIN_CONTRAST = 14.0
-"""Grey levels: a contrast of 60 in the weak half of strongly uneven light, and blurred."""
+"""Minimum contrast of an edge, grey levels: what blur leaves of a contrast of 60 in the weak half
+of strongly uneven light."""
 
 ENOUGH = 3
-"""Squares that a calibration asks for; where fewer are found, the picture is searched again at half
-its size, where a blur of 4 pixels is one of 2 and four pixels share their noise."""
+"""Number of squares that a calibration needs; if fewer are found, the picture is searched again at
+half its size, where a blur of 4 pixels is one of 2 and four pixels average their noise."""
 
 
 class Tag(NamedTuple):
-    """A code that was recognised; turned left `turns` times against its quad's corners."""
+    """A decoded tag; its code is turned left `turns` times relative to its quad's corners."""
 
     dictionary: str
     number: int
@@ -46,7 +47,7 @@ class Outline:
 
     @classmethod
     def of(cls, sides: FloatArray, dark_inside: bool, places: int = 0) -> Outline:
-        """Take sides, shape (4, N, 2), in an order that is rolled by `places`."""
+        """Build an outline from sides, shape (4, N, 2), whose order is rolled by `places`."""
         sides = np.roll(sides, places, axis=0)
         sides.flags.writeable = False
         first, second, third, fourth = sides
@@ -55,12 +56,13 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SquareOutline:
-    """A solid square, a frame with a second, inner outline numbered like the outer one, or a tag.
+    """A solid square, a frame, a tag or a rectangle.
 
-    Or a rectangle, whose side 0 is `aspect` times as long as its side 1, or None if that is
-    unknown. The corners of a tag begin at the top left of its code. Other things may lie right
-    beside the sides of one that `is_beside_others`; `beside` it there may be an outline that is
-    not used, such as the other one of a thin frame.
+    The second, inner outline of a frame is numbered like the outer one. The corners of a tag begin
+    at the top left of its code. Side 0 of a rectangle is `aspect` times as long as its side 1; None
+    if that is unknown. If it `is_beside_others`, other things may lie right beside its sides.
+    `beside` is an unused outline right beside it, if there is one, such as the other one of a thin
+    frame.
     """
 
     outer: Outline
@@ -78,10 +80,10 @@ class Lattice:
     Attributes
     ----------
     crossings : ndarray of float64, shape (rows, cols, 2)
-        Columns go clockwise from rows on the screen: the board is seen from its front. Where
-        there is no crossing, the numbers mean nothing (but are finite).
+        Columns go clockwise from rows on the screen: the board is seen from its front. Entries
+        without a crossing are finite but meaningless.
     present : ndarray of bool, shape (rows, cols)
-        Which crossings were found; what is hidden or outside the picture is not.
+        Which crossings were found; those hidden or outside the picture are not.
     """
 
     crossings: FloatArray

@@ -7,36 +7,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 RANGE_PERCENTILES = (0.5, 99.5)
-"""The range leaves out the darkest and brightest specks."""
+"""Percentiles of the grey levels that bound the range, without the darkest and brightest specks."""
 
 MIN_PICTURE = 32
-"""Pixels per side below which a picture cannot hold a square with its ground."""
+"""Side in pixels below which a picture cannot contain a square with its ground."""
 
 WORKING_SIZE = 1000
-"""Longest side, in pixels, of the picture that is searched: larger ones are halved, which takes
-three quarters of the work and most of the noise away and leaves outlines good to a pixel."""
+"""Maximum longer side, in pixels, of the picture that is searched: larger ones are halved, which
+saves three quarters of the work, removes most of the noise and keeps outlines accurate to a
+pixel."""
 
 SURE_SIDE = 15
-"""Pixels of the picture that is searched from which a square is found, whichever way it is turned:
-a little above the shortest side that an outline may have."""
+"""Side, in pixels of the picture that is searched, from which a square is found at any rotation: a
+little above the minimum side of an outline."""
 
 RANGE_PIXELS = 4_000_000
-"""Pixels, at most, from which the range of a picture of more than 8 bits is read: two percentiles
-of so many are known to a hundredth of a percent."""
+"""Maximum number of pixels from which the range of a picture of more than 8 bits is computed: so
+many determine two percentiles to a hundredth of a percent."""
 
 STRIP_ROWS = 256
-"""Rows that are stretched to 8 bits at a time, lest a large picture be copied as floats."""
+"""Number of rows stretched to 8 bits at a time, so that a large picture is not copied as floats."""
 
 
 def grey_bytes(image: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """Grey picture of 8 bits, stretched to its own range if it had more; for finding only."""
+    """Return a grey picture of 8 bits, stretched to its own range if it had more; for detection."""
     return grey_bytes_and_range(image)[0]
 
 
 def grey_bytes_and_range(
     image: NDArray[np.generic],
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """Return `grey_bytes` and the levels that its 0 and 255 stand for, white being 255."""
+    """Return `grey_bytes` and the levels at its 0 and 255, white being 255."""
     if image.size == 0:
         return np.zeros(image.shape[:2], dtype=np.uint8), (0.0, 0.0)
     if image.dtype == np.uint8:
@@ -65,7 +66,7 @@ def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:
 
 
 def working_scale(size: tuple[int, ...]) -> int:
-    """How many pixels of a photograph make one of the picture that is searched."""
+    """Return the pixels of a photograph per pixel of the picture that is searched, along a side."""
     longest, shortest, scale = max(size), min(size), 1
     while longest > WORKING_SIZE and shortest >= MIN_PICTURE:
         longest, shortest, scale = (longest + 1) // 2, (shortest + 1) // 2, 2 * scale
@@ -73,7 +74,7 @@ def working_scale(size: tuple[int, ...]) -> int:
 
 
 def working_picture(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """Smooth picture of moderate size, and how many pixels of the photograph make one of it."""
+    """Return a smooth picture of moderate size, and the photograph's pixels per pixel of it."""
     scale = working_scale(grey.shape)
     for _ in range(scale.bit_length() - 1):
         grey = np.asarray(cv2.pyrDown(grey), dtype=np.uint8)

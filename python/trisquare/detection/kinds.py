@@ -1,4 +1,4 @@
-"""What to look for in a picture."""
+"""Kinds of targets to search for in a picture."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ OF_LAYOUT = {
     "checkerboard": _BOARD,
     "charuco": "name its layout, charuco:10x10:0.75 (squares across and down, marker over square)",
 }
-"""What to say of boards that are named without their layout."""
+"""Advice in the messages for boards that are named without their layout."""
 
 SMALLEST_BOARD = 3
-"""Inner corners per direction that a chessboard must have."""
+"""Minimum number of inner corners of a chessboard per direction."""
 
 SQUARE_WIDTH, TAG_WIDTH = 30, 40
-"""Pixels that a square and a tag should have at least, in a picture that is searched as it is."""
+"""Recommended minimum widths of a square and a tag, pixels, in a picture searched at full size."""
 
 CHOICES = (
     "auto, squares, tags, aruco, apriltag, tags:6X6_250, chessboard:9x6, rectangles (a4, letter, "
@@ -45,7 +45,7 @@ CHOICES = (
 )
 
 SHEETS = ("charuco:", "aruco:", "apriltag:", "aprilgrid:")
-"""What the names of layouts begin with."""
+"""Prefixes of the names of layouts."""
 
 TAG_SEARCHES = {
     "auto": TagSearch(DICTIONARIES),
@@ -58,24 +58,24 @@ TAG_SEARCHES = {
 
 @dataclass(frozen=True, slots=True)
 class TargetKinds:
-    """What to look for: squares, tags, chessboards, sheets of markers, or rectangles.
+    """Kinds of targets to search for: squares, tags, chessboards, sheets or rectangles.
 
     Attributes
     ----------
     board : tuple of int or None
-        Inner corners across and down of the chessboards that are looked for.
+        Inner corners across and down of the chessboards to search for.
     layout : Layout or None
-        The sheets that are looked for.
+        The sheets to search for.
     tags : TagSearch or None
-        Tags that are looked for, each on its own.
+        Tags to search for, each on its own.
     squares : bool
-        Whether squares without a code are looked for.
+        Whether to search for squares without a code.
     lattices : bool
-        Whether chessboards of any size are looked for.
+        Whether to search for chessboards of any size.
     grids : bool
-        Whether AprilGrids of any size are looked for.
+        Whether to search for AprilGrids of any size.
     rectangles : RectangleShape or None
-        Rectangles that are looked for.
+        Rectangles to search for.
     """
 
     board: tuple[int, int] | None = None
@@ -88,7 +88,7 @@ class TargetKinds:
 
     @property
     def has_rectangles_of_known_shape(self) -> bool:
-        """Whether a rectangle that is found may be of another shape than those looked for."""
+        """Whether rectangles of a known aspect are searched for; those found may differ."""
         return self.rectangles is not None and self.rectangles.aspect is not None
 
     @classmethod
@@ -136,10 +136,10 @@ def nothing_found(
     *,
     lack: str = "",
 ) -> str:
-    """Say what was looked for in vain, and of what came near why it was not that.
+    """Describe what was searched for in vain, and why each near candidate was rejected.
 
-    `size` is that of the picture, on which it depends how small a target may be; `lack` says
-    that the picture hardly has any contrast, if that is so.
+    `size` is that of the picture, on which the minimum size of a target depends; `lack` describes
+    the lack of contrast of a picture that hardly has any.
     """
     reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
     missing = _missing(targets, size)
@@ -182,7 +182,7 @@ def _least_width(usual: int, size: tuple[int, int]) -> int:
 
 
 def _lonely_squares(size: tuple[int, int]) -> str:
-    """Say how large squares must be that alone are dark: thresholds span nearly all grey levels."""
+    """Give the minimum size of the only dark squares: thresholds span nearly all grey levels."""
     share = RANGE_PERCENTILES[0] / 100.0
     width = 10 * math.ceil(math.sqrt(share * size[0] * size[1] / 3.0) / 10.0)
     if width <= _least_width(SQUARE_WIDTH, size):

@@ -1,4 +1,4 @@
-"""Values of a picture between its pixels, and where quadrilaterals have their points."""
+"""Interpolated values of a picture, and points of quadrilaterals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sample(picture: GreyPicture, points: FloatArray) -> FloatArray:
     """Interpolate a picture bilinearly at points of shape (..., 2); the border is continued."""
     if points.size == 0:
         return np.zeros(points.shape[:-1])
-    # OpenCV maps pictures to pictures: one row of points to a row.
+    # OpenCV takes coordinates as a picture: each row of points is one of its rows.
     rows = points.reshape(-1, points.shape[-2], 2)
     if max(picture.shape) > LARGEST_RESAMPLED:
         values = np.concatenate([_remapped(*_around(picture, row[None])) for row in rows])
@@ -33,8 +33,8 @@ def _remapped(picture: GreyPicture, rows: FloatArray) -> NDArray[Any]:
 
 
 def _around(picture: GreyPicture, rows: FloatArray) -> tuple[GreyPicture, FloatArray]:
-    """Return the part of a picture that holds the points, and them in it."""
-    # A pixel beside the part is not looked at: there the border is that of the picture.
+    """Return the part of a picture that contains the points, and the points relative to it."""
+    # Interpolation reads no pixel outside the part, except where its border is the picture's.
     last = np.array(picture.shape[1::-1]) - 1
     low, high = rows.min(axis=(0, 1)), rows.max(axis=(0, 1))
     left, top = np.clip(np.floor(low), 0, last).astype(int)
@@ -43,7 +43,7 @@ def _around(picture: GreyPicture, rows: FloatArray) -> tuple[GreyPicture, FloatA
 
 
 def homographies_from_unit_square(quads: FloatArray) -> FloatArray:
-    """Homographies that map the unit square, clockwise from its origin, to quads (Q, 4, 2)."""
+    """Return homographies from the unit square, clockwise from its origin, to quads (Q, 4, 2)."""
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     matrices = [cv2.getPerspectiveTransform(unit, quad.astype(np.float32)) for quad in quads]
     return np.array(matrices, dtype=np.float64).reshape(-1, 3, 3)

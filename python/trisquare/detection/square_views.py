@@ -1,7 +1,7 @@
-"""Where quads have the points of the squares they may be, under wide lenses, too.
+"""Positions of a square's points within quads that may be its images, also under wide lenses.
 
-What a lens bends is straight among its rays: the focal length that makes the sides of a quad
-straight tells where the points within are as well.
+A side that the lens bends is straight among its rays: the focal length that makes the sides of a
+quad straight also gives the positions of the points within.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 
 FISHEYE_FOCAL_LENGTHS = np.geomspace(0.16, 0.8, 12)
-"""Of lenses that show a ray's angle with the axis as its distance from the centre: such a picture,
-240 degrees across, is as high as a third of its width, or 70 degrees as wide as it."""
+"""Focal lengths, over the picture's longer side, of fisheyes whose distances from the centre are
+proportional to the angle from the axis: from a circle of 240 degrees with a radius of a third of
+that side, to 70 degrees across that side."""
 
 PINHOLE = 8.0
-"""Focal length over the longer side of a fisheye that is as good as a pinhole."""
+"""Focal length, over the picture's longer side, of a fisheye that is as good as a pinhole."""
 
 STRAIGHT = 0.01
-"""Of a side, over its chord: what bends less is read by its corners alone."""
+"""Bend of a side, over its chord, up to which a quad is read by its corners alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SquareViews:
-    """Quads as squares that a lens sees, whose focal lengths make their sides straight."""
+    """Quads as views of squares, each with the focal length that makes its sides straight."""
 
     columns: FloatArray  # (Q, 3, 3), of homographies from the unit square to rays
     focal_lengths: FloatArray  # (Q,), over the picture's longer side
@@ -34,7 +35,7 @@ class SquareViews:
 
     @classmethod
     def of(cls, sides: FloatArray, image_size: tuple[int, int]) -> SquareViews:
-        """Take sides, shape (Q, 4, N, 2), clockwise on the screen, and a width and height."""
+        """Build views from sides, (Q, 4, N, 2), clockwise on the screen, and a width and height."""
         points = centred(sides, image_size)
         focal_lengths = np.full(len(sides), PINHOLE)
         bent = np.flatnonzero(bends(sides) > STRAIGHT)
@@ -53,7 +54,7 @@ class SquareViews:
         return replace(self, columns=self.columns[keep], focal_lengths=self.focal_lengths[keep])
 
     def points(self, square: FloatArray) -> FloatArray:
-        """Pixels of points of the unit square, shape (N, 2), in every quad, shape (Q, N, 2)."""
+        """Return pixels of points of the unit square, (N, 2), in every quad, shape (Q, N, 2)."""
         rays = np.column_stack([square, np.ones(len(square))]) @ np.swapaxes(self.columns, 1, 2)
         across = np.linalg.norm(rays[..., :2], axis=-1)
         angles = np.arctan2(across, rays[..., 2])
@@ -63,7 +64,7 @@ class SquareViews:
 
 
 def centred(points: FloatArray, image_size: tuple[int, int]) -> FloatArray:
-    """Points about the middle of a picture, over its longer side."""
+    """Return points relative to the middle of a picture, over its longer side."""
     return (points - 0.5 * (np.array(image_size) - 1.0)) / max(image_size)
 
 
@@ -81,7 +82,7 @@ def _rays(points: FloatArray, focal: FloatArray) -> FloatArray:
 
 
 def square_columns(rays: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Homographies from the unit square to rays through four corners, shape (..., 4, 3).
+    """Return homographies from the unit square to rays through four corners, shape (..., 4, 3).
 
     With `h3` the first corner, the others are `h1 + h3`, `h1 + h2 + h3` and `h2 + h3`, each along
     its ray: `a r1 + b r3 - c r2 = r0`.
@@ -91,7 +92,7 @@ def square_columns(rays: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     columns : ndarray, shape (..., 3, 3)
         `h1`, `h2` and `h3`.
     ahead : ndarray of bool, shape (...)
-        Whether the corners are on the side of their rays.
+        Whether the corners are in front of the camera, along their rays.
     """
     first, second, third, fourth = np.moveaxis(rays, -2, 0)
     system = np.stack([second, fourth, -third], axis=-1)
@@ -105,7 +106,7 @@ def square_columns(rays: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
 
 
 def bends(sides: FloatArray) -> FloatArray:
-    """How far the sides (Q, 4, N, 2) of outlines leave their chords, over these, shape (Q,)."""
+    """Return how far outlines' sides (Q, 4, N, 2) leave their chords, over these, shape (Q,)."""
     chords = sides[:, :, -1] - sides[:, :, 0]
     offsets = sides - sides[:, :, :1]
     areas = offsets[..., 0] * chords[:, :, None, 1] - offsets[..., 1] * chords[:, :, None, 0]
@@ -114,7 +115,7 @@ def bends(sides: FloatArray) -> FloatArray:
 
 
 def bends_left(rays: FloatArray, sides: FloatArray, focal_lengths: FloatArray) -> FloatArray:
-    """How far rays leave the planes of their sides' ends, over the chords, shape (F, Q)."""
+    """Return how far rays leave the planes of their sides' ends, over the chords, shape (F, Q)."""
     normals = np.cross(rays[..., 0, :], rays[..., -1, :])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     angles = np.abs((rays * normals[..., None, :]).sum(axis=-1)).max(axis=-1)

@@ -1,4 +1,4 @@
-"""Drawing over photographs: lines to a fraction of a pixel, and text that can be read."""
+"""Drawing over photographs: lines to a fraction of a pixel, and readable text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Box: TypeAlias = tuple[float, float, float, float]
 OUTLINE_COLOUR: Colour = (20, 20, 20)
 DIMMED = 0.55
 LEGEND_GROUND = 0.35
-# Drawing in sixteenths of a pixel: OpenCV's `shift`.
+# Coordinates are drawn in sixteenths of a pixel: OpenCV's `shift`.
 SHIFT = 4
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -30,7 +30,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 def dimmed_grey(image: Image) -> Canvas:
     """Return a picture in dim grey, as BGR, for drawing on."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    # A file of floating-point numbers may hold NaN.
+    # A file of floating-point numbers may contain NaN.
     if grey.dtype.kind == "u":
         full_scale = np.iinfo(grey.dtype).max
     else:
@@ -40,7 +40,7 @@ def dimmed_grey(image: Image) -> Canvas:
 
 
 def _subpixel(points: FloatArray) -> npt.NDArray[np.int32]:
-    # Far outside the picture a coordinate may exceed what OpenCV's fixed point can hold.
+    # Far outside the picture a coordinate may exceed the range of OpenCV's fixed point.
     limit = 2.0**30 / (1 << SHIFT)
     return np.asarray(np.rint(np.clip(points, -limit, limit) * (1 << SHIFT)), dtype=np.int32)
 
@@ -52,32 +52,32 @@ def draw_lines(canvas: Canvas, lines: Sequence[FloatArray], colour: Colour, thic
 
 
 def text_scale(canvas: Canvas) -> float:
-    """Size of text that suits a canvas, in units of the font's own."""
+    """Return a text size for a canvas, in units of the font's own."""
     return float(max(canvas.shape)) / 2200
 
 
 def draw_text(
     canvas: Canvas, text: str, position: FloatArray, colour: Colour, scale: float
 ) -> None:
-    """Write a text whose first letter's lower left corner is at a position."""
+    """Write a text with its first letter's lower left corner at a position."""
     # Beyond 16 bits the place is far outside the picture, and drawing text there may overflow.
     x, y = (int(value) for value in np.clip(np.rint(position), -32768, 32767))
     cv2.putText(canvas, text, (x, y), FONT, scale, colour, _stroke(scale), cv2.LINE_AA)
 
 
 def text_size(text: str, scale: float) -> tuple[int, int]:
-    """Width of a text as drawn, and height of its letters, pixels."""
+    """Return the width of a drawn text, and the height of its letters, pixels."""
     width, height = cv2.getTextSize(text, FONT, scale, _stroke(scale))[0]
     return int(width), int(height)
 
 
 def _stroke(scale: float) -> int:
-    """Width of the letters' strokes, which in newer versions of OpenCV widens the text."""
+    """Return the width of the letters' strokes, which widens the text in newer OpenCV versions."""
     return max(1, round(2 * scale))
 
 
 def draw_label(canvas: Canvas, text: str, centre: FloatArray, colour: Colour, scale: float) -> None:
-    """Write a text round a point, outlined so that it can be read on any ground."""
+    """Write a text centred at a point, outlined to be readable on any ground."""
     width, height = text_size(text, scale)
     position = centre + np.array([-width / 2, height / 2])
     around = max(1.0, 2 * scale)
@@ -91,7 +91,7 @@ def draw_legend(
 ) -> Box:
     """Write the entries on a darkened ground in the emptiest corner, at most half as wide.
 
-    Returns where.
+    Return its box.
     """
     height, width = canvas.shape[:2]
     scale = text_scale(canvas)
@@ -122,7 +122,7 @@ def write_lines(
     margins: tuple[float, float],
     scale: float,
 ) -> None:
-    """Write lines of text on a darkened ground, so far from its left and upper border."""
+    """Write lines of text on a darkened ground, with margins to its left and upper border."""
     left, top, right, bottom = (max(round(value), 0) for value in box)
     ground = canvas[top:bottom, left:right]
     ground[:] = (ground * LEGEND_GROUND).astype(np.uint8)

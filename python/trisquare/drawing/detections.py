@@ -1,4 +1,4 @@
-"""A photograph with what was found in it, and what was rejected and why."""
+"""A photograph with the targets found in it, and those rejected with the reasons."""
 
 from __future__ import annotations
 
@@ -28,21 +28,22 @@ FOUND_COLOUR: Colour = (90, 230, 90)
 REJECTED_COLOUR: Colour = (70, 120, 255)
 
 READABLE_SIZE = 1200
-"""Longest side, in pixels, below which the picture is enlarged lest its labels cover it."""
+"""Longer side, in pixels, below which the picture is enlarged so that labels do not cover it."""
 
 MAX_ENLARGED = 8
 
 LABEL_WIDTH = 26
-"""Characters in a line of a label."""
+"""Maximum number of characters in a line of a label."""
 
 LINE_SPACING = 1.6
-"""Of a label's lines, over the height of a letter."""
+"""Distance of a label's lines, over the height of a letter."""
 
 INSIDE = 0.8
-"""Of a quad's extent, the most that a label within it may take, lest it hide the quad."""
+"""Maximum size of a label within a quad, over the quad's extent, so that it does not hide it."""
 
 RINGS = 3
-"""Labels' widths away from its quad that a label may lie: farther it would not be seen with it."""
+"""Number of rings of places around a quad, a label's size apart: farther away, a label would not be
+seen with its quad."""
 
 
 def draw_detections(
@@ -59,12 +60,12 @@ def draw_detections(
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR; float pictures are taken to span 0 to 1.
     found : sequence of Plane or PartialDetection
-        What is drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error. A
+        Targets drawn as accepted, numbered: ``result.planes``, or the ``found`` of an error. A
         plane with a reason for its rejection is drawn as rejected.
     rejected : sequence of Rejected
-        What is drawn as rejected.
+        Shapes drawn as rejected.
     index : int
-        Which of the pictures this is; detections in others are left out.
+        Index of this picture; detections in others are omitted.
 
     Returns
     -------
@@ -101,7 +102,7 @@ def draw_detections(
         entries = [(line, colour) for line in lines]
         write_lines(canvas, box, entries, LINE_SPACING * letter, (0.5 * letter, 0.0), size)
     thickness = max(1, round(max(canvas.shape) / 1000))
-    # What was found is drawn last, over the rest.
+    # Targets that were found are drawn last, over the rest.
     for _, colour, corners in reversed(labels):
         width = 3 * thickness if colour == FOUND_COLOUR else thickness
         draw_lines(canvas, [corners[[0, 1, 2, 3, 0]]], colour, width)
@@ -109,14 +110,14 @@ def draw_detections(
 
 
 def _enlarged(corners: FloatArray, scale: int) -> FloatArray:
-    """Pixels of the enlarged picture: the centre of a pixel becomes that of its block."""
+    """Return pixels of the enlarged picture: a pixel's centre becomes that of its block."""
     return np.asarray(scale * corners + 0.5 * (scale - 1))
 
 
 def _label_box(
     canvas: Canvas, lines: Sequence[str], corners: FloatArray, taken: Sequence[Box]
 ) -> Box:
-    """Find the place for a label in a quad (4, 2) or beside it that overlaps least with others."""
+    """Find the place for a label in or beside a quad (4, 2) with the least overlap with others."""
     scale = text_scale(canvas)
     letter = text_size("Xg", scale)[1]
     width = max(text_size(line, scale)[0] for line in lines) + letter

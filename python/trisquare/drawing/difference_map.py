@@ -1,4 +1,4 @@
-"""A picture of how far apart two cameras project."""
+"""A picture of the distance between the projections of two cameras."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from trisquare.drawing.canvas import (
 )
 
 LONGEST_SIDE = 1200
-"""Of the map, pixels: large enough for its text, whatever the cameras' pictures are."""
+"""Longer side of the map, pixels: large enough for its text, whatever the size of the cameras'
+pictures."""
 
 BAR_WIDTH = 0.03
-"""Of the colour bar, over the map's width."""
+"""Width of the colour bar, over that of the map."""
 
 BAR_STEPS = 4
-"""Labels along the colour bar, less one."""
+"""Number of labels along the colour bar, less one."""
 
 ARROWS_ACROSS = 16
-"""Columns of arrows: farther apart than they are long, near enough to show the shape."""
+"""Number of columns of arrows: farther apart than they are long, near enough to show the shape."""
 
 TEXT_COLOUR: Colour = (240, 240, 240)
 ARROW_COLOUR: Colour = (255, 255, 255)
@@ -42,8 +43,8 @@ GROUND_COLOUR: Colour = (30, 30, 30)
 def draw_comparison(comparison: Comparison) -> Canvas:
     """Draw the distances in colour, and the differences as exaggerated arrows.
 
-    Beside it the colours' meaning in pixels, below it the verdict. Grey is where one of the two
-    cameras cannot follow.
+    Beside it is the scale of the colours in pixels, below it the verdict. Grey marks where one of
+    the two cameras has no projection.
 
     Returns
     -------
@@ -78,7 +79,7 @@ def _enlarged(grid: npt.NDArray[Any], size: tuple[int, int], interpolation: int)
 
 
 def _draw_arrows(chart: Canvas, comparison: Comparison) -> None:
-    """Draw every few of the differences, the largest about as long as they are apart."""
+    """Draw arrows for some of the differences, the largest about as long as they are apart."""
     rows, columns = comparison.distance.shape
     height, width = chart.shape[:2]
     every = max(columns // ARROWS_ACROSS, 1)

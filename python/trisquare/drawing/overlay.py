@@ -1,4 +1,4 @@
-"""A photograph with what was measured in it and how well the calibration explains it."""
+"""A photograph with the measured edges, and their residuals from the calibration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trisquare.images.reading import load_picture
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
-# BGR. The sides are told apart by colour so that a wrong order can be seen.
+# BGR. The sides have different colours so that a wrong order can be seen.
 SIDE_COLOURS: tuple[Colour, ...] = (
     (80, 220, 255),
     (255, 200, 60),
@@ -38,7 +38,7 @@ CENTRE_COLOUR: Colour = (255, 255, 255)
 CHORD_COLOUR: Colour = (190, 190, 190)
 TEXT_COLOUR: Colour = (240, 240, 240)
 
-# The residuals' root mean square is drawn this long, relative to the picture's diagonal.
+# Drawn length of the residuals' root mean square, relative to the picture's diagonal.
 DRAWN_RESIDUAL = 0.01
 
 
@@ -51,22 +51,22 @@ def draw_overlay(
 ) -> Canvas:
     """Draw a calibration over its photograph.
 
-    The photograph, grey and dimmed; the scene's straight lines, those rejected in red; each
-    side as the calibration sees it, and as a thin line what it would be if the lens left it
-    straight; the residuals of its samples as exaggerated normals; each plane's number and axes
-    (X red, Y green, Z blue, half a side long) through the full lens model; the principal point
-    as a cross; a legend.
+    It shows the photograph, grey and dimmed; the scene's straight lines, those rejected in red;
+    each side as the calibration sees it, and its chord as a thin line, which is where a lens
+    without distortion would show it; the residuals of its samples as exaggerated normals; each
+    plane's number and axes (X red, Y green, Z blue, half a side long) through the full lens model;
+    the principal point as a cross; a legend.
 
     Parameters
     ----------
     image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
         The photograph, grey or BGR; float pictures are taken to span 0 to 1.
     calibration : Calibration
-        What to draw; without its edges no samples and residuals are drawn.
+        The calibration to draw; without its edges no samples and residuals are drawn.
     index : int
-        Which of the calibration's pictures this is.
+        Index of this picture among the calibration's.
     exaggeration : float, optional
-        By how much the residuals are lengthened; by default the round number that draws their
+        Factor by which the residuals are lengthened; by default the round number that draws their
         root mean square about a hundredth of the diagonal long. The legend states it.
 
     Returns
@@ -77,7 +77,7 @@ def draw_overlay(
     Raises
     ------
     ImageError
-        If a file is no whole picture.
+        If a file is not a complete picture.
     TypeError, ValueError
         If an argument is of another type, the calibration has no such picture, or the picture is
         not of the camera's size.
@@ -133,9 +133,9 @@ def draw_overlay(
 
 
 def drawn_residuals(sides: Sequence[MeasuredSide], size: tuple[int, int]) -> tuple[float, float]:
-    """Return the rms of the residuals in a picture, and how many times longer to draw them.
+    """Return the rms of the residuals in a picture, and the factor by which to draw them longer.
 
-    That is the 1, 2 or 5 times a power of ten that makes them visible.
+    The factor is 1, 2 or 5 times a power of ten, and makes them visible.
     """
     residuals = np.concatenate([side.residuals for side in sides]) if sides else np.zeros(1)
     rms = float(np.sqrt(np.mean(residuals**2)))
@@ -173,7 +173,7 @@ def _draw_axes(
         direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
         taken.append(direction)
         draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
-    # The number stands where it is farthest from the directions that the axes take.
+    # The number is placed farthest from the directions of the axes.
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     around = np.column_stack([np.cos(angles), np.sin(angles)])
     free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)

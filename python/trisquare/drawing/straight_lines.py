@@ -1,4 +1,4 @@
-"""A photograph with the edges that were taken for straight lines, and those that were not."""
+"""A photograph with the edges that were taken for straight lines, and the rejected ones."""
 
 from __future__ import annotations
 

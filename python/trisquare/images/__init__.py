@@ -1,1 +1,1 @@
-"""Photographs as pixels: reading them whole, their orientation and tone, encoding."""
+"""Photographs as pixels: complete reading, orientation and tone, encoding."""

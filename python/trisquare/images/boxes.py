@@ -1,4 +1,4 @@
-"""Which way up the boxes of a HEIC or AVIF file say that its picture is (ISO 23008-12)."""
+"""Orientation of the picture in a HEIC or AVIF file, from its boxes (ISO 23008-12)."""
 
 from __future__ import annotations
 
@@ -6,28 +6,29 @@ import struct
 from collections.abc import Iterator
 
 FILE_TYPE = b"ftyp"
-"""The first box of ISO 14496-12: after its length, before the brands."""
+"""Type of the first box of ISO 14496-12: after its length, before the brands."""
 
 MAX_BOXES, MAX_ITEMS = 1024, 65535
-"""More than any camera writes; a hostile file must not take long."""
+"""Maximum numbers of boxes and of items, more than any camera writes: a hostile file must not take
+long."""
 
 FULL_BOX = 4
-"""Bytes of the version and the flags before a full box's content."""
+"""Number of bytes of the version and the flags before a full box's content."""
 
 
 def stated_turn(encoded: bytes) -> tuple[bool, int]:
-    """Return what a HEIC or AVIF file does to its picture before it is shown.
+    """Return the mirroring and turn of the picture in a HEIC or AVIF file before it is shown.
 
-    The boxes ``irot`` and ``imir`` of its primary item tell, in their order; an Exif block there
-    tells nothing that programs may apply.
+    The boxes ``irot`` and ``imir`` of its primary item state them, in their order; an Exif block
+    there states nothing that programs may apply.
 
     Returns
     -------
     bool
         Whether it is mirrored left to right.
     int
-        By how many quarters, 0 to 3, it is then turned clockwise. Nothing is done to the picture of
-        a damaged file.
+        Quarter turns clockwise, 0 to 3, that follow. The picture of a damaged file is neither
+        mirrored nor turned.
     """
     is_mirrored, quarters = False, 0
     try:
@@ -50,7 +51,7 @@ def _turns(encoded: bytes) -> Iterator[tuple[bytes, int]]:
     properties = _places(encoded, *meta[b"iprp"])
     stated = list(_boxes(encoded, *properties[b"ipco"]))
     for index in _associations(encoded, properties[b"ipma"][0], primary):
-        if index == 0:  # of no property
+        if index == 0:  # no property
             continue
         kind, at, _ = stated[index - 1]
         if kind in (b"irot", b"imir"):
@@ -80,14 +81,14 @@ def _boxes(encoded: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]
 
 
 def _associations(encoded: bytes, at: int, item: int) -> Iterator[int]:
-    """Yield which properties an item has, counted from 1, by the content of an ``ipma`` box."""
+    """Yield the properties of an item, counted from 1, from the content of an ``ipma`` box."""
     version, is_wide = encoded[at], encoded[at + 3] & 1
     (count,) = struct.unpack_from(">I", encoded, at + FULL_BOX)
     at += FULL_BOX + 4
     for _ in range(min(count, MAX_ITEMS)):
         (name,) = struct.unpack_from(">I" if version else ">H", encoded, at)
         at += 4 if version else 2
-        kind, mask = ("H", 0x7FFF) if is_wide else ("B", 0x7F)  # the first bit: is it essential
+        kind, mask = ("H", 0x7FFF) if is_wide else ("B", 0x7F)  # the first bit is a flag: essential
         indices = struct.unpack_from(f">{encoded[at]}{kind}", encoded, at + 1)
         at += 1 + struct.calcsize(f">{len(indices)}{kind}")
         if name == item:

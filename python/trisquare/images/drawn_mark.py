@@ -1,4 +1,4 @@
-"""The mark in pictures that trisquare has drawn on: they are no photographs of a folder."""
+"""The mark in pictures that trisquare has drawn on, which are not taken for photographs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trisquare.images.pixels import Image
 
 MARK = b"drawn by trisquare"
 HEAD = 128
-"""Bytes at a file's beginning that hold it."""
+"""Number of bytes at a file's beginning that contain the mark."""
 
 
 def encode_drawn(image: Image, path: PathLike) -> bytes:
@@ -22,7 +22,7 @@ def encode_drawn(image: Image, path: PathLike) -> bytes:
 
 
 def is_drawn(path: PathLike) -> bool:
-    """Whether a file bears the mark; False if it cannot be read, or only once, as a pipe."""
+    """Return whether a file has the mark; False if it cannot be read, or only once, as a pipe."""
     if not os.path.isfile(path):
         return False
     try:

@@ -1,4 +1,4 @@
-"""Encoding pictures in the format that a file name asks for."""
+"""Encoding of pictures in the format of a file name's extension."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def check_picture_name(path: PathLike) -> None:
     import cv2  # loaded where a picture is encoded
 
     suffix = Path(path).suffix
-    # The extension alone: a name that is no UTF-8 crashes OpenCV.
+    # Only the extension: a name that is not UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
         raise ValueError(
             f"{shown(path)}: no picture is written with the extension {suffix!r}: take .png, "
@@ -26,14 +26,14 @@ def check_picture_name(path: PathLike) -> None:
 def encode_turned(
     image: Image, path: PathLike, tag: OrientationTag | None
 ) -> tuple[bytes, str | None]:
-    """Encode a picture made from one with an orientation tag, so that it is shown as that one is.
+    """Encode a picture made from one with an orientation tag, so that both are shown alike.
 
     Returns
     -------
     bytes
-        As of `encode_image`, with the tag where the format keeps it.
+        As of `encode_image`, with the tag if the format keeps it.
     str or None
-        What its user should know where it does not.
+        A remark for the user if it does not.
     """
     encoded = encode_image(image, path)
     if tag is None:
@@ -53,7 +53,7 @@ def encode_image(image: Image, path: PathLike) -> bytes:
     Raises
     ------
     ValueError
-        If it names none.
+        If no format has that extension.
     """
     import cv2  # loaded where a picture is encoded
 

@@ -1,4 +1,4 @@
-"""The Exif block of a picture (Exif 2.32), with what it says of the focal length."""
+"""The Exif block of a picture (Exif 2.32), and the focal length that it states."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 TIFF_STARTS = {b"II*\0": "<", b"MM\0*": ">"}
-"""How a TIFF file or an Exif block begins, and its byte order."""
+"""First bytes of a TIFF file or an Exif block, and the byte order."""
 
 EXIF_IN_JPEG = b"Exif\0\0"
 START_OF_SCAN = 0xDA
@@ -20,17 +20,17 @@ WIDTH, HEIGHT = 0xA002, 0xA003
 X_RESOLUTION, Y_RESOLUTION, RESOLUTION_UNIT = 0xA20E, 0xA20F, 0xA210
 
 NUMBERS = {3: "H", 4: "I", 5: "II"}
-"""The types of the numbers read here: 16 bits, 32 bits, and fractions of two of these."""
+"""Types of the numbers read here: 16 bits, 32 bits, and fractions of two of these."""
 
 UNITS = {2: 25.4, 3: 10.0, 4: 1.0}
-"""Millimetres of the units of resolution: inch, centimetre and, beyond the standard, millimetre."""
+"""Units of resolution in millimetres: inch, centimetre and, beyond the standard, millimetre."""
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)
-"""Millimetres of the 35-mm film's picture, to which equivalent focal lengths refer."""
+"""Diagonal in millimetres of the 35-mm film's picture, to which equivalent focal lengths refer."""
 
 
 class Entry(NamedTuple):
-    """An entry of a directory: its tag, type and length, and where its value or offset is."""
+    """An entry of a directory: tag, type and length, and the position of its value or offset."""
 
     tag: int
     kind: int
@@ -47,7 +47,7 @@ class ExifBlock:
     encoded : bytes
         The whole file.
     start : int
-        Where the block begins.
+        Position of the block in the file.
     order : {"<", ">"}
         Its byte order.
     """
@@ -66,7 +66,7 @@ class ExifBlock:
     def entries(self, directory: int | None = None) -> Iterator[Entry]:
         """Yield the entries of a directory, by its offset in the block; of the first one if None.
 
-        It ends where the file is cut off, or offsets lead out of it.
+        The entries end where the file is cut off, or where offsets lead out of it.
         """
         try:
             if directory is None:
@@ -75,19 +75,19 @@ class ExifBlock:
             (count,) = self._unpacked("H", at)
             for position in range(at + 2, at + 2 + 12 * count, 12):
                 tag, kind, length = self._unpacked("HHI", position)
-                self._unpacked("I", position + 8)  # all of it is there
+                self._unpacked("I", position + 8)  # the entry is complete
                 yield Entry(tag, kind, length, position + 8)
         except struct.error:
             return
 
     def number(self, entry: Entry) -> float | None:
-        """Return the one number of an entry; None if it is of another type, or zero."""
+        """Return the only number of an entry; None if it is of another type, or zero."""
         kind = NUMBERS.get(entry.kind)
         if kind is None or entry.length != 1:
             return None
         try:
             at = entry.position
-            if kind == "II":  # it does not fit into the entry
+            if kind == "II":  # too long for the entry itself
                 at = self.start + self._unpacked("I", at)[0]
             values = self._unpacked(kind, at)
         except struct.error:
@@ -100,16 +100,16 @@ class ExifBlock:
 
 @dataclass(frozen=True, slots=True)
 class StatedFocalLength:
-    """What a picture's Exif block says of its focal length.
+    """Focal length stated by a picture's Exif block.
 
     Attributes
     ----------
     millimetres : float
-        As the lens or the camera tells it.
+        As stated by the lens or the camera.
     pixels_per_millimetre : (float, float)
         Along x and y, on the sensor.
     is_nominal : bool
-        Whether these come from the equivalent for 35-mm film, which is rounded to a millimetre.
+        Whether these follow from the equivalent for 35-mm film, which is rounded to a millimetre.
     """
 
     millimetres: float
@@ -118,11 +118,12 @@ class StatedFocalLength:
 
 
 def stated_focal_length(encoded: bytes, image_size: tuple[int, int]) -> StatedFocalLength | None:
-    """Return what an encoded picture of this size says of its focal length.
+    """Return the focal length that an encoded picture of this size states.
 
-    None if it does not say the focal length, and how large a pixel is: by the resolution in the
-    focal plane where that is of a picture of this size, or else by the equivalent for 35-mm film,
-    whose diagonal stands for that of the picture. Makers and models are not looked up.
+    None if it does not state the focal length, or the size of a pixel. That is taken from the
+    resolution in the focal plane if it refers to a picture of this size, or else from the
+    equivalent for 35-mm film, whose diagonal corresponds to that of the picture. Makers and models
+    are not looked up.
     """
     block = ExifBlock.find(encoded)
     if block is None:
@@ -150,7 +151,7 @@ def stated_focal_length(encoded: bytes, image_size: tuple[int, int]) -> StatedFo
 
 
 def _exif_start(encoded: bytes) -> int | None:
-    """Where the block in TIFF's format begins."""
+    """Return the position of the block in TIFF's format."""
     if encoded[:4] in TIFF_STARTS:
         return 0
     if encoded[:2] == START_OF_JPEG:

@@ -1,4 +1,4 @@
-"""Faults of pictures that their edges' profiles show."""
+"""Faults of pictures that the profiles of their edges show."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import trisquare._core as _core
 
 CLIPPED = 0.1
-"""Share of the sides whose light is clipped from which a warning says so."""
+"""Fraction of sides with clipped light above which a warning is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,26 +17,26 @@ class PictureFaults:
     Attributes
     ----------
     row_shift : (float, float) or None
-        How far odd rows are displaced against the even ones, which alone are then measured.
+        Displacement of odd rows relative to the even ones, which alone are then measured.
     colour_shift : (float, float) or None
-        How far blue and red are displaced outward in the corners, pixels; then green alone is
+        Displacements of blue and red outward in the corners, pixels; then green alone is
         measured, unless the targets hardly show in it.
     is_green : bool
-        Whether that was done.
+        Whether green alone was measured.
     clipped : float
-        Share of the sides whose light is clipped.
+        Fraction of the sides whose light is clipped.
     has_two_levels : bool
         Whether all pixels are black or white.
     motion : (float, float) or None
         Length of the camera's motion, pixels, and its direction, degrees.
     blur : float
-        The middle one of the sides' blurs, one standard deviation, pixels.
+        Median of the sides' blurs, one standard deviation, pixels.
     pattern : float or None
-        Amplitude of a fine pattern over the picture, in parts of the targets' contrast.
+        Amplitude of a fine pattern over the picture, as a fraction of the targets' contrast.
     side_error : float
-        One standard deviation of what they leave unknown of each side's place, pixels.
+        Standard deviation of each side's position that is due to the faults, pixels.
     line_error : float
-        The same of a board's lines, along which light and dark alternate.
+        The same for a board's lines, along which light and dark alternate.
     """
 
     row_shift: tuple[float, float] | None = None
@@ -52,7 +52,7 @@ class PictureFaults:
 
     @classmethod
     def of(cls, found: _core.PictureFaults) -> PictureFaults:
-        """Return what the edges of a picture have shown."""
+        """Convert the faults that the core found in a picture."""
         return cls(**{own.name: getattr(found, own.name) for own in fields(cls)})
 
     @property

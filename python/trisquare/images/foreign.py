@@ -1,8 +1,8 @@
 """Files of cameras that OpenCV does not read: HEIC, raw pictures and video.
 
 HEIC and raw pictures are read with the extras ``trisquare[heif]`` (pillow-heif) and
-``trisquare[raw]`` (rawpy). Without them they are named, and a raw file's thumbnail is never taken
-for the photograph.
+``trisquare[raw]`` (rawpy). Without them an error says which one is needed, and a raw file's
+thumbnail is never taken for the photograph.
 """
 
 from __future__ import annotations
@@ -31,24 +31,25 @@ MAX_BRANDS = 32
 
 RAW_STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FOVb", b"\0MRM")
 RAW_SUFFIXES = frozenset((".arw", ".cr2", ".dcr", ".dng", ".kdc", ".nef", ".pef", ".srw", ".3fr"))
-"""Raw files that begin like TIFF."""
+"""Extensions of raw files that begin like TIFF."""
 DNG_VERSION, SUBFILE_TYPE, SUBDIRECTORIES = 50706, 254, 330
 REDUCED = 1
 """Bit of the subfile's type: a smaller version of another picture in the file (TIFF 6.0)."""
 MAX_ENTRIES = 512
 
 ORIENTATION_OF_FLIP = (1, 2, 4, 3, 5, 8, 6, 7)
-"""By LibRaw's number: 1 mirrors left to right, 2 top to bottom, then 4 exchanges x and y."""
+"""Orientation tag by LibRaw's flip: 1 mirrors left to right, 2 top to bottom, then 4 exchanges x
+and y."""
 
 VIDEO_STARTS = (b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1")
 TRANSPORT_PACKET = 188
-"""Bytes of a packet of MPEG's transport stream; each begins with a G."""
+"""Number of bytes of a packet of MPEG's transport stream; each begins with a G."""
 
 
 def foreign_kind(encoded: bytes, name: str = "") -> str | None:
     """Return ``"heif"``, ``"raw"`` or ``"video"`` by a file's content; None for all else.
 
-    Where a raw file begins like TIFF, its name may tell.
+    If a raw file begins like TIFF, its name may decide.
     """
     if encoded[4:8] == FILE_TYPE:
         (length,) = struct.unpack_from(">I", encoded)
@@ -70,7 +71,7 @@ def foreign_kind(encoded: bytes, name: str = "") -> str | None:
 
 
 def _is_raw_tiff(encoded: bytes) -> bool:
-    """Whether the first directory is a DNG's, or a thumbnail beside what it was made from."""
+    """Return whether the first directory is a DNG's, or a thumbnail beside its original."""
     order = TIFF_STARTS[encoded[:4]]
     values = {}
     try:
@@ -81,7 +82,7 @@ def _is_raw_tiff(encoded: bytes) -> bool:
             tag, _, _, value = struct.unpack_from(f"{order}HHII", encoded, at)
             values[tag] = value
     except struct.error:
-        pass  # cut off: what was read has to do
+        pass  # cut off: the values read so far are used
     is_reduced = values.get(SUBFILE_TYPE, 0) & REDUCED and SUBDIRECTORIES in values
     return DNG_VERSION in values or bool(is_reduced)
 
@@ -89,7 +90,7 @@ def _is_raw_tiff(encoded: bytes) -> bool:
 def read_foreign(
     kind: str, encoded: bytes, name: str, limits: PictureLimits
 ) -> tuple[Image, OrientationTag | None]:
-    """Decode a file of a foreign kind, rows and columns as they are stored.
+    """Decode a file of a foreign kind, with rows and columns as stored.
 
     The values of a raw picture are linear, of 16 bits.
 
@@ -125,7 +126,7 @@ def _read_heif(
         pixels = np.asarray(picture)
     except (ImageError, MemoryError):
         raise
-    except Exception as error:  # its parser fails as damage would have it: IndexError, SyntaxError
+    except Exception as error:  # its parser raises any on damage: IndexError, SyntaxError
         raise ImageError(f"{name}: not a readable HEIC picture") from error
     shown = pixels if pixels.ndim == 2 else pixels[:, :, :3]
     tag = find_orientation(encoded)  # pillow-heif has applied it

@@ -1,4 +1,4 @@
-"""Which frames of a video to calibrate with: sharp ones, each different from the others."""
+"""Choice of the frames of a video for calibration: sharp ones, each different from the others."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from trisquare.images.sources import VIDEO_SUFFIXES
 from trisquare.images.video import Video, is_video
 
 JUDGED_SIDE = 960
-"""Pixels of the longer side at which sharpness is judged: what is blurred there measures badly, and
-a large frame takes no longer than a small one."""
+"""Longer side in pixels at which sharpness is judged: a frame that is blurred there gives poor
+measurements, and a large frame takes no longer than a small one."""
 
 THUMBNAIL = (32, 24)
-"""Width and height of the pictures that are compared: what moves by less is the same view."""
+"""Width and height of the pictures that are compared: views that differ by less are the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """A frame with what it is judged by.
+    """A frame with the criteria of its choice.
 
     Attributes
     ----------
     frame : VideoFrame
     sharpness : float
-        Variance of the Laplacian over the variance of the grey levels: without unit, and the same
-        for any contrast.
+        Variance of the Laplacian over the variance of the grey levels: without unit, and
+        independent of contrast.
     thumbnail : ndarray of float32, shape (24, 32)
-        Grey levels about their mean, which changes with the exposure.
+        Grey levels relative to their mean, which changes with the exposure.
     distances : dict of int to float
-        To the other candidates, by the numbers of their frames: mean absolute difference of the
-        thumbnails, grey levels.
+        Mean absolute differences of the thumbnails from those of the other candidates, by frame
+        number, grey levels.
     """
 
     frame: VideoFrame
@@ -49,9 +49,9 @@ class _Candidate:
 
     @property
     def worth(self) -> float:
-        """Higher for a sharp frame that is far from all others, zero for one that is there twice.
+        """Higher for a sharp frame that is far from all others, zero for a duplicate.
 
-        Of two that are nearest to each other, the less sharp one has less.
+        Of two that are nearest to each other, the less sharp one has the lower worth.
         """
         return self.sharpness * min(self.distances.values(), default=np.inf)
 
@@ -62,7 +62,7 @@ def with_frames(
     limits: PictureLimits | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[ImageSource]:
-    """Return the pictures with each video replaced by so many of its frames.
+    """Return the pictures with each video replaced by that many of its frames.
 
     Parameters
     ----------
@@ -71,14 +71,14 @@ def with_frames(
         Frames of each video, or None to leave videos as they are.
     limits : PictureLimits, optional
     progress : callable, optional
-        Called with the number of frames read, and how many the video states.
+        Called with the number of frames read, and the number that the video states.
 
     Raises
     ------
     ImageError
-        If a video cannot be read whole.
+        If a video cannot be read completely.
     TypeError, ValueError
-        If `count` is no positive whole number, or none of the pictures is a video.
+        If `count` is not a positive whole number, or none of the pictures is a video.
     """
     sources = list(sources)
     if count is None:
@@ -100,7 +100,7 @@ def with_frames(
 
 
 def check_named_video(source: ImageSource, limits: PictureLimits | None = None) -> None:
-    """Refuse a file that is named as videos are, and is neither a video nor a picture.
+    """Refuse a file that has a video's name, but is neither a video nor a picture.
 
     Raises
     ------
@@ -121,13 +121,13 @@ def choose_frames(
 ) -> list[VideoFrame]:
     """Choose sharp and different frames of a video, in their order.
 
-    The video is read through once. So many frames are held, and each new one takes the place of
-    that which is worth least beside the others.
+    The video is read once. At most `count` frames are kept: each new one replaces the one of
+    least worth.
 
     Raises
     ------
     ImageError
-        If the video cannot be read whole, or has too many frames.
+        If the video cannot be read completely, or has too many frames.
     """
     kept: dict[int, _Candidate] = {}
 

@@ -1,4 +1,4 @@
-"""The size that a picture's header states, read before anything is decoded."""
+"""The size in a picture's header, read before anything is decoded."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from trisquare.images.exif import ExifBlock
 from trisquare.images.integrity import JPEG_SIGNATURE, PNG_SIGNATURE, jpeg_segments
 
 LARGEST_STATED = 2**32 - 1
-"""What 32 bits hold; Netpbm has numbers of any length."""
+"""Maximum of 32 bits; Netpbm has numbers of any length."""
 
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257
 
 STARTS_OF_FRAME = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
-"""The markers of JPEG segments that state a size."""
+"""Markers of JPEG segments that state a size."""
 
 
 def stated_size(encoded: bytes) -> tuple[int, int] | None:
-    """Return width and height by the header of an encoded picture.
+    """Return width and height from the header of an encoded picture.
 
     Parameters
     ----------
@@ -28,20 +28,20 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
     Returns
     -------
     (int, int) or None
-        In pixels, as stored; None for other formats and for damaged headers, which OpenCV judges.
+        In pixels, as stored; None for other formats and for damaged headers, left to OpenCV.
     """
     if encoded[:1].isspace() or encoded.startswith((b"<", b"\xef\xbb\xbf")):
-        return None  # text, such as SVG: no picture here, and nothing to be parsed
+        return None  # text, such as SVG: not a picture here, and not parsed
     try:
         width, height = _of_usual(encoded) or _of_others(encoded)
-    except Exception:  # whatever a damaged header leads to
+    except Exception:  # a damaged header may raise any error
         return None
     is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_STATED
     return (int(width), int(height)) if is_possible else None
 
 
 def _of_usual(encoded: bytes) -> tuple[int, int] | None:
-    """Return the size of a PNG, JPEG or TIFF; None where its header is not as usual."""
+    """Return the size of a PNG, JPEG or TIFF; None if its header is not as usual."""
     if encoded.startswith(PNG_SIGNATURE) and encoded[12:16] == b"IHDR":
         return struct.unpack_from(">II", encoded, 16)
     if encoded.startswith(JPEG_SIGNATURE):
@@ -65,7 +65,7 @@ def _of_jpeg(encoded: bytes) -> tuple[int, int] | None:
 
 
 def _of_others(encoded: bytes) -> tuple[int, int]:
-    import imagesize  # it loads what asks servers, 4 MB of it
+    import imagesize  # it loads code for requests to servers, 4 MB
 
     width, height = imagesize.get(io.BytesIO(encoded), exif_rotation=False)
     return int(width), int(height)

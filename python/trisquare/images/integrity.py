@@ -1,4 +1,4 @@
-"""Whether an encoded picture is whole, as OpenCV does not say."""
+"""Check that an encoded picture is complete, which OpenCV does not report."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ START_OF_SCAN = 0xDA
 
 
 def incompleteness(encoded: bytes, max_scans: int) -> str | None:
-    """Say why an encoded picture is not decoded; None if nothing speaks against it.
+    """Return the reason why an encoded picture is not decoded; None if there is none.
 
-    It may not be whole, or be a JPEG of more scans than `max_scans`, each of which takes as long as
-    a picture.
+    It may be incomplete, or a JPEG of more than `max_scans` scans, each of which takes as long to
+    decode as a picture.
     """
     if not encoded:
         return "the file is empty"
@@ -54,8 +54,8 @@ def _png_incompleteness(encoded: bytes) -> str | None:
 def jpeg_segments(encoded: bytes) -> Iterator[tuple[int, int]]:
     """Yield the marker of every segment of a JPEG, and the position after it.
 
-    Searching for one marker would not do: a thumbnail in the header has markers of its own, and
-    cameras append data after the last. It ends where the file is cut off.
+    A search for one marker would not suffice: a thumbnail in the header has markers of its own, and
+    cameras append data after the last. The segments end where the file is cut off.
     """
     position = 2
     while marker := JPEG_MARKER.search(encoded, position):
@@ -63,7 +63,7 @@ def jpeg_segments(encoded: bytes) -> Iterator[tuple[int, int]]:
         yield marker[1][0], position
         if position + 2 > len(encoded):
             return
-        # After a scan's header follows its coded data, which the search passes over.
+        # After a scan's header its coded data follow, which the search skips.
         position += struct.unpack_from(">H", encoded, position)[0]
 
 

@@ -1,4 +1,4 @@
-"""How large pictures and videos may be: files of strangers may unfold to any size."""
+"""Limits on the size of pictures and videos: files of strangers may expand to any size."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ from numbers import Real
 from trisquare.errors import ImageError
 
 MAX_PIXELS = 500_000_000
-"""Of a picture. Cameras that combine several exposures reach 400 megapixels; decoded in colour,
-500 take 1.5 GB."""
+"""Maximum number of pixels of a picture. Cameras that combine several exposures reach 400
+megapixels; decoded in colour, 500 take 1.5 GB."""
 
 MAX_BYTES = 2**31 - 1
-"""Of a file: OpenCV decodes no more."""
+"""Maximum size of a file in bytes: OpenCV decodes no more."""
 
 MAX_SCANS = 100
-"""Of a progressive JPEG. Encoders write 10, and 20 where they optimise; each is decoded over the
-whole picture, so that a small file may take minutes."""
+"""Maximum number of scans of a progressive JPEG. Encoders write 10, and 20 if they optimise; each
+is decoded over the whole picture, so that a small file may take minutes."""
 
 MAX_FRAMES = 100_000
-"""Of a video that frames are chosen from: an hour at 27 frames a second. All are decoded."""
+"""Maximum number of frames of a video from which frames are chosen: an hour at 27 frames a second.
+All are decoded."""
 
 SLOWEST_PIXELS = 2e6
-"""Of a video, decoded in a second of the processor. The slowest coding on the slowest machine takes
-less; a frame that hides a far larger one, which OpenCV scales to the size that was stated, more."""
+"""Minimum speed of decoding a video, pixels per second of processor time. The slowest coding on the
+slowest machine is faster; a frame that hides a far larger one, which OpenCV scales to the stated
+size, is slower."""
 
 MAX_SECONDS_MORE = 3.0
-"""Of the processor, that decoding a video may take beyond this: it has to begin."""
+"""Processor time in seconds that decoding a video may take in addition, for its start."""
 
 AMOUNT = re.compile(r"(\d+(?:\.\d+)?(?:e\d+)?)([kMG]?)", re.ASCII)
 FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -36,18 +38,18 @@ FACTORS = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 
 @dataclass(frozen=True, slots=True)
 class PictureLimits:
-    """What the file of a picture or a video may have.
+    """Limits on the file of a picture or a video.
 
     Attributes
     ----------
     max_pixels : int
         Width times height, as its header states them.
     max_bytes : int
-        Of the file.
+        Size of the file in bytes.
     max_scans : int
-        Of a progressive JPEG.
+        Number of scans of a progressive JPEG.
     max_frames : int
-        Of a video that frames are chosen from.
+        Number of frames of a video from which frames are chosen.
     """
 
     max_pixels: int = MAX_PIXELS
@@ -88,7 +90,7 @@ class PictureLimits:
         max_scans: float | None = None,
         max_frames: float | None = None,
     ) -> PictureLimits:
-        """Return the limits given, where None those of the environment, or else the defaults.
+        """Return the given limits; for None, those of the environment, or else the defaults.
 
         Raises
         ------
@@ -104,9 +106,9 @@ class PictureLimits:
 
 
 def stated_limit(name: str, given: float | None, default: float) -> float:
-    """Return a limit: the one given, or of the environment's ``TRISQUARE_NAME``, or the default.
+    """Return a limit: the given one, or the environment's ``TRISQUARE_NAME``, or the default.
 
-    A variable without a text counts as absent.
+    An empty variable counts as absent.
 
     Raises
     ------
@@ -125,7 +127,7 @@ def stated_limit(name: str, given: float | None, default: float) -> float:
 
 
 def stated_count(name: str, given: float | None, default: int) -> int:
-    """Return a limit of what is counted, as `stated_limit`.
+    """Return the limit of a count, as `stated_limit`.
 
     Raises
     ------
@@ -139,12 +141,12 @@ def stated_count(name: str, given: float | None, default: int) -> int:
 
 
 def parse_amount(text: str, name: str) -> float:
-    """Return the positive number that a text such as ``500M`` or ``0.5G`` says.
+    """Return the positive number in a text such as ``500M`` or ``0.5G``.
 
     Raises
     ------
     ValueError
-        If it says none; the message begins with the name.
+        If there is none; the message begins with the name.
     """
     match = AMOUNT.fullmatch(text.strip())
     amount = float(match[1]) * FACTORS[match[2]] if match else 0.0

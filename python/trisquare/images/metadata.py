@@ -1,4 +1,4 @@
-"""Metadata put into the header of encoded pictures."""
+"""Metadata in the header of encoded pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ START_OF_PNG = b"\x89PNG"
 def with_metadata(
     encoded: bytes, segment: tuple[bytes, bytes], chunk: tuple[bytes, bytes]
 ) -> bytes | None:
-    """Return a JPEG with a segment, or a PNG with a chunk, in its header; None of other formats.
+    """Return a JPEG with a segment, or a PNG with a chunk, in its header; None for other formats.
 
     Parameters
     ----------

@@ -27,14 +27,14 @@ TURNS = {
     7: "turned by 90 degrees and mirrored",
     8: "turned anticlockwise by 90 degrees",
 }
-"""What a program that applies the tag does to the stored picture before it shows it."""
+"""Effect of the tag on the stored picture in programs that apply it before they show it."""
 
 STEPS = {
     **{2: (True, 0), 3: (False, 2), 4: (True, 2)},
     **{5: (True, 3), 6: (False, 1), 7: (True, 1), 8: (False, 3)},
 }
-"""The same as whether it is mirrored left to right, and the quarters by which it is then turned
-clockwise."""
+"""The same as whether the picture is mirrored left to right, and the number of quarter turns
+clockwise that follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,35 +56,35 @@ class OrientationTag:
 
     @classmethod
     def of_steps(cls, is_mirrored: bool, quarters: int) -> OrientationTag | None:
-        """Return the tag that mirrors left to right and then turns clockwise; None if nothing."""
+        """Return the tag that mirrors left to right and then turns clockwise; None for neither."""
         return next((cls(it) for it in STEPS if STEPS[it] == (is_mirrored, quarters)), None)
 
     @property
     def turn(self) -> str:
-        """What programs that apply the tag do to the picture."""
+        """Effect on the picture in programs that apply the tag."""
         return TURNS[self.value]
 
     def ignored(self, what_refers: str, size: tuple[int, int]) -> str:
-        """Say that the tag is ignored, and what therefore refers to the stored picture."""
+        """Return a text: the tag is ignored, and `what_refers` to the stored picture."""
         return (
             f"its orientation tag ({self.turn}) is ignored; {what_refers} to the picture as it is "
             f"stored, {size[0]} x {size[1]} pixels"
         )
 
     def undone(self, shown: Image) -> Image:
-        """Return a picture that is turned by the tag as it is stored."""
+        """Return a picture that is turned by the tag to its stored orientation."""
         is_mirrored, quarters = STEPS[self.value]
         turned = np.rot90(shown, quarters)
         return np.ascontiguousarray(turned[:, ::-1] if is_mirrored else turned)
 
 
 def with_orientation(encoded: bytes, value: int) -> bytes | None:
-    """Return an encoded picture with an orientation tag; None if it is no JPEG or PNG without one.
+    """Return an encoded JPEG or PNG with an orientation tag added; None for other formats.
 
     Parameters
     ----------
     encoded : bytes
-        As OpenCV encodes it, that is without any tag.
+        As OpenCV encodes it, without any tag.
     value : int
         1 to 8.
     """
@@ -96,7 +96,7 @@ def with_orientation(encoded: bytes, value: int) -> bytes | None:
 def find_orientation(encoded: bytes) -> OrientationTag | None:
     """Find the orientation tag of a JPEG, PNG, WebP or TIFF file; None if it would turn nothing.
 
-    Of a HEIC or AVIF file it is that to which its boxes amount.
+    For a HEIC or AVIF file, the tag is the equivalent of its boxes.
     """
     if encoded[4:8] == FILE_TYPE:
         return OrientationTag.of_steps(*stated_turn(encoded))
@@ -107,7 +107,7 @@ def find_orientation(encoded: bytes) -> OrientationTag | None:
 
 
 def made_upright(encoded: bytes) -> bytes:
-    """Return a copy of such a file whose orientation tag, if any, says upright."""
+    """Return a copy of such a file whose orientation tag, if any, is upright."""
     copy, place = bytearray(encoded), _place(encoded)
     if place is not None:
         struct.pack_into(place[0], copy, place[1], UPRIGHT)

@@ -22,23 +22,23 @@ from trisquare.images.reading import load_photograph
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Photograph:
-    """One of the pictures, checked.
+    """One of the pictures, after its checks.
 
     Attributes
     ----------
     index : int
     name : str
-        What messages call it.
+        Name in messages.
     pixels : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR, rows and columns as they are stored; floats are light.
     remarks : mapping of str to str
-        What its user should know of it, each beginning with its name, by a code.
+        Remarks for the user by a code, each beginning with its name.
     repeats : bool
         Whether an earlier picture is the same.
     other_type : str or None
-        The type of its pixels as they were given, if not all pictures up to this one have that.
+        Type of its pixels as given, if the pictures up to this one are not all of that type.
     path : str or None
-        Of its file, if it was read from one.
+        Path of its file, if it was read from one.
     """
 
     index: int
@@ -57,10 +57,10 @@ class Photographs:
     ----------
     sources : sequence of ImageSource
     keep : bool
-        Whether they stay in memory, to be drawn on; else every pass loads them again, one at a
-        time.
+        Whether they stay in memory, to be drawn on; otherwise every pass loads them again, one at
+        a time.
     limits : PictureLimits, optional
-        Of their files, by default those of the environment.
+        Limits on their files, by default those of the environment.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Photographs:
 
     @property
     def file_names(self) -> tuple[str, ...]:
-        """What tells each of several from the others; empty if none comes from a file."""
+        """Names that distinguish several photographs; empty if none comes from a file."""
         names = tuple(_file_name(source) for source in self.sources)
         return names if len(names) > 1 and any(names) else ()
 
@@ -95,18 +95,18 @@ class Photographs:
         return (load() for load in self.loaders())
 
     def loaders(self) -> Iterator[Callable[[], Photograph]]:
-        """Yield for each photograph what loads it and compares it with the ones before.
+        """Yield for each photograph a function that loads it and compares it with those before.
 
         Each may be called once, in any thread. It waits for those before it, which must therefore
-        begin before it does.
+        be called before it is.
 
         Raises
         ------
         ImageError
-            When called, if a file cannot be read: who named it wants it used, and is told which
-            one it is.
+            When called, if a file cannot be read: a named file is not skipped, and the message
+            names it.
         TypeError, ValueError
-            When called, if an array is no picture.
+            When called, if an array is not a picture.
         """
         if len(self._kept) == len(self):
             return (partial(self._kept.__getitem__, index) for index in range(len(self)))
@@ -124,7 +124,7 @@ class Photographs:
 
 
 class _Earlier(NamedTuple):
-    """What is remembered of the photographs that are loaded, for those after them."""
+    """Data of the photographs loaded so far, for those after them."""
 
     turns: Turns
     names: dict[int, str]
@@ -145,7 +145,7 @@ def _load(
         with _naming(name, needed=not is_alone and not _file_name(source)):
             given, tag = load_photograph(source, limits)
             pixels = as_recorded(given)
-        # Floats of integers are these, but 16 bits are no 8, however dark.
+        # Floats that contain integers count as these, but 16 bits do not count as 8, however dark.
         type_name = (pixels if given.dtype == np.float32 else given).dtype.name
         key = 0 if is_alone else _fingerprint(pixels)
     finally:
@@ -166,7 +166,7 @@ def _load(
 
 @contextmanager
 def _naming(name: str, *, needed: bool) -> Iterator[None]:
-    """Put a picture's name before its error where that is needed to tell which one it is."""
+    """Put a picture's name before its error if that is needed to identify it."""
     try:
         yield
     except (TypeError, ValueError, ImageError) as error:
@@ -181,7 +181,7 @@ def _name(index: int, source: ImageSource) -> str:
 
 
 def _file_name(source: ImageSource) -> str:
-    """Return the name of a picture's file without its folder; nothing if it has none."""
+    """Return the name of a picture's file without its folder; empty if it has none."""
     if isinstance(source, str | os.PathLike):
         return os.path.basename(source)
     if isinstance(source, VideoFrame):
@@ -190,5 +190,5 @@ def _file_name(source: ImageSource) -> str:
 
 
 def _fingerprint(pixels: Image) -> int:
-    """Return a number that hardly ever two photographs share (1 pair in 4e9): noise tells them."""
+    """Return a checksum that two photographs hardly ever share (1 pair in 4e9), due to noise."""
     return zlib.crc32(np.ascontiguousarray(pixels).data)

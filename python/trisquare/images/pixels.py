@@ -1,4 +1,4 @@
-"""Pictures as callers hand them over: arrays or files, checked once."""
+"""Pictures as given by callers: arrays or files, checked once."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Outlines: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Any]
 
 
 class PillowImage(Protocol):
-    """What `PIL.Image.Image` has, of what is needed of it."""
+    """The members of `PIL.Image.Image` that are used."""
 
     @property
     def mode(self) -> str:
-        """What a pixel is, such as ``"RGB"``."""
+        """Kind of a pixel, such as ``"RGB"``."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -44,11 +44,11 @@ class VideoFrame:
     video : str
         Name of the file.
     number : int
-        Of the frame, counted from 0.
+        Number of the frame, counted from 0.
     pixels : ndarray of uint8, shape (H, W, 3)
         BGR, rows and columns as they are stored.
     turn : int
-        By how many degrees, clockwise, players turn it: 0, 90, 180 or 270.
+        Degrees by which players turn it clockwise: 0, 90, 180 or 270.
     """
 
     video: str
@@ -57,18 +57,18 @@ class VideoFrame:
     turn: int = 0
 
 
-# No string, which `typing.get_type_hints` would look up in the module of the function.
+# Not a string, which `typing.get_type_hints` would look up in the module of the function.
 ImageSource: TypeAlias = (
     str | os.PathLike[str] | bytes | BinaryIO | PillowImage | VideoFrame | Image
 )
 
 LARGEST_RESAMPLED = 32766
-"""Pixels of a picture's longer side that OpenCV resamples: it counts them in 16 bits."""
+"""Maximum longer side, in pixels, of a picture that OpenCV resamples: it counts them in 16 bits."""
 
 PIXEL_TYPES = (np.uint8, np.uint16, np.float32)
 TONE_CURVES = ("srgb", "linear", "auto")
 GAMMAS = 0.2, 5.0
-"""The least and the largest gamma that is taken for one; of most pictures it is some 2.2."""
+"""Range of the gammas that are accepted; for most pictures it is some 2.2."""
 
 
 def picture_size(picture: Image) -> tuple[int, int]:
@@ -77,19 +77,20 @@ def picture_size(picture: Image) -> tuple[int, int]:
 
 
 INTEGER_SLACK = 0.02
-"""Distance from an integer that rounding leaves a float of 32 bits; light is as far from most."""
+"""Distance from an integer that rounding leaves a float of 32 bits; most values of light are at
+least as far."""
 
 ROWS_AT_ONCE = 256
 
 NARROW_BITS = (8, 10, 12)
-"""Of integers that 16 bits hold as they are: what machine-vision cameras write."""
+"""Numbers of bits of the values that machine-vision cameras write unscaled in 16 bits."""
 
 
 def as_recorded(picture: Image) -> Image:
-    """Return a picture of integers as those of 8 or 16 bits, of which the largest is white.
+    """Return a picture of integers with 8 or 16 bits, of which the largest is white.
 
-    Programs make floats of integers, whole or as parts of white, and leave their coding as it was;
-    16 bits may hold the values of fewer. Other pictures are returned as they are.
+    Programs convert integers to floats, unscaled or as fractions of white, and leave their coding
+    unchanged; 16 bits may contain values of fewer. Other pictures are returned unchanged.
     """
     if picture.dtype == np.uint16:
         return _of_all_bits(picture)
@@ -110,19 +111,19 @@ def as_recorded(picture: Image) -> Image:
 
 
 def _of_all_bits(picture: Image) -> Image:
-    """Return integers that fill fewer bits as those of 8 or 16; those of 16 as they are."""
+    """Scale integers of fewer bits to 8 or 16; return those of 16 bits unchanged."""
     most = picture.max()
     bits = next((bits for bits in NARROW_BITS if most < 1 << bits), None)
     if bits is None:
         return picture
     if bits == 8:
         return picture.astype(np.uint8)
-    # The first bits are repeated at the end: white stays white.
+    # The first bits are repeated at the end, so that white stays white.
     return (picture << (16 - bits)) | (picture >> (2 * bits - 16))
 
 
 def _integers(picture: Image, factor: int, kind: type[np.unsignedinteger[Any]]) -> Image | None:
-    """Return floats times a factor as integers of a kind; None if they are none."""
+    """Return floats times a factor as integers of a type; None if they are not integers."""
     scaled = picture * np.float32(factor)
     whole = np.rint(scaled)
     fits = whole.min() >= 0 and whole.max() <= np.iinfo(kind).max
@@ -130,7 +131,7 @@ def _integers(picture: Image, factor: int, kind: type[np.unsignedinteger[Any]]) 
 
 
 def checked_tone(tone: Tone) -> str | float | None:
-    """Return a tone curve that is one; a gamma may be written as text.
+    """Check a tone curve and return it; a gamma may be given as text.
 
     Raises
     ------
@@ -155,9 +156,9 @@ def checked_tone(tone: Tone) -> str | float | None:
 def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = False) -> str | float:
     """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
 
-    Files hold 8 and 16 bits in every coding; floats are the light that a program made of them. It
-    is mostly the planes of a free camera that tell the curve: where the camera is held, 8 bits are
-    taken as sRGB and 16 as linear.
+    Files contain 8 and 16 bits in any coding; floats are light that a program computed. The curve
+    is mostly determined by the planes of a free camera: if the camera is held, 8 bits are taken as
+    sRGB and 16 as linear.
     """
     if tone is not None:
         return tone

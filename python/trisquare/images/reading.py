@@ -1,4 +1,4 @@
-"""Reading photographs whole."""
+"""Reading of photographs, which must be complete."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from trisquare.images.pixels import PIXEL_TYPES, Image, ImageSource, PillowImage
 from trisquare.images.sources import content_of, is_pillow
 
 SHAPES = ((), (1,), (3,), (4,))
-"""Of a pixel."""
+"""Possible shapes of a pixel."""
 
 
 def read_image(path: ImageSource) -> Image:
-    """Read a photograph as it was recorded, refusing files that are not whole.
+    """Read a photograph as it was recorded, refusing incomplete files.
 
     Parameters
     ----------
     path : str, path, bytes, binary file or PIL.Image.Image
-        A file, or what it holds, in any format that OpenCV reads: PNG and TIFF of 8 and 16 bits,
+        A file, or its content, in any format that OpenCV reads: PNG and TIFF of 8 and 16 bits,
         TIFF of 32-bit floats, JPEG (progressive and CMYK too), palettes and two levels; with
         ``trisquare[heif]`` HEIC, with ``trisquare[raw]`` raw pictures. An orientation tag is
-        ignored: the result belongs to the sensor's picture, rows and columns as they are stored.
-        So are the boxes that turn a HEIC picture.
+        ignored, and so are the boxes that turn a HEIC picture: the result is the sensor's picture,
+        rows and columns as they are stored.
 
     Returns
     -------
@@ -47,13 +47,13 @@ def read_image(path: ImageSource) -> Image:
     Raises
     ------
     ImageError
-        If the file is missing (`MissingImageError`), is no picture, or is truncated (OpenCV alone
+        If the file is missing (`MissingImageError`), not a picture, or truncated (OpenCV alone
         may return a truncated picture with its lower part grey); if its pixels are signed, of
         32-bit integers or of 64-bit floats, or NaN.
 
     Examples
     --------
-    What a camera is applied to, since ``cv2.imread(path)`` turns a phone's picture:
+    A camera applies to this picture, while ``cv2.imread(path)`` turns a phone's:
 
     >>> picture = ts.read_image("photo.jpg")
     >>> picture.shape[1::-1] == result.camera.image_size
@@ -96,8 +96,8 @@ def decode_photograph(
         encoded = made_upright(encoded)
     import cv2  # loaded where a file is read
 
-    # Grey stays grey and 16 bits stay 16. The orientation tag is ignored: the camera matrix
-    # belongs to the picture as the sensor delivered it. (For TIFF, OpenCV applies it all the same.)
+    # Grey and 16 bits are kept. The orientation tag is ignored: the camera matrix belongs to the
+    # picture as the sensor delivered it. (For TIFF, OpenCV applies the tag nevertheless.)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
@@ -118,7 +118,7 @@ def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
     try:
         size = os.stat(path).st_size
     except OSError:
-        size = 0  # reading it says why
+        size = 0  # reading it raises the error
     limits.check_bytes(shown(path), size)
     return read_bytes(path)
 
@@ -135,7 +135,7 @@ def load_picture(source: ImageSource) -> Image:
     Raises
     ------
     ImageError
-        If a file is missing, truncated or no picture.
+        If a file is missing, truncated or not a picture.
     TypeError, ValueError
         If an array is of another type or shape, empty, or not finite.
     """
@@ -174,14 +174,14 @@ def _of_pillow(image: PillowImage, limits: PictureLimits) -> Image:
         return np.asarray(image.convert("RGB"))[:, :, ::-1]
     except MemoryError:
         raise
-    except Exception as error:  # its file is decoded only now, and fails as damage would have it
+    except Exception as error:  # its file is decoded only now; damage may raise any error
         raise ImageError(f"the Pillow image: {error}") from error
 
 
 def _tag_of_pillow(image: PillowImage) -> OrientationTag | None:
     try:
         return OrientationTag.of(image.getexif().get(ORIENTATION))
-    except Exception:  # its block is read only now, and fails as damage would have it
+    except Exception:  # its block is read only now; damage may raise any error
         return None
 
 

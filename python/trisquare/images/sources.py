@@ -1,4 +1,4 @@
-"""Which pictures somebody means: one or several, files, folders or patterns."""
+"""The pictures that are given: one or several, files, folders or patterns."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PICTURE_SUFFIXES = frozenset(
         *(".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw"),
     )
 )
-"""Files in folders that are taken for photographs, capitals aside."""
+"""Extensions of files in folders that are taken for photographs, in any case of letters."""
 
 VIDEO_SUFFIXES = frozenset(
     (
@@ -32,7 +32,7 @@ VIDEO_SUFFIXES = frozenset(
         *(".3gp", ".wmv", ".flv", ".ogv"),
     )
 )
-"""The same of videos, where frames of them are asked for."""
+"""The same for videos, if frames are chosen from them."""
 
 
 def sources_of(
@@ -41,15 +41,16 @@ def sources_of(
     """Return the pictures, one or several, as a list.
 
     A folder stands for the pictures directly in it that are not hidden, and `with_videos` for its
-    videos as well; a pattern such as ``frame-*.png`` for the files that match: both but for those
-    that trisquare has drawn on. They are in the order of their names, in which numbers count:
-    ``2.jpg`` comes before ``10.jpg``. Open files are read, since that can be done only once.
+    videos as well; a pattern such as ``frame-*.png`` stands for the files that match. Both leave
+    out files that trisquare has drawn on. They are in the order of their names, with numbers in
+    numerical order: ``2.jpg`` comes before ``10.jpg``. Open files are read, since that can be done
+    only once.
 
     Raises
     ------
     ImageError
-        If a folder holds no picture, or an open file cannot be read; `MissingImageError` if a file
-        is not there, or no file matches a pattern.
+        If a folder contains no picture, or an open file cannot be read; `MissingImageError` if a
+        file does not exist, or no file matches a pattern.
     TypeError
         If a file is open as text.
     """
@@ -80,13 +81,13 @@ def content_of(file: Any) -> bytes:
 
 
 def is_one_picture(source: object) -> TypeGuard[ImageSource]:
-    """Whether this is a picture, a file's content or name, and not several of them."""
+    """Return whether this is a picture, a file's content or name, and not several of them."""
     kinds = (str, os.PathLike, bytes, bytearray, memoryview, np.ndarray)
     return isinstance(source, kinds) or hasattr(source, "read") or is_pillow(source)
 
 
 def is_pillow(source: object) -> TypeGuard[PillowImage]:
-    """Whether this is an image of Pillow's, which need not be installed."""
+    """Return whether this is an image of Pillow's, which need not be installed."""
     return any(kind.__module__ == "PIL.Image" for kind in type(source).__mro__)
 
 
@@ -118,7 +119,7 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         if not names:
             raise MissingImageError(f"{named}: no file matches")
         return _not_drawn([Path(each) for each in names], name)
-    try:  # before what else may be wrong: a video is known by its content
+    try:  # before other errors: a video is recognised by its content
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
         if os.path.islink(name):
@@ -133,7 +134,7 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
 
 
 def _not_drawn(found: list[Path], name: str) -> list[Path]:
-    """Leave out what trisquare has drawn on: an overlay beside its photograph."""
+    """Leave out files that trisquare has drawn on: an overlay beside its photograph."""
     left = [each for each in found if not is_drawn(each)]
     if not left:
         raise ImageError(

@@ -1,4 +1,4 @@
-"""What is known of the tone curve of a picture."""
+"""The tone curve of a picture, stated or estimated."""
 
 from __future__ import annotations
 
@@ -10,37 +10,36 @@ import trisquare._core as _core
 from trisquare._support.number_text import plus_minus, with_its_std
 
 CONTRADICTED = 4.0
-"""Standard deviations of the effective gamma from which the profiles contradict a stated curve."""
+"""Standard deviations of the effective gamma above which the profiles contradict a stated curve."""
 
 NOTABLE_GROWTH = 1.2
-"""Of a standard deviation, from which it is worth a word that no tone curve fits."""
+"""Growth of a standard deviation from which a misfit of all tone curves is reported."""
 
 CONTRADICTED_BY_EDGES = (
     "the edge profiles contradict the tone curve that was stated or assumed, which moves the edges"
 )
-"""Said of a stated tone curve where the fit to the pixels does not tell more."""
+"""Message about a stated tone curve if the fit to the pixels does not give a more exact one."""
 
 CoreTone: TypeAlias = "str | float | tuple[float, float, bool, float]"
 
 
 @dataclass(frozen=True, slots=True)
 class PictureTone:
-    """A tone curve that was stated, or one that was estimated and how well.
+    """A tone curve that was stated, or one that was estimated, with its accuracy.
 
     Parameters
     ----------
     curve : str, float or (float, float, bool, float)
-        As the core takes it: a name, a gamma, or of an estimated curve gamma, toe, whether it is to
-        be estimated further, and the standard deviation of the shift that it leaves, in pixels.
+        As the core takes it: a name, a gamma, or for an estimated curve gamma, toe, whether it is
+        to be estimated further, and the standard deviation of the remaining shift, in pixels.
     value : str or float
-        As results report it; of an estimated curve the pure gamma that codes mid-grey alike.
+        As results report it; for an estimated curve the pure gamma that codes mid-grey equally.
     std : float or None
         One standard deviation of an estimated gamma.
     shift : (float, float), optional
-        Where no curve fits: how far all edges appear moved toward the dark, and one standard
-        deviation of that, in pixels.
+        If no curve fits: shift of all edges toward the dark, and its standard deviation, in pixels.
     contradicting : float, optional
-        The gamma that the edges' profiles ask for, where they contradict a stated curve.
+        Gamma according to the edges' profiles, if they contradict a stated curve.
     """
 
     curve: CoreTone
@@ -51,13 +50,13 @@ class PictureTone:
 
     @classmethod
     def known(cls, tone: str | float, estimate: _core.ToneEstimate) -> PictureTone:
-        """Return a stated curve, which what the profiles tell may contradict."""
+        """Return a stated curve, with the gamma of the profiles if that contradicts it."""
         contradicts = estimate.contradiction > CONTRADICTED
         return cls(tone, tone, contradicting=estimate.effective_gamma if contradicts else None)
 
     @classmethod
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
-        """Return what the profiles of a picture's edges have told."""
+        """Return the curve estimated from the profiles of a picture's edges."""
         shift_std = estimate.shift_std
         left = estimate.misfit_shift if shift_std is None else shift_std
         return cls(
@@ -68,21 +67,21 @@ class PictureTone:
         )
 
     def refined(self, fit: _core.ToneFit) -> PictureTone:
-        """Return the same with what the fit to the pixels has told."""
+        """Return this tone with the results of the fit to the pixels."""
         std = self.std if fit.std is None else fit.std
         return replace(self, value=fit.effective_gamma, std=std, shift=fit.shift)
 
     def of_board(self) -> PictureTone:
-        """Return the same for a board, whose own zigzag tells and takes away every shift."""
+        """Return this tone for a board, whose own zigzag gives every shift, which is removed."""
         if not isinstance(self.curve, tuple):
             return self
         return replace(self, curve=(*self.curve[:2], True, 0.0), shift=None)
 
 
 def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str]) -> str:
-    """Say in which pictures, by index, the profiles contradict the stated tone curve, if in any.
+    """Name the pictures, by index, whose profiles contradict the stated tone curve, if any.
 
-    `names` is what messages call each of all pictures.
+    `names` are the names of all pictures in messages.
     """
     return "; ".join(
         f"{names[index]}: a gamma of about {tone.contradicting:.1f}"
@@ -92,17 +91,17 @@ def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str
 
 
 def contradiction_text(contradicting: str, told: str = CONTRADICTED_BY_EDGES) -> str:
-    """Say what contradicts a stated tone curve, in which pictures, and what to do."""
+    """Describe the contradiction to a stated tone curve, in which pictures, and the remedy."""
     return f'{told}: use tone="auto", which estimates it ({contradicting})'
 
 
 def shift_text(
     tones: Mapping[int, PictureTone], names: Sequence[str], growth: float | None = None
 ) -> str | None:
-    """Say in which pictures, by index, the profiles fit no tone curve, if in any and if it matters.
+    """Name the pictures, by index, whose profiles fit no tone curve, if any and if it matters.
 
-    `names` is as in `contradicting_pictures`; `growth` is how many times as large it makes a
-    standard deviation at most, None if the pixels were not fitted.
+    `names` is as in `contradicting_pictures`; `growth` is the maximum factor by which it increases
+    a standard deviation, None if the pixels were not fitted.
     """
     shifts = [
         f"{names[index]}: {_its_size(*tone.shift)}"
@@ -123,7 +122,7 @@ def shift_text(
 
 
 def _its_size(shift: float, std: float) -> str:
-    """Write a shift in pixels; one that is not told from zero is no estimate."""
+    """Write a shift in pixels; as zero if it is less than its standard deviation."""
     if abs(shift) < std:
         return f"0 +- {with_its_std(0.0, std)[1]} px"
     return f"{plus_minus(shift, std)} px"
@@ -132,8 +131,8 @@ def _its_size(shift: float, std: float) -> str:
 def pooled(tones: Sequence[PictureTone]) -> tuple[str | float | None, float | None]:
     """Return one tone and its standard deviation for pictures of one camera.
 
-    Estimates are weighted by their certainty; stated curves are all alike. Without any picture
-    there is none.
+    Estimates are weighted by their inverse variances; stated curves are all alike. Both are None
+    without any picture.
     """
     stds = [tone.std for tone in tones if tone.std is not None]
     if not stds:

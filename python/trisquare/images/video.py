@@ -20,27 +20,29 @@ from trisquare.images.limits import MAX_SECONDS_MORE, SLOWEST_PIXELS, PictureLim
 from trisquare.images.pixels import Image
 
 ENCODERS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG"}
-"""By the extension of the file's name: what every OpenCV with FFmpeg encodes at a video's speed.
-Files of these formats cannot be opened, or state other frames, where their last part is missing."""
+"""Encoders by the extension of the file's name, which every OpenCV with FFmpeg encodes at a video's
+speed. Files of these formats cannot be opened, or state another number of frames, if their last
+part is missing."""
 
 SPREAD = 0.02
 STRAY_FRAMES = 2
-"""By how much the stated number of frames of a whole video may be too high: a share of it, where it
-is estimated from the duration, and frames at the ends that cannot be decoded alone."""
+"""Maximum excess of the number of frames that a complete video states: a fraction of it, if it is
+estimated from the duration, and frames at the ends that cannot be decoded alone."""
 
 PROBED_BYTES = 1 << 16
-"""That the disk must have left after a video: the last part that FFmpeg writes is not longer."""
+"""Bytes that the disk must have left after a video: the last part that FFmpeg writes is not
+longer."""
 
 LARGEST_PIECE = 128_000_000
-"""Bytes that FFmpeg may allocate at once: a frame of 42 megapixels, more than 8K video has. Without
-this limit it allocates what a header states, up to 2 GB, before it looks whether that is there."""
+"""Maximum allocation of FFmpeg in bytes: a frame of 42 megapixels, more than 8K video has. Without
+this limit it allocates what a header states, up to 2 GB, before it checks whether that is there."""
 
 TURNS = {90: "ROTATE_90_CLOCKWISE", 180: "ROTATE_180", 270: "ROTATE_90_COUNTERCLOCKWISE"}
-"""What OpenCV calls the turn by which a stored frame is shown upright."""
+"""OpenCV's name of the turn, by its degrees, by which a stored frame is shown upright."""
 
 
 def is_video(path: PathLike) -> bool:
-    """Whether a file is there and begins as a video does."""
+    """Return whether a file exists and begins as a video does."""
     try:
         if not os.path.isfile(path):
             return False  # a pipe would be read empty
@@ -51,7 +53,7 @@ def is_video(path: PathLike) -> bool:
 
 
 def check_video_name(path: PathLike) -> None:
-    """Raise ValueError if no format that videos are written in has the path's extension."""
+    """Raise ValueError if no format in which videos are written has the path's extension."""
     suffix = Path(path).suffix
     if suffix.lower() not in ENCODERS:
         name = shown(path)
@@ -62,29 +64,29 @@ def check_video_name(path: PathLike) -> None:
 
 
 class Video:
-    """A video that is open, to be closed by ``with``.
+    """An open video, to be closed by ``with``.
 
     Attributes
     ----------
     name : str
-        What messages call it.
+        Name in messages.
     size : (int, int)
         Width and height of a frame as it is stored, in pixels.
     rate : float
         Frames per second.
     stated_frames : int
-        How many it says that it has; what it has may be a few less. Zero if it does not say.
+        Number of frames that it states; it may have a few less. Zero if it states none.
     turn : int
-        By how many degrees, clockwise, players turn the stored frames: 0, 90, 180 or 270.
+        Degrees by which players turn the stored frames clockwise: 0, 90, 180 or 270.
     unevenness : float
-        Seconds by which the frames read so far, by their time stamps, are earlier or later than an
-        even rate has them, at most.
+        Maximum difference in seconds between the time stamps of the frames read so far and those
+        of an even rate.
 
     Raises
     ------
     ImageError
-        If the file is missing (`MissingImageError`), no video that OpenCV reads, or its frames have
-        more pixels than the limits allow.
+        If the file is missing (`MissingImageError`), not a video that OpenCV reads, or its frames
+        have more pixels than the limits allow.
     """
 
     def __init__(self, path: PathLike, limits: PictureLimits | None = None) -> None:
@@ -94,13 +96,13 @@ class Video:
         self.name = os.fspath(path)
         if not os.path.exists(path):
             raise MissingImageError(f"{self.name}: No such file or directory")
-        # The whole path: a name alone may mean an address or a camera to FFmpeg; and so may what a
-        # playlist holds, which is no video.
+        # The whole path: FFmpeg may take a name alone for an address or a camera. It may do so with
+        # the entries of a playlist, too, which is not a video.
         capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None
         if capture is None or not capture.isOpened():
             raise ImageError(f"{self.name}: not a readable video, or one without frames")
         self._capture = capture
-        # As the sensor delivered them: so photographs are read, and one camera is that of both.
+        # As the sensor delivered them, like photographs: one camera applies to both.
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         width, height, count, self.rate, turn = (
             self._capture.get(which)
@@ -124,7 +126,7 @@ class Video:
             )
 
     def frames_in_all(self, done: int) -> int:
-        """Return how many frames there are, once so many are read: it may state too few."""
+        """Return the number of all frames, once `done` are read: the video may state too few."""
         return max(done, self.stated_frames)
 
     def frames(self) -> Iterator[Image]:
@@ -133,8 +135,8 @@ class Video:
         Raises
         ------
         ImageError
-            If the reader gives up on a damaged frame, or decoding takes as long as that of far
-            larger ones; at the end, if there were none, or markedly fewer than the video states.
+            If the reader fails on a damaged frame, or decoding takes as long as that of far larger
+            ones; at the end, if there were none, or markedly fewer than the video states.
         """
         import cv2  # loaded where a video is read
 
@@ -149,17 +151,17 @@ class Video:
             before = _clocks()
             try:
                 is_there, frame = self._capture.read()
-            except cv2.error as error:  # of its own reader, which it uses where FFmpeg gives up
+            except cv2.error as error:  # of OpenCV's own reader, used where FFmpeg fails
                 if lacks_memory(error):
                     raise
                 raise ImageError(f"{self.name}: damaged after {found} frames") from error
-            # Of both the lesser: other threads take the processor's time, and other programs ours.
+            # The smaller one: other threads add to processor time, other programs to elapsed time.
             seconds += min(now - then for now, then in zip(_clocks(), before, strict=True))
             if not is_there:
                 break
             stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
             start = start if found else stamp
-            if self.rate > 0 and stamp > start:  # it stays where frames have none
+            if self.rate > 0 and stamp > start:  # it does not change without time stamps
                 self.unevenness = max(self.unevenness, abs(stamp - start - found / self.rate))
             found += 1
             yield frame
@@ -179,7 +181,7 @@ class Video:
 
 @functools.cache
 def _limit_allocations() -> None:
-    """Limit each allocation of the FFmpeg that OpenCV's wheel for Linux brings, for good."""
+    """Limit each allocation of the FFmpeg in OpenCV's wheel for Linux, permanently."""
     import cv2  # loaded where a video is read
 
     for library in Path(cv2.__file__).parents[1].glob("opencv_*.libs/libavutil*.so*"):
@@ -187,7 +189,7 @@ def _limit_allocations() -> None:
 
 
 def _clocks() -> tuple[float, float]:
-    """Return the seconds of this process on the processor, and those that passed."""
+    """Return the processor time of this process, and the elapsed time, in seconds."""
     return time.process_time(), time.perf_counter()
 
 
@@ -197,10 +199,10 @@ def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int 
     Parameters
     ----------
     path : str or path
-        Its extension names the format, see `check_video_name`.
+        Its extension states the format, see `check_video_name`.
     frames : iterable of ndarray of uint8, shape (H, W, 3)
-        BGR, all of one size. Of an odd number of columns or rows the last is left out: most video
-        has pairs of pixels.
+        BGR, all of one size. An odd last column or row is left out: most video consists of pairs
+        of pixels.
     rate : float
         Frames per second.
     turn : {0, 90, 180, 270}
@@ -211,7 +213,7 @@ def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int 
     ValueError
         If the extension names no format, the rate is not positive, or there are no frames.
     OSError
-        If the file cannot be written whole.
+        If the file cannot be written completely.
     """
     import cv2  # loaded where a video is written
 
@@ -235,7 +237,7 @@ def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int 
             writer.release()
     if not written:
         raise ValueError("a video has at least one frame")
-    # OpenCV does not tell whether what it wrote came onto the disk. One that is full refuses more.
+    # OpenCV does not report whether the file is complete on the disk. A full disk refuses more.
     with open(path, "r+b") as file:
         end = file.seek(0, os.SEEK_END)
         file.write(bytes(PROBED_BYTES))
@@ -252,7 +254,7 @@ def add_sound(path: PathLike, source: PathLike) -> str | None:
     Returns
     -------
     str or None
-        Why that is not done, if so; the video is then as it was.
+        Reason why it is not copied, if so; the video is then unchanged.
     """
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is None:

@@ -1,1 +1,1 @@
-"""Measuring what was found: which stretches of edge, and the samples that they give."""
+"""Edge measurement of detected targets: the stretches of edge, and their samples."""

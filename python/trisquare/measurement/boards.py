@@ -20,50 +20,51 @@ from trisquare.measurement.marker_margins import light_cells, marker_rims
 from trisquare.measurement.side_spans import SideSpan
 
 PROBES = np.array([0.12, 0.25, 0.4])
-"""Distances from a grid line, in cells, at which a cell's shade is looked up: a dark cell is dark
-at all of them, and the black border of a ChArUco board's marker takes one or two."""
+"""Distances from a grid line, in cells, at which a cell's shade is sampled: a dark cell is dark at
+all of them, and the black border of a ChArUco board's marker covers one or two."""
 
 MIN_LINES = 2
-"""Grid lines that a plane needs in each direction: three parallel ones of four leave it open."""
+"""Minimum number of grid lines of a plane in each direction: four lines of which three are parallel
+do not determine a plane."""
 
 
 class GridLine(NamedTuple):
-    """A row or a column of crossings, those only that have a neighbour in it."""
+    """A row or a column of crossings: those that have a neighbour in it."""
 
     is_row: bool
     number: int
-    """Of the row or column."""
+    """Index of the row or column."""
     places: npt.NDArray[np.intp]
-    """Of its crossings in it, in order."""
+    """Indices of its crossings in it, in order."""
 
     @property
     def indices(self) -> tuple[int | npt.NDArray[np.intp], ...]:
-        """Row and column of its crossings."""
+        """Rows and columns of its crossings."""
         return (self.number, self.places) if self.is_row else (self.places, self.number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Board:
-    """A chessboard, whole or in part, that was found: see `DetectedTarget`."""
+    """A chessboard, whole or in part, that was found: a `DetectedTarget`."""
 
     lattice: Lattice
     contrast_sign: float
     """+1 if a row gets lighter toward its right-hand normal after the very first crossing of the
-    lattice, else -1; from cell to cell, and from row to row, it is the opposite."""
+    lattice, else -1; the sign alternates from cell to cell, and from row to row."""
     rims: FloatArray | None = None
-    """Of the markers in the cells between and around R x C crossings, shape (R + 1, C + 1): the
-    distance from their cell's edges over its side; 0 for a cell without one."""
+    """Distance of the markers in the cells between and around R x C crossings from their cell's
+    edges, over its side, shape (R + 1, C + 1); 0 for a cell without a marker."""
     kind: str = "chessboard"
     lines: tuple[FloatArray, FloatArray] | None = None
-    """Where the rows and the columns are, sheet coordinates; by default one apart."""
+    """Positions of the rows and of the columns, sheet coordinates; by default one apart."""
     tags: npt.NDArray[np.bool_] | None = None
-    """Of a grid of tags, by its row and column, which cells within the border are light, in rows
+    """For a grid of tags, by their row and column, which cells within the border are light, in rows
     from the top, shape (R / 2, C / 2, n, n)."""
     tag_border: float = 0.0
     """Width of the tags' border over their side."""
     gap: float | None = None
-    """Of a grid of tags whose layout is not stated, the gap that its corners show; the measured
-    edges tell it better."""
+    """For a grid of tags whose layout is not stated, the gap from its corners, over the tags' side;
+    the measured edges give it more accurately."""
 
     @classmethod
     def of(cls, lattice: Lattice, grey: npt.NDArray[np.uint8]) -> Board:
@@ -75,7 +76,7 @@ class Board:
 
     @classmethod
     def of_board(cls, lattice: Lattice, dark_corner: bool, rim: float) -> Board:
-        """Know the cells of a ChArUco board from the colour of its first, and its markers' rims."""
+        """Build a ChArUco board from the colour of its first cell, and its markers' rims."""
         contrast_sign = -1.0 if dark_corner else 1.0
         rows, cols = lattice.present.shape
         light = light_cells((rows + 1, cols + 1), first_is_dark=dark_corner)
@@ -83,9 +84,9 @@ class Board:
 
     @classmethod
     def of_grid(cls, grid: SheetMatch) -> Board:
-        """Take the tags' sides for grid lines: at a tag's corner they run on along dark squares.
+        """Take the tags' sides for grid lines: at a tag's corner they continue along dark squares.
 
-        What is dark and what is light alternates as on a chessboard, with cells of two widths.
+        Dark and light alternate as on a chessboard, with cells of two widths.
         """
         gap = grid.sheet.gap
         first = grid.model[:, 0]
@@ -113,13 +114,13 @@ class Board:
 
     @property
     def quad(self) -> FloatArray:
-        """The crossings' bounding rectangle that is smallest, shape (4, 2), pixels."""
+        """Smallest bounding rectangle of the crossings, shape (4, 2), pixels."""
         return box_around(self.lattice.crossings[self.lattice.present])
 
     def spans(self, first: int) -> list[SideSpan]:
-        """Return the grid lines, the rows before the columns."""
+        """Return the spans of the grid lines, the rows before the columns."""
         lines = _grid_lines(self.lattice.present)
-        # The span of the row, and of the column, through every crossing.
+        # For every crossing, the spans of the row and of the column through it.
         through = np.full((2, *self.lattice.present.shape), -1)
         for span, line in enumerate(lines, first):
             through[(0 if line.is_row else 1, *line.indices)] = span
@@ -146,7 +147,7 @@ class Board:
         return spans
 
     def figures(self, measured: Sequence[_core.SideSamples | str], plane: int) -> list[PlaneEdges]:
-        """One figure of all grid lines that were measured."""
+        """Return one figure of all grid lines that were measured."""
         return self.figures_and_shift(measured, plane)[0]
 
     def figures_and_shift(
@@ -163,8 +164,8 @@ class Board:
         rows = sum(line.is_row for line in seen)
         if min(rows, len(seen) - rows) < MIN_LINES:
             return [], 0.0
-        # The board's own zigzag tells the shift that a tone curve leaves, far better than profiles
-        # do: there is no drift to account for.
+        # The zigzag of the board's own lines gives the shift that a tone curve leaves, far more
+        # accurately than profiles do: no drift is left.
         unshifted, shift = _core.remove_edge_shift(lines)
         points, deviations, cells = zip(*unshifted, strict=True)
         down, across = self._places(
@@ -183,7 +184,7 @@ class Board:
         return [board], shift
 
     def _places(self, lines: Sequence[LineSamples]) -> tuple[FloatArray, FloatArray]:
-        """Where the rows and the columns are, sheet coordinates."""
+        """Return the positions of the rows and of the columns, sheet coordinates."""
         down, across = self.lattice.present.shape
         if self.gap is not None:
             gap = measured_gap(lines, self.gap)
@@ -197,7 +198,7 @@ class Board:
         """Return the cells of the tags beside the stretches after a line's crossings."""
         if self.tags is None:
             return []
-        # As a row has them, from the left and from the top.
+        # Oriented as beside a row, from the left and from the top.
         beside = self.tags if line.is_row else self.tags.transpose(1, 0, 3, 2)
         own = beside[line.number // 2]
         if line.number % 2:
@@ -207,7 +208,7 @@ class Board:
         ]
 
     def _contrast_sign_of_even(self, line: GridLine) -> float:
-        """Which way a line gets lighter after crossings of even number."""
+        """Return in which direction, +1 or -1, a line gets lighter after its even crossings."""
         # A column's right-hand normal points the other way in the row it starts from.
         sign = self.contrast_sign if line.is_row else -self.contrast_sign
         return sign * (-1.0) ** line.number
@@ -220,7 +221,7 @@ class Board:
 
 
 def _places_of_sides(count: int, gap: float) -> FloatArray:
-    """Where the sides of tags in a row are: pairs that are one apart, from their common middle."""
+    """Return positions of tags' sides in a row: pairs one apart, about their common middle."""
     numbers = np.arange(count)
     places = numbers // 2 * (1.0 + gap) + numbers % 2
     return np.asarray(places - 0.5 * places[-1])
@@ -242,9 +243,9 @@ def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
 
 
 def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
-    """Rims in the light cells beside the stretches after a line's crossings."""
+    """Return the rims in the light cells beside the stretches after a line's crossings."""
     beside = rims if line.is_row else rims.T
-    # Of the two cells beside a stretch one is light, and the other has no marker.
+    # One of the two cells beside a stretch is light, and the other has no marker.
     either: list[float] = (beside[line.number] + beside[line.number + 1])[line.places + 1].tolist()
     return either
 
@@ -252,8 +253,8 @@ def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
 def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:
     """Return +1 if the picture gets lighter to the right of row 0 after its crossing 0, else -1.
 
-    All pairs of neighbouring crossings in a row have their say, because a cell may be hidden or
-    carry a marker.
+    All pairs of neighbouring crossings in a row contribute, because a cell may be hidden or carry a
+    marker.
     """
     crossings, present = lattice.crossings, lattice.present
     rows, cols = np.nonzero(present[:, :-1] & present[:, 1:])

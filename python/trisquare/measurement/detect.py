@@ -26,7 +26,7 @@ def detect(
 ) -> list[PlaneEdges]:
     """Find planar targets and measure their edges.
 
-    All that is found is returned; `calibrate` chooses of it what one camera explains.
+    All targets found are returned; `calibrate` selects those that one camera explains.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def detect(
     targets : str
         - ``"squares"``: dark squares on a lighter ground or the reverse, solid or framed;
         - ``"tags"``, ``"aruco"``, ``"apriltag"``: the black borders of tags of any dictionary, each
-          a square of its own; ``"tags:6X6_250"``: of that dictionary, without a doubt;
+          a square of its own; ``"tags:6X6_250"``: of that dictionary, known to be present;
         - ``"auto"``: these, and chessboards and Kalibr's AprilGrids of any size, each one plane;
         - ``"a4"``, ``"letter"``, ``"card"``, ``"16:9"``, ``"rectangle:1.5"``: rectangles of that
           aspect, either way up, on any ground and with anything inside; ``"rectangle"``: of any
@@ -65,14 +65,14 @@ def detect(
     -------
     list of PlaneEdges
         Samples in pixels with a standard deviation each; `kind` is ``"square"``, ``"frame"``,
-        ``"tag"``, ``"rectangle"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. What lies on
-        one sheet shares its `plane`: the two outlines of a frame, a ChArUco board's chessboard and
+        ``"tag"``, ``"rectangle"``, ``"chessboard"``, ``"charuco"`` or ``"sheet"``. Figures on
+        one sheet share their `plane`: the two outlines of a frame, a ChArUco board's chessboard and
         its markers.
 
     Raises
     ------
     ImageError
-        If a file cannot be read whole.
+        If a file cannot be read completely.
     DetectionError
         If no target is found, or no outline lies on the edges of a square.
     TypeError, ValueError

@@ -1,4 +1,4 @@
-"""Finding what a picture shows: every target once, before anything is measured."""
+"""Detection of the targets in a picture: every target once, before anything is measured."""
 
 from __future__ import annotations
 
@@ -34,20 +34,21 @@ from trisquare.measurement.squares import Square
 from trisquare.results.rejected import Rejected
 
 COMBED = 1.2
-"""A picture whose neighbouring rows differ by so many times what rows two apart differ by shows two
-moments, in turn: of one moment the latter differ more, of mere noise as much. With fields 5 to 10
-pixels apart it was 1.6 to 4.5 times, of pictures of one moment at most 0.98."""
+"""Ratio of the difference of neighbouring rows to that of rows two apart, above which a picture
+shows two moments in alternate rows. In a picture of one moment the latter differ more, in mere
+noise as much. With fields 5 to 10 pixels apart the ratio was 1.6 to 4.5, in pictures of one moment
+at most 0.98."""
 
 NEARLY = 64
-"""Grey levels from black or white up to which a picture without contrast is nearly that."""
+"""Grey levels from black or white up to which a picture without contrast is called nearly that."""
 
 
 class Search(NamedTuple):
-    """What was searched for in a picture, and what was found.
+    """A search of a picture and its results.
 
-    `picture` is grey; `scale` pixels of the photograph make one of it, or None if it is to be made
-    smaller and smoother yet, as the search for squares does. `levels` are what 0 and 255 of
-    it stand for in the photograph, white being 255.
+    `picture` is grey; `scale` pixels of the photograph make one of it, or None if it has yet to be
+    reduced and smoothed, as the search for squares does. `levels` are those of the photograph at 0
+    and 255 of the picture, white being 255.
     """
 
     picture: NDArray[np.uint8]
@@ -66,7 +67,7 @@ class Search(NamedTuple):
         return working_picture(self.picture) if self.scale is None else (self.picture, self.scale)
 
     def lack_of_contrast(self) -> str:
-        """Say that the photograph hardly has any contrast; nothing of any other."""
+        """Describe the lack of contrast of a photograph with hardly any; else return nothing."""
         levels = np.percentile(self.working_picture()[0], RANGE_PERCENTILES)
         darkest, brightest = np.interp(levels, (0.0, 255.0), self.levels)
         if brightest - darkest >= MIN_CONTRAST:
@@ -76,12 +77,12 @@ class Search(NamedTuple):
         return f"the picture is nearly {what}, {grey}"
 
     def is_interlaced(self) -> bool:
-        """Tell whether the rows show two moments in turn, between which much has moved."""
-        # In a smaller picture they are mixed; of a mosaic of colours columns differ as well.
+        """Return whether the rows show two moments in turn, between which much has moved."""
+        # Reduction mixes the rows; in a mosaic of colours the columns differ as well.
         return self.scale is None and _is_combed(self.picture) and not _is_combed(self.picture.T)
 
     def reduced(self) -> Search:
-        """Return the same with that picture alone, to be kept."""
+        """Return this search with its smaller picture only, to be kept."""
         picture, scale = self.working_picture()
         return self._replace(picture=picture, scale=scale)
 
@@ -93,7 +94,7 @@ def search(picture: Image, kinds: TargetKinds) -> Search:
 
 
 def _is_combed(grey: NDArray[np.uint8]) -> bool:
-    """Tell whether neighbouring rows differ more than those two apart, and not in gain alone."""
+    """Return whether neighbouring rows differ more than those two apart, and not in gain alone."""
     if len(grey) < 3:
         return False
     rows = grey.astype(np.float32)
@@ -105,7 +106,7 @@ def _is_combed(grey: NDArray[np.uint8]) -> bool:
 
 
 def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTarget | Rejected]:
-    """Find the targets in a grey picture, and what is none after all; the list may be empty."""
+    """Find the targets in a grey picture, and rejected candidates; the list may be empty."""
     if targets.layout is not None:
         return [_of_match(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
@@ -128,7 +129,7 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
 def _boards_of_size(
     grey: NDArray[np.uint8], size: tuple[int, int]
 ) -> Sequence[DetectedTarget | Rejected]:
-    """Find the boards of a stated size; where there is none, say what size there is."""
+    """Find the boards of a stated size; if there is none, reject those of other sizes."""
     lattices = find_lattices(grey)
     if boards := chessboards_among(lattices, *size):
         return [Board.of(board, grey) for board in boards]
@@ -142,7 +143,7 @@ def _its_size(lattice: Lattice) -> str:
 
 
 def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
-    """Tell how a sheet that was found is measured."""
+    """Choose how a sheet that was found is measured."""
     if isinstance(found, Rejected):
         return found
     return Board.of_grid(found) if found.sheet.touching else Sheet.of(found)
@@ -151,7 +152,7 @@ def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
 def _squares_beside(
     grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: TargetKinds
 ) -> list[DetectedTarget]:
-    """Find squares and tags that are no part of a lattice: neither cells nor the sheet it is on."""
+    """Find squares and tags that are not part of a lattice: not cells, nor the sheet it is on."""
 
     def is_part(corners: FloatArray) -> bool:
         return any(belongs_to(lattice, corners) for lattice in lattices)
@@ -189,12 +190,12 @@ def search_annotated(
 ) -> Search:
     """Snap annotated squares to the edges of a checked picture, or reject those without edges.
 
-    Where rectangles are sought, that is what they are.
+    If `kinds` names rectangles, they are taken as such.
 
     Raises
     ------
     ValueError
-        If boards are sought, of which more is measured than an outline.
+        If `kinds` names boards, for which outlines do not suffice.
     """
     if annotated and (kinds.board or kinds.layout):
         raise ValueError(
@@ -209,5 +210,5 @@ def search_annotated(
         Rejected(target.kind, 0, target.corners, own) if isinstance(own, str) else Square(own)
         for target, own in zip(annotated, snapped, strict=True)
     ]
-    # Where outlines are drawn by hand, nothing was rejected by a search.
+    # No kinds: with outlines drawn by hand, no shapes were rejected by a search.
     return Search(grey, TargetKinds(), found)

@@ -1,8 +1,8 @@
 """The gap between the tags of an AprilGrid, from measured edges.
 
-Blur moves the corners of slanted tags by a pixel: by as much as the gap of a small grid differs
-from another one. Edges between corners stay. Across a row of tags they lie at 0, 1, 1 + gap,
-2 + gap and so on, as a camera sees them.
+Blur moves the corners of slanted tags by a pixel, as much as the gaps of two small grids differ.
+Edges between corners do not move. Across a row of tags they lie at 0, 1, 1 + gap, 2 + gap and so
+on, in the projection by the camera.
 """
 
 from __future__ import annotations
@@ -16,39 +16,41 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 
 MIN_SAMPLES = 2
-"""Of an edge between two crossings, that tell where it runs."""
+"""Minimum number of samples of an edge between two crossings, which determine its line."""
 
 MIN_EDGES = 6
-"""Across a row: four numbers of the camera and the gap, and one to spare."""
+"""Minimum number of edges across a row: four parameters of the camera, the gap, and one to
+spare."""
 
 MANY_EDGES = 8
-"""With as many, a lens may bend the row by a cubic."""
+"""Number of edges from which the bend of a row by the lens includes a cubic."""
 
 MIN_ROWS = 3
-"""Rows and columns whose median is the gap."""
+"""Minimum number of rows and columns whose median is the gap."""
 
 FIRST_STEP, STEPS = 0.01, 10
-"""Of the search for the gap, over the tag's side. What holds the optimum shrinks to a third."""
+"""First step of the search for the gap, over the tag's side, and number of steps. The step shrinks
+to a third once it brackets the optimum."""
 
 FARTHEST = 0.1
-"""From the gap that the corners showed."""
+"""Maximum difference from the gap of the corners, over the tag's side."""
 
 USUAL_GAPS = 0.05
 USUAL_GAP_ERROR = 0.003
-"""A measured gap that is within the error of a multiple of the former is that."""
+"""A measured gap within the error of a multiple of the usual gap is taken as that multiple."""
 
 
 class LineSamples(NamedTuple):
     """Edge samples on one grid line."""
 
     is_row: bool
-    number: int  # of the row or column
+    number: int  # index of the row or column
     points: FloatArray  # (N, 2), pixels
     cells: NDArray[np.intp]  # (N,) number of the crossing before each sample
 
 
 def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
-    """Return the gap over the tag's side, or `gap`, which corners show, if few edges are seen."""
+    """Return the gap over the tag's side; `gap`, from the corners, if few edges are seen."""
     found: list[float] = []
     for is_row in (True, False):
         own = [line for line in lines if line.is_row == is_row]
@@ -65,7 +67,7 @@ def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
 
 
 def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.intp], FloatArray]:
-    """Numbers of the lines, and where a straight line across all of them meets each, pixels."""
+    """Return the lines' numbers, and where a straight line across them meets each, pixels."""
     numbers, middles, ways = [], [], []
     for line in lines:
         points = line.points[line.cells == cell]
@@ -85,7 +87,7 @@ def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.i
 
 
 def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float | None:
-    """Return the gap with which edges lie as a camera sees them; None where they leave it open."""
+    """Return the gap that fits the projected edges best; None if they do not determine it."""
     step = FIRST_STEP
     for _ in range(STEPS):
         before, here, after = (_cost(numbers, places, gap + off) for off in (-step, 0.0, step))
@@ -100,7 +102,7 @@ def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float 
 
 
 def _cost(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float:
-    """Sum of squares of what a projective map of a line, bent smoothly, leaves of places."""
+    """Return the sum of squared residuals of places to a smoothly bent, projected line."""
     model = numbers // 2 * (1.0 + gap) + numbers % 2
     middle = 0.5 * (model.min() + model.max())
     unit = (model - middle) / (model.max() - middle)

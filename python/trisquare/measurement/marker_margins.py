@@ -1,8 +1,8 @@
-"""The white that is left round the markers in a ChArUco board's light cells, from the picture.
+"""White rims around the markers in a ChArUco board's light cells, from the picture.
 
 A grid line is measured from the pixels beside it, and in a board with markers most of those on the
-light side are a marker's. Where its dark border begins is seen in the cell's profile: dark before
-the cell's edge, light behind it, and dark again.
+light side are a marker's. The cell's profile shows where the marker's dark border begins: dark
+before the cell's edge, light behind it, and dark again.
 """
 
 from __future__ import annotations
@@ -20,34 +20,36 @@ from trisquare.detection.sampling import homographies_from_unit_square, sample
 STEP = 1.0 / 48.0
 BEFORE = 12
 BEHIND = 22
-"""Samples of a profile: their distance in cells, and how many lie before the cell's edge and behind
-it, which is nearly as far as the middle."""
+"""Sampling of a profile: the distance between samples in cells, and their numbers before and behind
+the cell's edge, where they reach nearly to the middle."""
 
 ALONG = np.array([0.3, 0.4, 0.5, 0.6, 0.7])
-"""Where along a cell's edge profiles are taken: a marker is as wide as this at least."""
+"""Positions along a cell's edge of the profiles: a marker is at least this wide."""
 
 WIDEST = 0.4
-"""Rim in cells: a marker would be a fifth of its cell, of which no camera reads anything."""
+"""Maximum rim in cells: the marker would be a fifth of its cell, which no camera can read."""
 
 MIN_MARKERS = 3
-"""Cells that must show one: stains and glare seldom come by threes."""
+"""Minimum number of cells that show a marker: stains and glare seldom come by threes."""
 
 FIRST_CELLS = 12
-"""Cells all over a board that are looked at first: if none shows a marker, the board has none."""
+"""Number of cells all over a board that are examined first: if none shows a marker, the board has
+none."""
 
 SPREAD = 0.05
-"""Cells by which the rims of one board may seem to differ: in cells around the crossings 0.04."""
+"""Maximum difference of a cell's rim from the board's median, in cells: in cells around the
+crossings it is 0.04."""
 
 UPPER_PART = np.array([0.6, 0.7, 0.8])
-"""Of a profile's rise where a rim is measured: above the half, but below its rounded top, where
-noise would move it."""
+"""Fractions of a profile's rise at which a rim is measured: above the half, but below its rounded
+top, where noise would move it."""
 
 PIECE = 1000
-"""Cells that are sampled at once: OpenCV has a limit."""
+"""Number of cells that are sampled at once, because of a limit of OpenCV."""
 
 
 def light_cells(shape: tuple[int, int], *, first_is_dark: bool) -> npt.NDArray[np.bool_]:
-    """Which cells of a board are light."""
+    """Return which cells of a board are light."""
     rows, cols = np.indices(shape)
     return np.asarray((rows + cols) % 2 == int(first_is_dark))
 
@@ -61,15 +63,15 @@ def marker_rims(
     ----------
     grey : ndarray of uint8, shape (H, W)
     lattice : Lattice
-        Of R x C crossings.
+        The board's R x C crossings.
     first_is_dark : bool
         Whether the cell before the first crossing, in its row and column, is dark.
 
     Returns
     -------
     ndarray, shape (R + 1, C + 1), or None
-        Of each cell between and around the crossings the rim over the cell's side, 0 where there is
-        no marker; None if there are none.
+        The rim of each cell between and around the crossings, over the cell's side, 0 without a
+        marker; None if no cell has one.
     """
     rows, cols = lattice.present.shape
     corners = _cell_corners(lattice)
@@ -78,7 +80,7 @@ def marker_rims(
     if len(places) < MIN_MARKERS:
         return None
     own = corners[places[:, 0], places[:, 1]]
-    # Of the cells around, the outer corners are a guess.
+    # The outer corners of the cells around are extrapolated.
     whole = ((places > 0) & (places < lattice.present.shape)).all(axis=1)
     inside = own[whole]
     if not len(inside):
@@ -102,9 +104,9 @@ def marker_rims(
 
 
 def _cell_corners(lattice: Lattice) -> FloatArray:
-    """Corners of the cells between and around crossings, clockwise, shape (R + 1, C + 1, 4, 2).
+    """Return cells' corners between and around crossings, clockwise, (R + 1, C + 1, 4, 2).
 
-    NaN where they are not known; those of the cells around are extrapolated.
+    NaN where they are unknown; those of the cells around are extrapolated.
     """
     points = np.where(lattice.present[..., None], lattice.crossings, np.nan)
     for axis in (0, 1):
@@ -119,7 +121,7 @@ def _cell_corners(lattice: Lattice) -> FloatArray:
 
 
 def _profiles(grey: npt.NDArray[np.uint8], corners: FloatArray) -> FloatArray:
-    """Mean shades of cells by the distance from their edges, inward, shape (N, samples)."""
+    """Return mean shades of cells by the distance from their edges, inward, shape (N, samples)."""
     start, end = corners, np.roll(corners, -1, axis=1)
     inner_start, inner_end = np.roll(corners, 1, axis=1), np.roll(corners, -2, axis=1)
     depth = STEP * np.arange(-BEFORE, BEHIND + 1)[:, None, None]
@@ -132,7 +134,7 @@ def _profiles(grey: npt.NDArray[np.uint8], corners: FloatArray) -> FloatArray:
 
 
 def _rims(profiles: FloatArray) -> FloatArray:
-    """Where profiles, shape (N, samples), fall again behind the edge, in cells; 0 if they do not.
+    """Return where profiles, (N, samples), fall again behind the edge, in cells; 0 if they do not.
 
     Blur and a wrong tone curve move the fall as far inward as they move the rise outward.
     """
@@ -158,8 +160,8 @@ def _rims(profiles: FloatArray) -> FloatArray:
 def _refined(profile: FloatArray, rim: float) -> float:
     """Measure a rim again, in the upper part of the mean profile of cells, shape (samples,).
 
-    There the rise and the fall mirror each other, whatever the blur and the tone curve are. The
-    bits beyond a marker's border lift what is below.
+    In that part the rise and the fall mirror each other, whatever the blur and the tone curve are;
+    below it, the bits beyond a marker's border lift the profile.
     """
     top = BEFORE + int(profile[BEFORE : BEFORE + round(rim / STEP) + 1].argmax())
     levels = profile[0] + UPPER_PART * (profile[top] - profile[0])
@@ -178,41 +180,42 @@ def _refined(profile: FloatArray, rim: float) -> float:
 
 
 def _level(profiles: FloatArray, level: FloatArray, after: npt.NDArray[np.intp]) -> FloatArray:
-    """Where each profile meets its level between a sample and the one before it."""
+    """Return where each profile crosses its level, between a sample and the one before it."""
     high = np.take_along_axis(profiles, after[:, None], axis=1)[:, 0]
     low = np.take_along_axis(profiles, after[:, None] - 1, axis=1)[:, 0]
     return np.asarray(after - 1 + (level - low) / (high - low))
 
 
 SHARE = 0.5
-"""Of the border and of the gap that is used: the other half is blurred by what comes next."""
+"""Fraction of the border and of the gap that is used: the other half is blurred by what follows."""
 
 PLACES = (0.1, 0.5, 0.9)
-"""Along a side, as parts of it, where the margin is looked up; the least counts."""
+"""Positions along a side, as fractions of it, at which the margin is computed; the minimum is
+used."""
 
 
 def side_margins(corners: FloatArray, border: float, gap: float) -> list[tuple[float, float]]:
-    """Return the margins on the left, outside, and on the right of each side.
+    """Return the margins on the left, outside, and on the right of each side, pixels.
 
     Parameters
     ----------
     corners : ndarray, shape (4, 2)
-        Of the marker, clockwise on the screen, pixels.
+        Corners of the marker, clockwise on the screen, pixels.
     border, gap : float
-        Of its plain border and of the white round it, over its side; infinite where nothing comes
-        next.
+        Width of its plain border and of the white round it, over its side; infinite where nothing
+        follows.
 
     Returns
     -------
     list of four tuples of float
-        Pixels.
+        Left and right margin of each side.
     """
     inside, outside = (_margin(corners, share) for share in (border, -gap))
     return list(zip(outside, inside, strict=True))
 
 
 def _margin(corners: FloatArray, share: float) -> list[float]:
-    """Distance from each side to the line that runs inside of it by this part of the square."""
+    """Return distances from the sides to lines inside them, at `SHARE` of a part of the square."""
     if math.isinf(share):
         return [math.inf] * 4
     turned = np.array([np.roll(corners, -side, axis=0) for side in range(4)])

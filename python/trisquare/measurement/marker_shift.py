@@ -1,7 +1,7 @@
-"""The shift of markers' borders toward the light, which all markers of a sheet have.
+"""The shift of markers' borders toward the light that is common to all markers of a sheet.
 
 A lens displaces the markers smoothly, but a wrong tone curve moves their borders inward or outward:
-so no calibration is needed to measure the shift.
+the shift can be measured without a calibration.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 
 DEGREES = ((12, 3), (6, 2), (4, 1))
-"""So many markers allow polynomials of this degree over the sheet: they give two equations for each
-unknown or more."""
+"""Minimum numbers of markers, and the degrees of the polynomials over the sheet that they allow:
+two equations or more for each unknown."""
 
 MIN_SINE = 1e-3
-"""Of the angle between two sides of a marker; no marker is seen that flat."""
+"""Minimum sine of the angle between two sides of a marker; no marker is seen that flat."""
 
 
 def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> float:
@@ -34,7 +34,7 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
     Returns
     -------
     float
-        In pixels; 0 where the markers are too few to tell.
+        In pixels; 0 if the markers are too few.
     """
     degree = next((degree for least, degree in DEGREES if len(model) >= least), None)
     if degree is None:
@@ -54,7 +54,7 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
         return 0.0
     mapped = cv2.perspectiveTransform(model.reshape(1, -1, 2), image_from_sheet)
     expected = np.asarray(mapped, dtype=np.float64).reshape(model.shape)
-    # The sides' samples need not be centred on them: only the distance across counts.
+    # Samples need not be centred on their sides: only the distance across counts.
     off = ((points - expected) * outward).sum(axis=-1).ravel()
     middles = 0.5 * (model + np.roll(model, -1, axis=1)).reshape(-1, 2)
     x, y = (middles / np.abs(middles).max()).T
@@ -67,7 +67,7 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
 
 
 def _corners(points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Where each side meets the one before, shape (N, 4, 2)."""
+    """Return where each side meets the one before, shape (N, 4, 2)."""
     offsets = (points * normals).sum(axis=-1)
     both = np.stack([np.roll(normals, 1, axis=1), normals], axis=-2)
     right = np.stack([np.roll(offsets, 1, axis=1), offsets], axis=-1)

@@ -1,4 +1,4 @@
-"""Measuring what was found: OpenCV finds the outlines, Rust measures their sides."""
+"""Measurement of detected targets: OpenCV finds the outlines, Rust measures their sides."""
 
 from __future__ import annotations
 
@@ -23,11 +23,10 @@ TOO_FEW_LINES = "too few of its lines could be measured"
 
 
 class MeasuredTargets(NamedTuple):
-    """What was measured in a picture; all lists may be empty.
+    """The measurements in a picture; all lists may be empty.
 
-    `pixels` are those near the measured outlines: of one field or colour where others disagree with
-    it.
-    `quads` holds, for each plane by its number, four points (4, 2) that enclose it.
+    `pixels` are those near the measured outlines, of one field or colour if the others disagree
+    with it. `quads` contains, for each plane by its number, four points (4, 2) that enclose it.
     """
 
     figures: list[PlaneEdges]
@@ -47,7 +46,7 @@ def measure(
 ) -> MeasuredTargets:
     """Find the targets in a checked picture and measure them.
 
-    With `annotated` targets nothing else is looked for.
+    With `annotated` targets nothing else is searched for.
     """
     if annotated is None:
         searched = search(picture, targets)
@@ -69,7 +68,7 @@ def measure(
     measured, picture_tone, faults, core = _localised(spans, _core.Picture(picture), tone)
     own = [measured[start:end] for start, end in pairwise(ends)]
     figures, not_measured = _figures(named, own)
-    # Boards and sheets have taken every shift away, whose drift the others still carry.
+    # The shift of boards and sheets is removed; the others still have its drift.
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
     quads = [target.quad for target in searched.targets]
@@ -82,7 +81,7 @@ def measure(
 def _localised(
     spans: list[SideSpan], core: _core.Picture, tone: str | float
 ) -> tuple[list[_core.SideSamples | str], PictureTone, PictureFaults, _core.Picture]:
-    """Measure the spans in a picture, or in what of it agrees with itself, which is returned."""
+    """Measure the spans in a picture, or in its self-consistent part; return which it was."""
     told = None if tone == "auto" else tone
     measured, estimate, found = _core.localise(core, spans, told)
     faults = PictureFaults.of(found)
@@ -104,7 +103,7 @@ def _figures(
     found: Sequence[tuple[DetectedTarget, str]],
     measured: Sequence[list[_core.SideSamples | str]],
 ) -> tuple[list[PlaneEdges], list[Rejected]]:
-    """Sort what was measured of each target; each with the name that its rejection begins with."""
+    """Build the figures of each target; a rejection begins with the target's name."""
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
     for plane, ((target, name), own) in enumerate(zip(found, measured, strict=True)):

@@ -1,8 +1,8 @@
-"""Why four-sided shapes of a picture were not taken for squares or rectangles.
+"""Reasons why four-sided shapes of a picture were not taken for squares or rectangles.
 
-The search drops most of them silently. After a failure, for a debug image or for a printed table
-its stages are run again, and each shape that a stage drops is reported; `calibrate` of Python never
-pays for it.
+The search drops most of them silently. After a failure, for a debug image or for a printed table,
+its stages are run again, and each shape that a stage drops is reported; `calibrate` of Python does
+not spend this time.
 """
 
 from __future__ import annotations
@@ -36,41 +36,41 @@ from trisquare.results.rejected import CUT_BY_BORDER, Rejected
 KIND = "quad"
 
 MAX_REPORTED = 8
-"""Per picture, the largest: more would hide one another."""
+"""Maximum number of shapes reported per picture, the largest: more would hide one another."""
 
 MIN_SIDE = 30.0
-"""Pixels of the searched picture, the recommended width of a square; smaller shapes are mostly
-text."""
+"""Minimum side, in pixels of the searched picture, the recommended width of a square; smaller
+shapes are mostly text."""
 
 BORDER_LEVELS = 10
-"""Thresholds at which shapes cut by the border are searched; a contrast of a quarter of the
-picture's own spans two."""
+"""Number of thresholds at which shapes cut by the border are searched; a contrast of a quarter of
+the picture's own spans two."""
 
 CUT_CORNERS = range(4, 7)
-"""Corners of a square of which the border cuts off one or two."""
+"""Numbers of corners of a square of which the border cuts off one or two."""
 
 MIN_BOX_FILLING = 0.6
-"""Area over that of the bounding rectangle: more than a triangle's."""
+"""Minimum area over that of the bounding rectangle: more than a triangle's."""
 
 MIN_CUT_FILLING = 0.9
-"""Area over that of the convex hull: lens and blur leave a square nearly convex."""
+"""Minimum area over that of the convex hull: lens and blur leave a square nearly convex."""
 
 MAX_CUT_SHARE = 0.2
-"""Of the picture: anything larger is the ground."""
+"""Maximum area over the picture's: anything larger is the ground."""
 
 
 def rejection_reasons(search: Search) -> list[Rejected]:
-    """Return the four-sided shapes of a searched picture that are no targets, with the reasons.
+    """Return the four-sided shapes of a searched picture that are not targets, and why.
 
-    The largest come first, at most `MAX_REPORTED`. Shapes within a target that was found are left
-    out, and so are the sheets and signs that targets lie on.
+    The largest come first, at most `MAX_REPORTED`. Shapes within a target that was found are
+    omitted, and so are the sheets and signs that targets lie on.
     """
     searched, scale = search.working_picture()
     kinds = search.kinds
     if not (kinds.squares or kinds.rectangles) or min(searched.shape) < MIN_PICTURE:
         return []
     targets = np.array([_region(target) / scale for target in search.targets]).reshape(-1, 4, 2)
-    # Rectangles are searched in other stages, and most of what these drop is what sheets bear.
+    # The search for rectangles has other stages; most shapes that those drop are printed on sheets.
     dropped = _dropped_by_stages(searched) if kinds.squares else ()
     shapes = [
         (corners, reason)
@@ -86,7 +86,7 @@ def rejection_reasons(search: Search) -> list[Rejected]:
 
 
 def _region(target: DetectedTarget) -> FloatArray:
-    """Quad (4, 2) that encloses a target, a board's outer cells included, pixels."""
+    """Return a quad (4, 2) that encloses a target, a board's outer cells included, pixels."""
     if not isinstance(target, Board):
         return target.quad
     middle = target.quad.mean(axis=0)
@@ -121,7 +121,7 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
 
 
 def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
-    """Corners of the quads that a stage dropped, of those that are large enough to be reported."""
+    """Return corners of the quads that a stage dropped and that are large enough to be reported."""
     large = before.corners[before.areas >= MIN_SIDE**2]
     return [corners for corners in large if not _same(corners, after.corners).any()]
 
@@ -148,7 +148,7 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
 
 
 def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> bool:
-    """Whether a contour reaches the border, on one side or at one corner, and has few corners."""
+    """Return whether a contour reaches the border at one side or corner, and has few corners."""
     height, width = shape
     x, y, box_width, box_height = cv2.boundingRect(contour)
     near = [(gap < BORDER) for gap in (x, width - x - box_width, y, height - y - box_height)]
@@ -169,7 +169,7 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
 
 
 def _same(corners: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
-    """Which of some quads, shape (N, 4, 2), have the middle and the size of one, (4, 2)."""
+    """Return which quads, shape (N, 4, 2), have the middle and the size of one, (4, 2)."""
     size, sizes = np.sqrt(quad_areas(corners)), np.sqrt(quad_areas(others))
     gaps = np.abs(others.mean(axis=1) - corners.mean(axis=0)).max(axis=1)
     tolerance = 2.0 * (SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * size)

@@ -20,13 +20,14 @@ from trisquare.measurement.marker_shift import marker_shift
 from trisquare.measurement.side_spans import SideSpan
 
 MIN_MARGIN = 3.0
-"""Pixels to either side of an edge that hold it. A marker's edge with less between a chessboard's
-and its own bits is off by some hundredths of a pixel, and the grid lines do without it."""
+"""Minimum margins of a marker's edge, pixels. With less between a chessboard's edges and the
+marker's own bits, it is off by some hundredths of a pixel, and the grid lines suffice without
+it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheet:
-    """A sheet of known layout that was found: see `DetectedTarget`.
+    """A sheet of known layout that was found: a `DetectedTarget`.
 
     Attributes
     ----------
@@ -39,7 +40,7 @@ class Sheet:
     lattice : Board or None
         The chessboard round the markers, if there is one.
     border, gap : float
-        Of the markers' black border and of the white round it, over their side.
+        Widths of the markers' black border and of the white round it, over their side.
     """
 
     kind: str
@@ -61,11 +62,11 @@ class Sheet:
 
     @property
     def quad(self) -> FloatArray:
-        """The rectangle round all markers that is smallest, shape (4, 2), pixels."""
+        """Smallest bounding rectangle of all markers, shape (4, 2), pixels."""
         return box_around(self.corners)
 
     def spans(self, first: int) -> list[SideSpan]:
-        """Spans of the grid lines, then four for each marker."""
+        """Return the spans of the grid lines, then four for each marker."""
         spans = [] if self.lattice is None else self.lattice.spans(first)
         for corners in self.corners:
             number = first + len(spans)
@@ -82,7 +83,7 @@ class Sheet:
         return spans
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
-        """One figure of the grid lines and one for each marker, all in sheet coordinates."""
+        """Return one figure of the grid lines and one for each marker, all in sheet coordinates."""
         grid = len(measured) - 4 * len(self.corners)
         markers = []
         for index, model in enumerate(self.model):
@@ -95,8 +96,8 @@ class Sheet:
             figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
         if figures:
             markers = [marker for marker in markers if self._stands_apart(marker[0])]
-            # A tone curve shifts markers otherwise than crossed lines, which the joint fit accounts
-            # for.
+            # A tone curve shifts markers differently from crossed lines, which the joint fit
+            # accounts for.
             if any(side.drift is not None for _, _, own in markers for side in own):
                 shift = 0.0
         else:
@@ -109,7 +110,7 @@ class Sheet:
         return figures
 
     def _stands_apart(self, marker: int) -> bool:
-        """Whether a marker's edges are clear of the chessboard's, which then are not enough."""
+        """Return whether a marker's edges have the minimum margins, to the board and its bits."""
         margins = side_margins(self.corners[marker], self.border, self.gap)
         return min(min(sides) for sides in margins) >= MIN_MARGIN
 
@@ -122,12 +123,12 @@ def _marker_edges(
     kind: str,
     border: float,
 ) -> PlaneEdges:
-    """Edges of one marker, less a shift toward the light that the whole sheet's edges have."""
+    """Return the edges of one marker, corrected for the shift that is common to the sheet."""
     along = np.roll(model, -1, axis=0) - model
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     offsets = -(inward * model).sum(axis=1)
-    # Where the sheet itself tells the shift, none is left to be accounted for.
+    # If the shift was measured on the sheet itself, no drift is left.
     drift = tuple(side.drift for side in samples if side.drift is not None and shift == 0.0)
     return unchecked_edges(
         lines=np.column_stack([inward, offsets]),
@@ -143,16 +144,16 @@ def _marker_edges(
 
 
 def _inward(points: FloatArray, shift: float) -> FloatArray:
-    """Move the samples along one side of a marker, clockwise, into it."""
+    """Move the samples of one side of a marker, in clockwise order, into it by the shift."""
     x, y = (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
     return np.asarray(points + shift * np.array([-y, x]))
 
 
 def _crossings(squares: tuple[int, int], model: FloatArray, corners: FloatArray) -> Lattice:
-    """Crossings beside the markers, coarse.
+    """Return the coarse crossings beside the markers.
 
-    They are where a homography has them, moved as the markers' nearest corners are, which follows
-    the lens's distortion and bent paper.
+    They are mapped by a homography, and moved as the markers' nearest corners are, to follow the
+    lens's distortion and bent paper.
     """
     cols, rows = squares
     x, y = np.meshgrid(np.arange(1, cols) - cols / 2, np.arange(1, rows) - rows / 2)
@@ -164,7 +165,7 @@ def _crossings(squares: tuple[int, int], model: FloatArray, corners: FloatArray)
         corners.shape
     )
     for marker, shift in zip(model, shifts, strict=True):
-        # The four crossings round a marker are its corners, further out.
+        # The four crossings round a marker are its corners, moved outward.
         outward = np.sign(marker - marker.mean(axis=0))
         places = np.rint(marker.mean(axis=0) + 0.5 * outward + [cols / 2 - 1, rows / 2 - 1])
         for (column, row), step in zip(places.astype(int).tolist(), shift, strict=True):

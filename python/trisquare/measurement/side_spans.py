@@ -1,4 +1,4 @@
-"""What a search hands to the measurement of edges, and what it gets back."""
+"""Input and output of the measurement of edges."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ class SideSpan:
     Attributes
     ----------
     path : ndarray, shape (N, 2)
-        Points along it, pixels; of a chessboard's grid line its crossings.
+        Points along it, pixels; of a chessboard's grid line, its crossings.
     polarity : float
-        +1 if it gets lighter toward the right-hand normal, else -1; of a grid line, after its first
-        crossing: at each crossing light and dark are exchanged.
+        +1 if it gets lighter toward the right-hand normal, else -1; for a grid line, after its
+        first crossing: light and dark are exchanged at each crossing.
     bounds : (int or None, int or None)
         The spans that it meets at its start and its end, by their numbers.
     margins : (float, float)
         Pixels to its left and to its right beyond which something else begins.
     crossings : sequence of (int or None, int)
-        Of a grid line, for each crossing the span that crosses there, and its place among all
-        crossings of the line; between two that are no neighbours nothing is measured.
+        For a grid line, for each crossing, the span that crosses there, and its place among all
+        crossings of the line; nothing is measured between two that are not neighbours.
     rims : sequence of float
-        Of a grid line with markers beside it, for the stretch after each crossing the distance of
+        For a grid line with markers beside it, for the stretch after each crossing, the distance of
         the marker from the edges of its cell, over the cell's side; 0 without a marker.
     tags : sequence of sequence of sequence of bool
-        Of a grid line between tags, for the stretch after each crossing which cells of the tag
+        For a grid line between tags, for the stretch after each crossing, which cells of the tag
         beside it are light, in rows from the stretch on; empty where there is no tag.
     tag_border : float
         Width of the tags' border over their side.
@@ -61,17 +61,17 @@ class DetectedTarget(Protocol):
 
     @property
     def kind(self) -> str:
-        """What it is called in results."""
+        """Name of the kind in results."""
 
     @property
     def quad(self) -> FloatArray:
         """Four points of the picture that enclose it, shape (4, 2), pixels."""
 
     def spans(self, first: int) -> list[SideSpan]:
-        """Spans to measure, the first of which gets the number `first`."""
+        """Return the spans to measure, the first of which gets the number `first`."""
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
-        """Edges from its measured spans, each of them samples or why there are none.
+        """Return edges from its measured spans, each given as samples or as the reason for none.
 
         Empty if too few have samples.
         """

@@ -22,7 +22,7 @@ from trisquare.measurement.side_spans import SideSpan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Square:
-    """A square, a frame, a tag or a rectangle that was found: see `DetectedTarget`."""
+    """A square, a frame, a tag or a rectangle that was found: a `DetectedTarget`."""
 
     outline: SquareOutline
 
@@ -41,7 +41,7 @@ class Square:
         return self.outline.outer.corners
 
     def spans(self, first: int) -> list[SideSpan]:
-        """Four spans for each outline, in order, and for the one beside it."""
+        """Return four spans for each outline, in order, and for the one beside it."""
         spans: list[SideSpan] = []
         for outline in self._outlines():
             spans += self._outline_spans(outline, first + len(spans))
@@ -51,14 +51,14 @@ class Square:
         return spans
 
     def figures(self, measured: Sequence[SideSamples | str], plane: int) -> list[PlaneEdges]:
-        """One figure for each outline, all four sides of which are edges."""
+        """Return one figure for each outline, all four sides of which are edges."""
         sides = iter(measured)
         figures = []
         for outline in self._outlines():
             own = [next(sides) for _ in range(4)]
             samples = [side for side in own if not isinstance(side, str)]
-            # An outline with a side that is no edge is no square; without its outer outline, a
-            # frame's inner one is a square of its own.
+            # An outline with a side that is not an edge is not a square; without its outer outline,
+            # a frame's inner one is a square of its own.
             if len(samples) == 4:
                 with suppress(TrisquareError, ValueError):  # four lines that bound no figure
                     figures.append(self._edges(outline, samples, plane))

@@ -1,4 +1,4 @@
-"""How a corner's sheet folds into three planes at right angles, and how it looks from the front."""
+"""Folding of a corner's sheet into three planes at right angles, and its view from the front."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 
-# How the sheet's right, down and into-the-paper turn when it is folded about the lines between
-# the upper left face, which stays, and its two neighbours: columns, in the corner's frame.
+# Directions right, down and into the paper (columns) in the corner's frame, after folding about the
+# lines between the upper left face, which stays, and its two neighbours.
 FOLDS = np.array(
     [
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -15,11 +15,11 @@ FOLDS = np.array(
         [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
     ]
 )
-# Along this diagonal a camera sees the three faces alike, each tilted by 54.7 degrees.
+# Along this diagonal a camera sees the three faces equally, each tilted by 54.7 degrees.
 DIAGONAL = np.ones(3) / np.sqrt(3.0)
 RIGHT = np.cross([0.0, 1.0, 0.0], DIAGONAL)
 RIGHT /= np.linalg.norm(RIGHT)
-# Rotation of a camera that looks along it; rows are its axes.
+# Rotation of a camera that looks along the diagonal; rows are its axes.
 LOOK_ALONG_DIAGONAL = np.array([RIGHT, np.cross(DIAGONAL, RIGHT), DIAGONAL])
 
 
@@ -29,16 +29,16 @@ def seen_from_front(lines: FloatArray, face: int, distance: float) -> FloatArray
     Parameters
     ----------
     lines : ndarray, shape (N, 2, 2)
-        Ends of each, on the sheet, from the apex.
+        Ends of each line, on the sheet, relative to the apex.
     face : int
-        In the order of the page's figures.
+        Index of the face in the order of the page's figures.
     distance : float
-        Of the viewer from the apex, along the diagonal, in the unit of the lines.
+        Distance of the viewer from the apex, along the diagonal, in the unit of the lines.
 
     Returns
     -------
     ndarray, shape (N, 2, 2)
-        About the apex, x right, y down, at the scale of what is as far away as the apex.
+        Relative to the apex, x right, y down, at the scale of things as far away as the apex.
     """
     seen = lines @ (LOOK_ALONG_DIAGONAL @ FOLDS[face])[:, :2].T
     projected: FloatArray = seen[..., :2] / (1.0 + seen[..., 2:] / distance)

@@ -1,4 +1,4 @@
-"""Where everything stands on the pages of a printed target: millimetres, from the upper left.
+"""Layout of the pages of a printed target: millimetres, from the upper left.
 
 The corner's sheet is a square of four faces round one point, the apex: three carry a figure, and
 the fourth, cut from its left neighbour and glued behind it, closes the corner::
@@ -32,46 +32,50 @@ PAGES: Mapping[str, Point] = MappingProxyType(
 """Width and height of the pages, upright: ISO 216 and ANSI A."""
 
 INNER = 0.6
-"""Side of a frame's hole, of its own side. Predicted (benchmarks/printed_target.py), 0.4 or 0.8
+"""Side of a frame's hole, over its own side. Predicted (benchmarks/printed_target.py), 0.4 or 0.8
 would change the std of f by 5 %, and 0.8 would raise that of k1 by a third; at 0.6 the band is
-wider than the light margin, which therefore limits first."""
+wider than the light margin, which is therefore the limit."""
 
 MARGIN = 0.12
-"""Least light margin round a frame, of its side. With 0.06 a photograph would know the focal
-length 10 % better; but in one of 640 x 480 pixels, where the corner's faces are foreshortened by
-half, that is 4 pixels, the reach of an edge's blur. So it is 9."""
+"""Minimum light margin round a frame, over its side. With 0.06 a photograph would determine the
+focal length 10 % better; but in one of 640 x 480 pixels, where the corner's faces are foreshortened
+by half, that is 4 pixels, the reach of an edge's blur. With 0.12 it is 9."""
 
 UNPRINTABLE = 7.0
-"""Millimetres along the paper's border that printers leave white: a quarter inch and a bit."""
+"""Border of the paper that printers leave white, millimetres: slightly more than a quarter inch."""
 
 CELLS = 18
-"""Of a printed board, along a side. Even, so that it has no symmetry but the half turn."""
+"""Number of cells of a printed board along a side. Even, so that a half turn is its only
+symmetry."""
 
 MIN_SIDE = 10.0
-"""Millimetres: the raggedness of a printed edge, some 0.05 mm, is then half a per cent."""
+"""Minimum side, millimetres: the raggedness of a printed edge, some 0.05 mm, is then half a per
+cent."""
 
 SLIVER = 10.0
-"""Millimetres beyond the faces that are left on them: too narrow to cut off well, and a cutting
-line so near the paper's border is not printed everywhere."""
+"""Maximum width of paper beyond the faces that is left on them, millimetres: too narrow to cut off
+well, and a cutting line so near the paper's border is not printed everywhere."""
 
 TAB_TAPER = 5.0
-"""Millimetres by which the tab is smaller than the face that it is glued to, to stay behind it."""
+"""Millimetres by which the tab is smaller than the face it is glued to, so that it stays behind
+it."""
 
 RULER = 100.0
 """Length of the check ruler, millimetres."""
 
 RULER_DROP = 16.0
-"""Millimetres of the ruler below the faces: what is printed there stays clear of the frames."""
+"""Distance of the ruler below the faces, millimetres: its print stays clear of the frames."""
 
 DRAWING, DRAWING_DROP = 21.0, 3.0
-"""Height and width that the drawing of the folded corner may have, and where it begins below the
-faces, mm: right of the ruler, above the text, a gap of 2 mm about it."""
+"""Maximum height and width of the drawing of the folded corner, and its distance below the faces,
+mm: right of the ruler, above the text, with a gap of 2 mm about it."""
 
 VIEWER = 4.0
-"""Faces from the apex to where it is drawn from: about as far as a photograph is taken."""
+"""Distance from the apex to the drawing's viewpoint, in faces: about as far as a photograph is
+taken."""
 
 CELLS_DRAWN = 6
-"""Of a board, in the drawing: all of them would be 0.5 mm wide."""
+"""Number of a board's cells along a side in the drawing: all of them would be 0.5 mm wide."""
 
 FRAMES_OF_CORNER = ((-1, -1), (1, -1), (-1, 1))
 """The quadrants about the apex that carry a figure; y down."""
@@ -99,9 +103,9 @@ class PrintedFrame:
     centre : (float, float)
         Millimetres from the page's upper left corner, x right, y down.
     side : float
-        Of the outer square, millimetres.
+        Side of the outer square, millimetres.
     inner : float
-        Side of the hole, of `side`.
+        Side of the hole, over `side`.
     """
 
     centre: Point
@@ -109,7 +113,7 @@ class PrintedFrame:
     inner: float = INNER
 
     def outlines(self) -> FloatArray:
-        """Corners of the square and of its hole, clockwise from the upper left, mm, (2, 4, 2)."""
+        """Return corners of square and hole, clockwise from the upper left, mm, (2, 4, 2)."""
         unit = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
         sides = self.side * np.array([1.0, self.inner])
         outlines: FloatArray = np.asarray(self.centre) + sides[:, None, None] * unit
@@ -130,9 +134,9 @@ class PrintedBoard:
     centre : (float, float)
         Millimetres from the page's upper left corner, x right, y down.
     side : float
-        Of the whole board, millimetres.
+        Side of the whole board, millimetres.
     cells : int
-        Along a side; the upper left one is dark.
+        Number of cells along a side; the upper left one is dark.
     """
 
     centre: Point
@@ -140,7 +144,7 @@ class PrintedBoard:
     cells: int = CELLS
 
     def outlines(self) -> FloatArray:
-        """Corners of the dark cells, each clockwise from the upper left, mm, shape (N, 4, 2)."""
+        """Return corners of the dark cells, clockwise from the upper left, mm, shape (N, 4, 2)."""
         row, column = np.indices((self.cells, self.cells))
         dark = (row + column) % 2 == 0
         first = np.column_stack([column[dark], row[dark]])
@@ -173,19 +177,19 @@ class TargetPage:
     frames : tuple of PrintedFrame or PrintedBoard
         One, or the three of a corner: upper left, upper right, lower left.
     face : float
-        Side of the part of the paper that each frame is in the middle of.
+        Side of the square part of the paper in whose middle each frame is.
     apex : (float, float), optional
         Where a corner's faces meet.
     folds, cuts : tuple of lines
         Ends of each line.
     tab : tuple of points
-        The outline of what is glued behind; none on a flat page.
+        Outline of the part that is glued behind; empty on a flat page.
     drawing : tuple of lines
-        The corner as it looks from the front when it is folded; none on a flat page.
+        The folded corner as seen from the front; empty on a flat page.
     ruler : (float, float)
         Left end of the check ruler.
     text : tuple of str
-        The lines below it.
+        Lines of text below the ruler.
     """
 
     kind: Kind
@@ -204,7 +208,7 @@ class TargetPage:
 MARGINS: Mapping[type[PrintedFigure], tuple[float, str]] = MappingProxyType(
     {PrintedFrame: (MARGIN, "frames"), PrintedBoard: (1.0 / CELLS, "chessboards")}
 )
-"""Least light margin round a figure, of its side, and the figures' name. A board's is one cell:
+"""Minimum light margin round a figure, over its side, and the figures' name. A board's is one cell:
 every second cell at its border is light already."""
 
 
@@ -216,7 +220,7 @@ def flat_pages(page: str, side: float | None) -> list[TargetPage]:
     page : str
         One of `PAGES`.
     side : float, optional
-        Of the frames, millimetres; by default the largest whole number that fits.
+        Side of the frames, millimetres; by default the largest whole number that fits.
 
     Raises
     ------
@@ -322,7 +326,7 @@ def _heading(page: str, figure: PrintedFigure, what: str) -> str:
 
 
 def described(figure: PrintedFigure) -> str:
-    """Say how large a figure is."""
+    """Describe the size of a figure."""
     if isinstance(figure, PrintedBoard):
         return f"side {figure.side:g} mm, {figure.cells} x {figure.cells} cells"
     return f"side {figure.side:g} mm, hole {figure.inner * figure.side:g} mm"

@@ -1,8 +1,8 @@
 """The pages of a printed target as PDF: vectors, in millimetres.
 
-Drawn by reportlab, the extra `trisquare[target]`: of the two well-kept libraries that need nothing
-but Pillow and the like, it is the one under a permissive licence, it writes coordinates to a
-millionth of a point, and the same target always gives the same bytes.
+Drawn by reportlab, the extra `trisquare[target]`: of the two well-maintained libraries that need
+nothing but Pillow and the like, it is the one under a permissive licence, it writes coordinates to
+a millionth of a point, and the same target always gives the same bytes.
 """
 
 from __future__ import annotations
@@ -21,27 +21,28 @@ if TYPE_CHECKING:
 POINTS_PER_MM = 72.0 / 25.4
 
 THIN = 0.25
-"""Millimetres: a line that every printer draws, and that is under a pixel wide in a photograph."""
+"""Line width in millimetres that every printer draws, and that is under a pixel in a photograph."""
 
 FOLD_GREY, TAB_GREY = 0.6, 0.88
-"""Of folds, which cross the paper near the frames and must not count as edges, and of the drawing;
-and of the tab."""
+"""Grey of the folds, which cross the paper near the frames and must not count as edges, and of the
+drawing; and grey of the tab."""
 
 DASHES = (3.0, 2.0)
-"""Millimetres of line and of gap along a fold."""
+"""Lengths of line and of gap along a fold, millimetres."""
 
 TICK_STEP, LABEL_STEP = 10.0, 50.0
 TICK, LONG_TICK = 2.5, 5.0
-"""Millimetres: marks of the ruler, every centimetre, longer at its labels."""
+"""Distances and lengths of the ruler's marks, millimetres: every centimetre, longer at its
+labels."""
 
 FONT, FONT_POINTS = "Helvetica", 10.0
-"""One of the fonts that every PDF viewer has; the longest line of text then fits every page."""
+"""A font that every PDF viewer has; at this size the longest line of text fits every page."""
 
 LABEL_DROP, RULER_TO_TEXT, LINE_DROP = 5.0, 13.0, 5.5
-"""Baselines below the ruler (its labels, the first line of text) and from line to line, mm."""
+"""Baselines below the ruler (labels, first line of text), and distance from line to line, mm."""
 
 TEXT_INDENT = 3.0
-"""Millimetres of text from what printers leave white."""
+"""Distance of the text from the border that printers leave white, millimetres."""
 
 TAB_TEXT = "TAB: glue here"
 
@@ -67,7 +68,7 @@ def pdf_of(pages: Sequence[TargetPage], title: str, author: str) -> bytes:
     canvas = Canvas(stream, pagesize=_points(pages[0].size), invariant=1)
     canvas.setTitle(title)
     canvas.setAuthor(author)
-    # Viewers that obey print at 100 % without being told.
+    # Viewers that support this print at 100 % by default.
     canvas.setViewerPreference("PrintScaling", "None")
     for page in pages:
         _draw(canvas, page)

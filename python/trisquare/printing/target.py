@@ -41,7 +41,7 @@ class PrintedTarget(Frozen):
     page : str
         Name of the paper's size.
     pages : tuple of TargetPage
-        What stands where, in millimetres.
+        Layouts of the pages, in millimetres.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class PrintedTarget(Frozen):
         return pdf_of(self.pages, f"trisquare target, {self.page}", f"trisquare {__version__}")
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the PDF, wholly or not at all.
+        """Write the PDF, completely or not at all.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class PrintedTarget(Frozen):
         OSError
             If it cannot be written there.
         ValueError
-            If the file's name says that it is something else.
+            If the file's name does not end with ``.pdf``.
 
         Examples
         --------
@@ -104,15 +104,15 @@ def printed_target(
     Parameters
     ----------
     kind : {"corner", "boards", "flat", "both"}
-        One sheet that folds and glues into a corner of three frames; the same of three
-        chessboards, which tell more and need larger pictures; three sheets with one frame each;
-        or the first and the last of these.
+        One sheet that folds and glues into a corner of three frames; the same with three
+        chessboards, which give more information and need larger pictures; three sheets with one
+        frame each; or the first and the third of these.
     page : {"A4", "A3", "Letter"}
         The paper, upright.
     side : str or float, optional
-        Of each frame or board: a text such as ``"84mm"``, or millimetres; by default the largest
-        whole number of these that leaves it its light margin: on A4 84 for the corner's frames, 91
-        for its boards, 169 for a flat frame.
+        Side of each frame or board: a text such as ``"84mm"``, or millimetres; by default the
+        largest whole number of millimetres that leaves the light margin: on A4 84 for the corner's
+        frames, 91 for its boards, 169 for a flat frame.
 
     Returns
     -------

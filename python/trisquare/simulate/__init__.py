@@ -1,7 +1,7 @@
-"""Seeded cameras, scenes and edge points with known truth, and the best accuracy possible.
+"""Seeded cameras, scenes and edge points with known truth, and the best possible accuracy.
 
-The scenes follow one distribution, which the documentation's page "How exact it is" states, so that
-every figure quoted for the package can be drawn again from a seed.
+The scenes follow one distribution, which is stated on the documentation's page "How exact it is",
+so that every figure quoted for the package can be reproduced from a seed.
 """
 
 from trisquare._support.rotations import tilted

@@ -1,4 +1,4 @@
-"""A messy ground for the targets' sheets to lie on: what a finder of squares must survive."""
+"""A cluttered ground for the targets' sheets, with which a search for squares must cope."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def cluttered_ground(image_size: tuple[int, int], rng: np.random.Generator, coun
 
 
 def _uneven_ground(width: int, height: int, rng: np.random.Generator) -> Canvas:
-    """Cloudy mid grey with speckle, like a table top or a floor."""
+    """Return cloudy mid grey with speckle, like a table top or a floor."""
     coarse = rng.standard_normal((6, 8)).astype(np.float32)
     clouds = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     speckle = rng.standard_normal((height, width)).astype(np.float32)

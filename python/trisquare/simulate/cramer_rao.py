@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, sample_sides
 
-# Of the camera, by name; of a plane, a small turn (0 to 2), a shift (3 to 5) or the size of its
-# hole (6).
+# A camera's parameter by name; a plane's by number: a small rotation (0 to 2), a translation (3 to
+# 5) or the size of its hole (6).
 Parameter: TypeAlias = str | int
 InSight = Callable[[Array], npt.NDArray[np.bool_]]
 
@@ -20,15 +20,15 @@ InSight = Callable[[Array], npt.NDArray[np.bool_]]
 # about 1e-9 of the derivative.
 DIFFERENCE_STEP = 1e-5
 # Smallest eigenvalue of the information matrix, scaled to unit diagonal, that differences of
-# that quality can tell from zero.
+# that accuracy distinguish from zero.
 SINGULAR = 1e-13
 
 
 def pixel_sigma(noise: float, contrast: float, blur: float) -> float:
-    """Return the standard deviation of an edge's offset known from one pixel of its length.
+    """Return the standard deviation of an edge's offset from one pixel of its length.
 
-    ``noise / contrast * sqrt(2 sqrt(pi) s)`` with ``s^2 = blur^2 + 1/12``: what all pixels across
-    a Gaussian-blurred step together know of its position. Use it with ``spacing=1``.
+    ``noise / contrast * sqrt(2 sqrt(pi) s)`` with ``s^2 = blur^2 + 1/12``: the position of a
+    Gaussian-blurred step from all pixels across it. Use it with ``spacing=1``.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def cramer_rao_bound(
     orthogonal: Sequence[tuple[int, int]] = (),
     further: Array | None = None,
 ) -> dict[str, float]:
-    """Smallest standard deviations that an unbiased calibration of this scene can have.
+    """Return the smallest standard deviations of an unbiased calibration of this scene.
 
     The information is that of the edges' offsets along their normals; every plane has six free
     parameters of its own, a frame one more for the size of its hole. The edges of a chessboard are
@@ -73,20 +73,20 @@ def cramer_rao_bound(
     spacing : float
         Pixels of edge per offset.
     free : sequence of str
-        Of ``fx fy cx cy skew``, the lens's coefficients (``k1 k2 p1 p2 k3``, of a fisheye
+        Names among ``fx fy cx cy skew``, the lens's coefficients (``k1 k2 p1 p2 k3``, for a fisheye
         ``k1 k2 k3 k4``), and ``f`` for one scale common to fx and fy.
     in_sight : callable, optional
-        Tells of pixels, shape (N, 2), which of them the picture shows; edges elsewhere, outside
-        the picture or hidden, do not count.
+        Takes pixels, shape (N, 2); returns which of them the picture shows. Edges elsewhere,
+        outside the picture or hidden, do not count.
     any_aspect : bool
         Whether the aspect of every figure is unknown as well.
     any_offsets : bool
-        Whether the places of a chessboard's grid lines are unknown as well, as those of the lines
-        of a facade.
+        Whether the positions of a chessboard's grid lines are unknown as well, like those of a
+        facade's lines.
     orthogonal : sequence of (int, int)
         Pairs of targets whose planes are known to be at right angles.
     further : ndarray, shape (len(free), len(free)), optional
-        Information on the free parameters from elsewhere.
+        Information on the free parameters from other data.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def cramer_rao_bound(
             )
             tie[turns[one]] = np.cross(first_normal, second_normal)
             tie[turns[other]] = -tie[turns[one]]
-        # The directions that they leave; they hold nothing of the camera.
+        # The directions that the ties leave free; they do not involve the camera.
         left = np.linalg.svd(ties[:, len(free) :])[2][len(ties) :]
         basis = np.zeros((size, size - len(ties)))
         basis[: len(free), : len(free)] = np.eye(len(free))
@@ -148,10 +148,11 @@ def cramer_rao_bound(
 
 
 def _offset_slopes(target: Target, lengths: Sequence[int], along_plane: Array) -> Array:
-    """How points on a board's grid lines, `lengths` of each, move with the offset of every line.
+    """Return derivatives of points on a board's grid lines by the offset of every line.
 
-    The outermost lines have none: they are the plane's coordinates. `along_plane`, shape (N, 2), is
-    how the points move with the plane's own X and Y.
+    There are `lengths` points on each line. The outermost lines have no offset: they define the
+    plane's coordinates. `along_plane`, shape (N, 2), are the points' derivatives by the plane's X
+    and Y.
     """
     columns, rows = target.inner_corners
     number = np.repeat(np.arange(rows + columns), lengths)
@@ -163,9 +164,9 @@ def _offset_slopes(target: Target, lengths: Sequence[int], along_plane: Array) -
 def standard_deviations(
     information: Array, names: Sequence[str], spread: Array | None = None
 ) -> dict[str, float]:
-    """Invert an information matrix whose first parameters have the given names.
+    """Return standard deviations from an information matrix whose first parameters have the names.
 
-    `spread` is the covariance of the gradient where that is not the information itself.
+    `spread` is the covariance of the gradient if that is not the information itself.
     """
     diagonal = np.diag(information)
     if np.any(diagonal <= 0.0):

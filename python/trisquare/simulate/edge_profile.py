@@ -54,11 +54,11 @@ def normal_cdf(x: Array) -> Array:
 
 
 def blurred_step(distance: Array, normal: Array, blur: float) -> Array:
-    """Grey value, 0 to 1, of pixels near a straight step edge, shape (N,).
+    """Return the grey values, 0 to 1, of pixels near a straight step edge, shape (N,).
 
-    They are at signed distances, shape (N,), from the edge, pixels, positive on the bright side,
-    to which its unit normals, shape (N, 2), point. Seen along the normal n the pixel's square is
-    two boxes of widths |nx| and |ny|, so the profile is a second difference of the twice
+    The pixels are at signed distances, shape (N,), from the edge, pixels, positive on the bright
+    side, to which its unit normals, shape (N, 2), point. Along the normal n the pixel's square acts
+    as two boxes of widths |nx| and |ny|, so the profile is a second difference of the twice
     integrated normal distribution.
     """
     x = distance / blur
@@ -85,7 +85,7 @@ def blurred_step(distance: Array, normal: Array, blur: float) -> Array:
 def blurred_wedge(
     distance1: Array, distance2: Array, normal1: Array, normal2: Array, blur: float
 ) -> Array:
-    """Grey value, 0 to 1, of pixels near a corner, inside which both distances are positive.
+    """Return the grey values, 0 to 1, of pixels near a corner, where both distances are positive.
 
     Distances and inward normals are as of `blurred_step`. A Gaussian-blurred wedge is the
     bivariate normal distribution function of the two signed distances with correlation n1 . n2;
@@ -101,11 +101,11 @@ def blurred_wedge(
 
 
 def bivariate_normal_cdf(h: Array, k: Array, correlation: Array) -> Array:
-    """Probability that X < h and Y < k for standard normals of the given correlation.
+    """Return the probability that X < h and Y < k for standard normals of the given correlation.
 
     ``Phi(h) Phi(k) + 1/(2 pi) int_0^asin(rho) exp(-(h^2 + k^2 - 2 h k sin t) / (2 cos^2 t)) dt``
     (Genz, Statistics and Computing 14 (2004) 251-260, doi:10.1023/B:STCO.0000035304.20635.31),
-    good to 1e-7 for ``|rho| <= 0.95``. The arguments broadcast.
+    accurate to 1e-7 for ``|rho| <= 0.95``. The arguments broadcast.
     """
     half_angle = 0.5 * np.arcsin(correlation)
     squares, product = 0.5 * (h * h + k * k), h * k
@@ -118,10 +118,10 @@ def bivariate_normal_cdf(h: Array, k: Array, correlation: Array) -> Array:
 
 
 def _first_integral(x: Array) -> Array:
-    """Integral of the normal distribution function from minus infinity to x."""
+    """Return the integral of the normal distribution function from minus infinity to x."""
     return x * normal_cdf(x) + normal_pdf(x)
 
 
 def _second_integral(x: Array) -> Array:
-    """Integral of `_first_integral` from minus infinity to x."""
+    """Return the integral of `_first_integral` from minus infinity to x."""
     return 0.5 * ((x * x + 1.0) * normal_cdf(x) + x * normal_pdf(x))

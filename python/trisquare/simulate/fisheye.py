@@ -31,7 +31,7 @@ _MISSED = 1e-9
 # Points along a side of an outline that is tested for overlap, and pixels per pixel of that test.
 _OUTLINE_POINTS = 16
 _COARSENESS = 4
-# Part of the valid angle up to which targets are placed: beyond, a picture hardly changes.
+# Maximum angle of targets over the valid angle: beyond, a picture hardly changes.
 _MAX_OF_VALID = 0.97
 
 
@@ -48,7 +48,7 @@ class TrueFisheye(TrueCamera):
     distortion: Array = field(default_factory=lambda: np.zeros(4))
 
     def _radius(self, angle: Array) -> tuple[Array, Array]:
-        """Observed radius at an angle, and its derivative."""
+        """Return the observed radius at an angle, and its derivative."""
         square = angle**2
         powers = square[..., None] ** np.arange(1, 5)
         factor = 1.0 + powers @ self.distortion
@@ -56,18 +56,18 @@ class TrueFisheye(TrueCamera):
         return angle * factor, slope
 
     def observed_radius(self, angle: float) -> float:
-        """Distance from the principal point, in focal lengths, at which an angle is seen."""
+        """Return an angle's distance from the principal point in the picture, in focal lengths."""
         return float(self._radius(np.array(angle))[0])
 
     @property
     def valid_angle(self) -> float:
-        """The angle, radians, up to which the observed radius grows."""
+        """Angle, radians, up to which the observed radius grows."""
         angle = np.linspace(0.0, np.pi, 20001)
         falls = np.flatnonzero(self._radius(angle)[1] <= 0.0)
         return float(angle[falls[0]] if falls.size else np.pi)
 
     def sees(self, points: Array) -> npt.NDArray[np.bool_]:
-        """Tell which points of the camera frame, shape (N, 3), the lens sees, shape (N,)."""
+        """Return which points of the camera frame, shape (N, 3), the lens sees, shape (N,)."""
         angle = np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
         return np.asarray(angle < self.valid_angle)
 
@@ -84,7 +84,7 @@ class TrueFisheye(TrueCamera):
         return self.observed(self.project(np.concatenate([normalised, ones], axis=-1)))
 
     def rays(self, pixels: npt.ArrayLike) -> Array:
-        """Return the unit rays along which pixels, shape (N, 2), look, shape (N, 3).
+        """Return the unit rays of pixels, shape (N, 2), as shape (N, 3).
 
         Raises
         ------
@@ -112,7 +112,7 @@ class TrueFisheye(TrueCamera):
         Raises
         ------
         ValueError
-            If a pixel looks beside or behind the camera.
+            If a pixel's ray is 90 degrees or more from the axis.
         """
         rays = self.rays(pixels)
         if np.any(rays[..., 2] <= 0.0):
@@ -121,7 +121,7 @@ class TrueFisheye(TrueCamera):
         return ideal
 
     def is_monotonic(self, slack: float = 1.1) -> bool:
-        """Whether the observed radius still grows `slack` times beyond the farthest corner."""
+        """Return whether the observed radius grows `slack` times beyond the farthest corner."""
         width, height = self.image_size
         far_x = max(self.cx, width - 1 - self.cx) / self.fx
         far_y = max(self.cy, height - 1 - self.cy) / self.fy
@@ -134,7 +134,7 @@ def fisheye(
     distortion: npt.ArrayLike = (0.02, -0.01, 0.003, -0.0004),
     image_size: tuple[int, int] = (1280, 960),
 ) -> TrueFisheye:
-    """Return a lens whose picture's width spans a full angle in degrees."""
+    """Return a lens whose picture spans a full angle, in degrees, across its width."""
     half = np.radians(0.5 * field_of_view)
     coefficients = np.array(distortion, dtype=np.float64)
     width, height = image_size
@@ -144,7 +144,7 @@ def fisheye(
 
 
 def image_circle(scene: Scene, margin: float = 2.0) -> Callable[[Array], Array]:
-    """Return an overlay for `render`: the black about the image of a lens that does not fill it.
+    """Return an overlay for `render` that blackens the picture around the lens's image circle.
 
     The image ends `margin` degrees beyond the farthest corner of the scene's targets.
     """
@@ -172,7 +172,7 @@ def wide_scene(
 ) -> Scene:
     """Draw a scene of squares that a wide lens sees, each tilted against the ray to its middle.
 
-    They lie where those of `random_scene` do, as large in the picture, times `size`.
+    Their positions and sizes in the picture are those of `random_scene`, sizes times `size`.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def wide_scene(
 
 
 def towards(ray: Array) -> Array:
-    """Return the shortest rotation that turns the axis into a unit ray, shape (3, 3)."""
+    """Return the shortest rotation from the axis to a unit ray, shape (3, 3)."""
     axis = np.array([0.0, 0.0, 1.0])
     across = np.cross(axis, ray)
     cross = np.array(
@@ -220,7 +220,7 @@ def _outline(corners: Array) -> Array:
 
 
 def _is_inside(camera: TrueFisheye, target: Target) -> bool:
-    """Whether the figure stays clear of the picture's border and of the lens's rim."""
+    """Return whether the figure stays clear of the picture's border and of the lens's rim."""
     points = target.to_camera(_outline(rectangle(*target.extent)))
     angle = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
     if np.any(angle > _MAX_OF_VALID * camera.valid_angle):
@@ -231,7 +231,7 @@ def _is_inside(camera: TrueFisheye, target: Target) -> bool:
 
 
 def meet(camera: TrueFisheye, targets: list[Target]) -> bool:
-    """Whether two squares' paper sheets meet in the picture, to a few pixels."""
+    """Return whether two squares' paper sheets meet in the picture, to a few pixels."""
     sheet = rectangle(0.5 + SHEET_RIM[1], 0.5 + SHEET_RIM[1])
     width, height = camera.image_size
     drawn = np.zeros((height // _COARSENESS, width // _COARSENESS), np.uint8)

@@ -1,4 +1,4 @@
-"""The printed corner as it is photographed, folded: three planes at right angles."""
+"""The printed corner, folded, as it is photographed: three planes at right angles."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from trisquare.printing.layout import PrintedBoard, TargetPage, corner_page
 from trisquare.simulate.scene import Array, Scene, Target, TrueCamera, rectangle
 from trisquare.simulate.scenes import MAX_DRAWS, placed, random_camera
 
-# A corner is photographed from within this angle of its diagonal; at 20 degrees off, one of its
+# Maximum angle between the direction of view and the corner's diagonal; at 20 degrees, one of the
 # faces is tilted by 75 and the two others by 50 at most.
 OFF_DIAGONAL = 15.0  # degrees
-# How much farther off it is than would just do, and how far it is off the middle of the picture.
+# Distance over the smallest at which the corner fits, and its offset from the picture's middle.
 DISTANCE = (1.02, 1.2)
 JITTER = 0.02  # of the picture's height
 CENTRING_STEPS = 3  # each leaves half; after three, under 10 px, less than the jitter
-NEARER = 0.95  # steps by which a camera comes nearer while it still sees the whole corner
+NEARER = 0.95  # factor by which a camera approaches while it sees the whole corner
 
 
 def folded_frames(page: TargetPage) -> list[tuple[Array, Array]]:
-    """Fold a corner's page, print inside: ``corner_from_plane`` of its frames, millimetres.
+    """Return ``corner_from_plane`` of a page's frames, folded with the print inside, millimetres.
 
     The corner's frame has its origin at the apex, x and y right and down in the sheet's upper
     left face, z into that face; the frames' planes are on its negative axes. A plane's origin is
@@ -54,19 +54,19 @@ def corner_scene(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     page : TargetPage, optional
         The corner's page of a `printed_target`; by default that of A4.
     image_size : tuple of int
-        Width and height, pixels; a given `camera` brings its own.
+        Width and height, pixels; those of `camera` if that is given.
     camera : TrueCamera, optional
         The camera; drawn if not given.
 
     Returns
     -------
     Scene
-        Seen from within 15 degrees of its diagonal, turned anyhow, nearly filling the picture.
-        The targets are in the order of the page's figures, and have the paper's margin as rim.
+        Seen from within 15 degrees of its diagonal, at any rotation about that, nearly filling the
+        picture. The targets are in the order of the page's figures, with the paper's margin as rim.
     """
     sheet = corner_page("A4", None) if page is None else page
     camera = camera or random_camera(rng, image_size)
@@ -74,7 +74,7 @@ def corner_scene(
         off = OFF_DIAGONAL * np.sqrt(rng.random())
         turned = tilted(off, rng.uniform(0.0, 360.0), rng.uniform(0.0, 360.0))
         jitter = JITTER * camera.image_size[1] / camera.fx * rng.standard_normal(2)
-        # From where a corner is surely seen whole to the nearest such place.
+        # From a distance at which the corner is surely seen whole to the smallest such distance.
         distance, nearest = 8.0 * sheet.face * camera.fx / min(camera.image_size), None
         while _seen_corner(camera, sheet, turned, distance, jitter) is not None:
             distance, nearest = NEARER * distance, distance

@@ -1,4 +1,4 @@
-"""Straight, even motion of the camera while the shutter is open: what it does to the light."""
+"""Blur from a straight, uniform motion of the camera while the shutter is open."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from trisquare.simulate.scene import Array
 
 POINTS_PER_PIXEL = 16
-"""Points of the path by which its length is cut into steps far below a pixel."""
+"""Number of points per pixel of the path's length: steps far below a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
     """A path of the picture over the sensor during the exposure.
 
-    Its blur has a box for a profile across an edge, as wide as the path's extent across it: with a
-    standard deviation of ``length / sqrt(12)`` across the path and none along it. What was at a
-    point is spread evenly to both sides, so that no edge moves.
+    Across an edge its blur is a box as wide as the path's extent in that direction: its standard
+    deviation is ``length / sqrt(12)`` for an edge across the path, and zero for one along it. Light
+    is spread evenly to both sides, so that no edge moves.
 
     Attributes
     ----------
@@ -40,17 +40,17 @@ class Motion:
             )
 
     def blurred(self, light: Array) -> Array:
-        """Spread linear light (H, W, channels) along the path; the border is continued."""
+        """Spread linear light (H, W, channels) along the path; the border's light is continued."""
         if self.length == 0.0:
             return light
         spread = cv2.filter2D(light, -1, self.kernel(), borderType=cv2.BORDER_REPLICATE)
         return np.asarray(spread, dtype=np.float64).reshape(light.shape)
 
     def kernel(self) -> Array:
-        """Share of the light on each pixel about the path's middle, shape (2 N + 1, 2 N + 1).
+        """Return the fraction of the light on each pixel, shape (2 N + 1, 2 N + 1).
 
-        Points between pixels are shared out bilinearly, which keeps the path's centre but adds a
-        variance of up to 1/6 square pixel along each axis.
+        The middle is that of the path. Points between pixels are distributed bilinearly, which
+        keeps the path's centre but adds a variance of up to 1/6 square pixel along each axis.
         """
         count = max(int(POINTS_PER_PIXEL * self.length), 1)
         along = self.length * ((np.arange(count) + 0.5) / count - 0.5)

@@ -1,7 +1,7 @@
-"""How much of each pixel a flat quadrilateral covers, seen through a distorting lens.
+"""Coverage of each pixel by a flat quadrilateral that is seen through a distorting lens.
 
-Every side is a gently curved line in the picture. Its signed distance is taken to the curve
-itself, not to its chord nor in undistorted coordinates, and turned into grey by
+Every side is a gently curved line in the picture. Its signed distance is measured to the curve
+itself, not to its chord nor in undistorted coordinates, and converted to grey by
 `edge_profile`.
 """
 
@@ -15,18 +15,18 @@ from trisquare.simulate.edge_profile import blurred_step, blurred_wedge
 from trisquare.simulate.scene import Array, Side, Target, TrueCamera
 
 # A side is a graph over its chord: degree 13 leaves under 1e-7 px for the design's lenses. Most
-# sides need fewer terms; those that are left out add up to less than this, pixels.
+# sides need fewer terms; the omitted ones add up to less than `_LEFT_OUT`, pixels.
 _DEGREE = 13
 _LEFT_OUT = 1e-9
 _CURVE_SAMPLES = 64
 _FOOT_STEPS = 4
-# Newton's next step is the square of this, pixels; the distance is off by less.
+# Newton's next step is the square of this step, pixels; the distance is off by less.
 _FOOT_FOUND = 1e-8
-# 5.5 standard deviations leave 2e-8 of the step, and half a pixel's diagonal is the box.
+# 5.5 standard deviations leave 2e-8 of the step; the pixel's box reaches half its diagonal.
 _GAUSSIAN_REACH = 5.5
 _PIXEL_HALF_DIAGONAL = 0.71
-# A side is continued past its corners, since near a corner both sides' lines matter; three
-# reaches serve corners down to 20 degrees.
+# A side is continued past its corners, since both sides' lines matter near a corner; three
+# reaches suffice for corners down to 20 degrees.
 _CONTINUATION = 3.0
 
 
@@ -41,7 +41,7 @@ class Patch(NamedTuple):
 class EdgeCurve:
     """The image of one side of a figure, as a graph over its chord.
 
-    The figure is on its right on the screen; it goes on `continuation` pixels past both ends.
+    The figure is on its right on the screen; it continues `continuation` pixels past both ends.
     """
 
     def __init__(self, camera: TrueCamera, target: Target, side: Side, continuation: float) -> None:
@@ -63,9 +63,9 @@ class EdgeCurve:
         self.points = points
 
     def signed_distance(self, pixels: Array) -> tuple[Array, Array]:
-        """Distance of pixels, shape (N, 2), to the curve, shape (N,), positive inside.
+        """Return distances of pixels, (N, 2), from the curve, (N,), positive inside, and normals.
 
-        And the curve's inward unit normals at the points nearest to them, shape (N, 2).
+        These are the curve's inward unit normals at the points nearest to the pixels, shape (N, 2).
         """
         offset = pixels - self.origin
         u_pixel, v_pixel = offset @ self.along, offset @ self.inward
@@ -87,10 +87,10 @@ class EdgeCurve:
 def quadrilateral_coverage(
     camera: TrueCamera, target: Target, sides: list[Side], blur: float
 ) -> Patch | None:
-    """Coverage of every pixel by a convex quadrilateral of the target's plane.
+    """Return the coverage of every pixel by a convex quadrilateral of the target's plane.
 
     It is blurred with a standard deviation of `blur` pixels; `sides` go clockwise on the screen.
-    Returned is the part of the picture where it is not zero; None if there is none.
+    The patch is the part of the picture where it is not zero; None if there is none.
     """
     reach = _GAUSSIAN_REACH * blur + _PIXEL_HALF_DIAGONAL
     curves = [EdgeCurve(camera, target, side, _CONTINUATION * reach) for side in sides]
@@ -104,9 +104,9 @@ def quadrilateral_coverage(
     profiles, distances = zip(
         *(_side_profile(curve, x, y, blur, reach) for curve in curves), strict=True
     )
-    # Between opposite sides lies what is beyond neither; were distances from neighbouring sides
-    # independent under the blur, the product would be right. What their correlation adds at each
-    # corner adds up: of a small cell, all four corners reach every pixel.
+    # The region between opposite sides. The product would be exact if the distances from
+    # neighbouring sides were independent under the blur. The effects of their correlation at the
+    # corners add up: in a small cell, all four corners reach every pixel.
     between = [np.maximum(profiles[i] + profiles[i + 2] - 1.0, 0.0) for i in range(2)]
     coverage = between[0] * between[1]
     within = [np.abs(distance) < reach for distance in distances]
@@ -123,9 +123,9 @@ def quadrilateral_coverage(
 def _side_profile(
     curve: EdgeCurve, x: Array, y: Array, blur: float, reach: float
 ) -> tuple[Array, Array]:
-    """Grey profile of one side and, within reach of it, the signed distance (else infinite).
+    """Return the grey profile of one side, and the signed distance, infinite out of reach.
 
-    Of the pixels of columns x and rows y, both of shape (len(y), len(x)).
+    Both are of the pixels of columns x and rows y, of shape (len(y), len(x)).
     """
     from_x, from_y = x - curve.origin[0], (y - curve.origin[1])[:, None]
     u = from_x * curve.along[0] + from_y * curve.along[1]
@@ -141,6 +141,6 @@ def _side_profile(
 
 
 def _pixels(x: Array, y: Array, chosen: Array) -> Array:
-    """Coordinates, shape (N, 2), of the chosen pixels of columns x and rows y."""
+    """Return coordinates, shape (N, 2), of the chosen pixels of columns x and rows y."""
     rows, columns = np.nonzero(chosen)
     return np.stack([x[columns], y[rows]], axis=1)

@@ -1,6 +1,6 @@
 """Photographs of known scenes, exact to the grey level: light, lens blur, pixel, tone, noise.
 
-Everything is composed in linear light, coded by the tone curve, and only then made noisy.
+Everything is composed in linear light and coded by the tone curve; noise is added last.
 Brightness is quoted in grey levels of the coded picture, 0 to 255, whatever the dtype.
 """
 
@@ -22,12 +22,12 @@ Image = npt.NDArray[Any]
 ToneCurve = Literal["linear", "srgb"] | float
 
 WHITE = 255.0
-# A paper sheet reaches at least this far beyond the figure, and at most SHEET_RIM[1], in units
-# of the figure's side, so that nothing but paper comes near an edge.
+# Minimum and maximum width of the paper beyond the figure, in units of the figure's side, so that
+# nothing but paper is near an edge.
 SHEET_RIM = (0.08, 0.13)
 # Sheets of a cluttered picture differ a little in whiteness, as paper does.
 _SHEET_TINT = 0.06
-# Colour casts of the light, per channel.
+# Maximum colour cast of the light, per channel.
 _LIGHT_TINT = 0.12
 
 
@@ -54,7 +54,7 @@ def encode_tone(light: Array, tone: ToneCurve) -> Array:
 
 
 def light_levels(contrast: float, tone: ToneCurve) -> tuple[float, float]:
-    """Return the linear light of ink and paper that differ by a contrast in grey levels."""
+    """Return the linear light of ink and paper whose grey levels differ by a contrast."""
     levels = np.array([WHITE - contrast, WHITE + contrast]) / (2.0 * WHITE)
     dark, light = decode_tone(levels, tone).tolist()
     return dark, light
@@ -87,9 +87,9 @@ def render(
         Source of the noise, the clutter, the tints and the direction of the shading.
     noise : float
         Standard deviation of the noise of each channel, grey levels. In a given `background`
-        only the sheets become noisy: a photograph brings its own.
+        only the sheets become noisy: a photograph has its own noise.
     blur : float
-        Standard deviation of the optical blur, pixels; the pixel's box comes on top.
+        Standard deviation of the optical blur, pixels; the pixel's box adds to it.
     contrast : float
         Grey levels between dark and light, centred in the range, before shading.
     tone : {"linear", "srgb"} or float
@@ -99,7 +99,7 @@ def render(
     shading : float
         Fraction of the light that is lost from one end of the picture to the other.
     clutter : int
-        Number of things that lie about. The targets then lie on paper sheets.
+        Number of things on the ground. The targets then lie on paper sheets.
     background : ndarray of uint8, shape (H, W) or (H, W, 3), optional
         Coded picture to render into, of the camera's image size.
     dtype : dtype
@@ -107,10 +107,10 @@ def render(
     jpeg_quality : int, optional
         Pass the (uint8) picture through JPEG.
     overlays : sequence of callable
-        What hides, stains or outshines parts of the scene, in the order it is laid: each changes
-        the linear light, shape (H, W, 1 or 3).
+        Functions that hide, stain or outshine parts of the scene, in the order of their
+        application: each changes the linear light, shape (H, W, 1 or 3).
     motion : Motion, optional
-        How the camera moved while the shutter was open; it blurs a given `background`, too.
+        Motion of the camera while the shutter is open; it blurs a given `background`, too.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def render_into(
     tone: ToneCurve = "srgb",
     **settings: Any,
 ) -> Image:
-    """Lay a scene's targets, each on a paper sheet, into an existing photograph.
+    """Render a scene's targets, each on a paper sheet, into an existing photograph.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _ground(
     background: Image | None,
     blur: float,
 ) -> Array:
-    """Linear light behind the targets, shape (H, W, 1 or 3)."""
+    """Return the linear light behind the targets, shape (H, W, 1 or 3)."""
     width, height = scene.camera.image_size
     if background is not None:
         if background.shape[:2] != (height, width) or background.dtype != np.uint8:
@@ -202,7 +202,7 @@ def _ground(
 
 
 def _sheet(target: Target, rng: np.random.Generator) -> Array:
-    """Corners of a paper sheet round the target, plane units; rims that are drawn are unequal."""
+    """Return corners of a paper sheet round the target, plane units; random rims are unequal."""
     half = np.array(target.extent)
     if target.rim is not None:
         return rectangle(*(half + target.rim))

@@ -1,6 +1,6 @@
-"""What is really there: a camera, the flat targets in front of it, and their exact images.
+"""The truth of a scene: a camera, the flat targets in front of it, and their exact images.
 
-Pure numpy, sharing no code with the Rust core, so that it can bear witness against it.
+Pure numpy, sharing no code with the Rust core, so that it is an independent check of it.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from trisquare._support.arrays import FloatArray, real_array
 
 Array: TypeAlias = FloatArray
 
-# Newton on the distortion converges quadratically; 1e-13 is what rounding leaves of a
-# normalised coordinate near 1, and a radius inside the monotonic range needs under 20 steps.
+# Newton on the distortion converges quadratically; 1e-13 is the rounding error of a normalised
+# coordinate near 1, and a radius inside the monotonic range needs under 20 steps.
 UNDISTORT_TOLERANCE = 1e-13
 UNDISTORT_STEPS = 50
-# Arc length of a side's image is summed over this many chords: bent by 20 px, it is exact
-# to 1e-4 of itself, which only moves the samples along their own edge.
+# Number of chords over which the arc length of a side's image is summed: for a bend of 20 px it is
+# exact to 1e-4 of itself, and the error only moves the samples along their own edge.
 ARC_CHORDS = 200
 
 
@@ -116,7 +116,7 @@ class TrueCamera:
         raise ValueError("a pixel lies beyond the radius where the distortion can be inverted")
 
     def rays(self, pixels: npt.ArrayLike) -> Array:
-        """Directions ``(x, y, 1)`` in which pixels, shape (N, 2), look, shape (N, 3).
+        """Return directions ``(x, y, 1)`` of pixels, shape (N, 2), as shape (N, 3).
 
         Raises
         ------
@@ -127,9 +127,9 @@ class TrueCamera:
         return np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
 
     def sees(self, points: Array) -> npt.NDArray[np.bool_]:
-        """Tell which points of the camera frame, shape (N, 3), are ahead, shape (N,).
+        """Return which points of the camera frame, shape (N, 3), are seen, shape (N,).
 
-        And seen where the radial distortion still grows all the way from the axis.
+        These are in front, where the radial distortion grows all the way from the axis.
         """
         k1, k2, _, _, k3 = self.distortion
         ahead = points[:, 2] > 0.0
@@ -139,7 +139,7 @@ class TrueCamera:
         return np.asarray(ahead & np.all(slope > 0.0, axis=0))
 
     def _distortion_jacobian(self, ideal: Array) -> tuple[Array, Array, Array]:
-        """Entries xx, xy (= yx) and yy of the derivative of `distort`."""
+        """Return entries xx, xy (= yx) and yy of the derivative of `distort`."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
@@ -151,7 +151,7 @@ class TrueCamera:
         return xx, xy, yy
 
     def is_monotonic(self, slack: float = 1.1) -> bool:
-        """Whether the radial distortion still grows `slack` times beyond the farthest corner."""
+        """Return whether the radial distortion grows `slack` times beyond the farthest corner."""
         k1, k2, _, _, k3 = self.distortion
         width, height = self.image_size
         far_x = max(self.cx, width - 1 - self.cx) / self.fx
@@ -186,10 +186,10 @@ class Target:
     inner_corners : tuple of int
         Columns and rows of a chessboard's inner corners.
     printed : array_like, shape (4, 2), optional
-        Corners that the outline has where it is not the square it should be, plane units.
+        Corners of the outline if it is not an exact square, plane units.
     rim : float, optional
-        How far the paper reaches beyond the figure on every side, plane units; 0 for a board that
-        is cut along its cells. Where it is not given, `render` draws one if there is to be paper.
+        Width of the paper beyond the figure on every side, plane units; 0 for a board that is cut
+        along its cells. If it is not given, `render` draws a random one if there is to be paper.
     """
 
     rotation: Array
@@ -231,7 +231,7 @@ class Target:
         return 0.5 * (columns + 1), 0.5 * (rows + 1)
 
     def outlines(self) -> list[Array]:
-        """Outer and, for a frame, inner square: corners in plane units, each shape (4, 2)."""
+        """Return the outer and, for a frame, inner square: corners, plane units, each (4, 2)."""
         outer = rectangle(0.5, 0.5) if self.printed is None else np.array(self.printed)
         if self.is_board:
             outer = rectangle(*self.extent)
@@ -246,7 +246,7 @@ class Target:
         yield from zip((1.0, -1.0), self.outline_sides(), strict=False)
 
     def sides(self) -> list[Side]:
-        """Sides of the outlines; of a chessboard its rows of inner corners, then its columns."""
+        """Return the outlines' sides; for a chessboard its inner corners' rows, then columns."""
         if not self.is_board:
             return [side for sides in self.outline_sides() for side in sides]
         columns, rows = self.inner_corners
@@ -255,18 +255,18 @@ class Target:
         return [Side(line[0], line[-1]) for line in lines]
 
     def outline_sides(self) -> list[list[Side]]:
-        """Sides of each of `outlines`."""
+        """Return the sides of each of `outlines`."""
         return [sides_of(outline) for outline in self.outlines()]
 
     def cells(self, colour: int) -> Iterator[Array]:
-        """Middles of a board's dark (0) or light (1) cells, row by row, in cells."""
+        """Yield the middles of a board's dark (0) or light (1) cells, row by row, in cells."""
         columns, rows = self.inner_corners
         for row in range(rows + 1):
             for column in range((row + colour) % 2, columns + 1, 2):
                 yield np.array([column - 0.5 * columns, row - 0.5 * rows])
 
     def board_corners(self) -> Array:
-        """Inner corners of a chessboard, row by row, plane units, shape (columns * rows, 2)."""
+        """Return a chessboard's inner corners, row by row, plane units, (columns * rows, 2)."""
         columns, rows = self.inner_corners
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
         return np.asarray(grid - [0.5 * (columns - 1), 0.5 * (rows - 1)])
@@ -274,7 +274,7 @@ class Target:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """One picture's truth: the camera and the targets it sees."""
+    """The truth of one picture: the camera and the targets it sees."""
 
     camera: TrueCamera
     targets: tuple[Target, ...]
@@ -285,7 +285,7 @@ class Scene:
 
 
 def rectangle(half_width: float, half_height: float) -> Array:
-    """Corners of a centred rectangle, clockwise on the screen from (-, -), shape (4, 2)."""
+    """Return corners of a centred rectangle, clockwise on the screen from (-, -), (4, 2)."""
     return np.array(
         [
             [-half_width, -half_height],
@@ -304,13 +304,13 @@ class Side:
     end: Array
 
     def points(self, fraction: Array) -> Array:
-        """Points at fractions of the chord, shape (N, 2)."""
+        """Return points at fractions of the chord, shape (N, 2)."""
         points: Array = self.start + fraction[:, None] * (self.end - self.start)
         return points
 
 
 def sides_of(corners: Array) -> list[Side]:
-    """Sides of a quadrilateral, corners (4, 2) clockwise on the screen."""
+    """Return the sides of a quadrilateral, corners (4, 2) clockwise on the screen."""
     return [Side(*ends) for ends in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
 
 

@@ -22,16 +22,16 @@ TILT_DIRECTION_JITTER = 20.0  # degrees
 SIDE_RANGE = (0.30, 0.42)  # of the height
 CENTRE_JITTER = 0.015  # of the picture
 
-# The middles of so many squares, parts of the picture.
+# Centres of the squares by their number, as fractions of the picture.
 PLACES = {
     1: [(0.5, 0.5)],
     2: [(0.27, 0.5), (0.73, 0.5)],
     3: [(0.23, 0.3), (0.77, 0.3), (0.5, 0.72)],
 }
 PICTURE_MARGIN = 12.0  # pixels between any square and the border
-# A plane closer to edge-on than this shows a sliver whose sides merge under blur.
+# Maximum angle between a plane's normal and its line of sight: beyond, its sides merge under blur.
 STEEPEST_SIGHT = 75.0  # degrees
-# Scenes are drawn by rejection; one in a few is good, so this never runs out by chance.
+# Scenes are drawn by rejection; one in a few is accepted, so this is never reached by chance.
 MAX_DRAWS = 5000
 
 
@@ -71,9 +71,9 @@ def random_scene(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     image_size : tuple of int
-        Width and height, pixels; a given `camera` brings its own.
+        Width and height, pixels; those of `camera` if that is given.
     kind : {"square", "frame"}
         Solid squares or frames.
     count : int
@@ -85,11 +85,12 @@ def random_scene(
     inner : float
         Side of a frame's hole, in units of its outer side.
     aspect : float
-        Side 0 of every figure over its side 1, 1 or more: rectangles of the area of squares.
+        Side 0 of every figure over its side 1, 1 or more: rectangles with the area of squares.
     rim : float, optional
         As for `Target`.
     sides : (float, float), optional
-        Range of the sides before foreshortening, of the picture's height; 0.30 to 0.42 by default.
+        Range of the sides before foreshortening, over the picture's height; 0.30 to 0.42 by
+        default.
     tilts : (float, float)
         Range of the angles between the squares' planes and the picture, degrees.
 
@@ -121,7 +122,7 @@ def random_scene(
                 first + 360.0 * i / count + jitter,
                 rng.uniform(0.0, 360.0),
             )
-            # Its side is that large before foreshortening.
+            # The side has this length before foreshortening.
             depth = camera.fx / side * np.sqrt(aspect)
             centre = np.append(camera.undistort(pixel[None])[0], 1.0) * depth
             target = placed(
@@ -169,9 +170,9 @@ def photo_like(
     picture : ndarray of uint8, shape (H, W, 3)
         BGR.
     scene : Scene
-        The truth.
+        The truth of the picture.
     settings : dict
-        The keyword arguments that `render` was given.
+        The keyword arguments of `render`.
     """
     kind: Literal["square", "frame"] = "frame" if rng.random() < 0.5 else "square"
     return _photographed(rng, random_scene(rng, image_size=image_size, kind=kind))
@@ -185,15 +186,15 @@ def photo_of_sheets(
     rim: float | None = 0.0,
     camera: TrueCamera | None = None,
 ) -> tuple[Image, Scene, dict[str, Any]]:
-    """Draw three sheets of paper that lie right on the clutter, rendered as by `photo_like`.
+    """Draw three sheets of paper that lie directly on the clutter, rendered as by `photo_like`.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of everything.
+        Source of all random numbers.
     aspect, dark, rim, camera
-        As for `random_scene`; with a rim, or None for one that is drawn, they are
-        rectangles on larger sheets.
+        As for `random_scene`; with a rim, or None for a random one, they are rectangles on
+        larger sheets.
 
     Returns
     -------
@@ -236,8 +237,8 @@ def edge_points(
     Returns
     -------
     list of list of ndarray, each shape (N, 2)
-        Per target, the points of its four sides, in order; a frame's hole adds four more. A
-        chessboard's rows, then its columns, between the outermost crossings.
+        Per target, the points of its four sides, in order; a frame's hole adds four more. For a
+        chessboard those of its rows, then its columns, between the outermost crossings.
     """
     return [
         [
@@ -249,7 +250,7 @@ def edge_points(
 
 
 def _places(count: int) -> Array:
-    """Where the squares' centres go, as fractions of the picture, shape (count, 2)."""
+    """Return the squares' centres, as fractions of the picture, shape (count, 2)."""
     if count in PLACES:
         return np.array(PLACES[count])
     columns = int(np.ceil(np.sqrt(4.0 / 3.0 * count)))
@@ -259,7 +260,7 @@ def _places(count: int) -> Array:
 
 
 def placed(camera: TrueCamera, rotation: Array, centre: Array, **options: Any) -> Target | None:
-    """Make a target, unless it is seen too steeply or not wholly in the picture."""
+    """Make a target; None if it is seen too steeply or not wholly in the picture."""
     if not faces_camera(rotation, centre):
         return None
     target = Target(rotation, centre, **options)
@@ -267,18 +268,18 @@ def placed(camera: TrueCamera, rotation: Array, centre: Array, **options: Any) -
 
 
 def faces_camera(rotation: Array, centre: Array) -> bool:
-    """Whether a plane is seen from its front and not too nearly edge-on."""
+    """Return whether a plane is seen from its front and not too nearly edge-on."""
     cosine = rotation[:, 2] @ centre / np.linalg.norm(centre)
     return bool(cosine > np.cos(np.deg2rad(STEEPEST_SIGHT)))
 
 
 def inside(camera: TrueCamera, target: Target) -> bool:
-    """Whether the figure stays clear of the picture's border, its curved sides included."""
+    """Return whether the figure, with its curved sides, stays clear of the picture's border."""
     corners = rectangle(*target.extent)
     fraction = np.linspace(0.0, 1.0, 9)[:, None, None]
     outline = corners + fraction * (np.roll(corners, -1, axis=0) - corners)
     points = target.to_camera(outline.reshape(-1, 2))
-    # The distortion must still grow there, lest it fold the points back into the picture.
+    # The distortion must grow up to there, or it might fold the points back into the picture.
     if not np.all(camera.sees(points)):
         return False
     pixels = camera.project(points)
@@ -287,9 +288,9 @@ def inside(camera: TrueCamera, target: Target) -> bool:
 
 
 def _any_overlap(targets: list[Target]) -> bool:
-    """Whether two squares' paper sheets meet in the picture.
+    """Return whether two squares' paper sheets meet in the picture.
 
-    Distortion is one to one, so the ideal picture answers for the real one.
+    Distortion is one to one, so that it suffices to test the ideal picture.
     """
     spaces = []
     for target in targets:

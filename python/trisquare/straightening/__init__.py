@@ -1,1 +1,1 @@
-"""Distortion from the straight lines of a picture, whatever it shows (the plumb-line method)."""
+"""Distortion from the straight lines of a picture, without targets (the plumb-line method)."""

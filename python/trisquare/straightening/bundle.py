@@ -1,4 +1,4 @@
-"""Curves that are images of straight lines, and how far a lens leaves them from that."""
+"""Curves that are images of straight lines, and their deviation from that under a lens."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trisquare.straightening.radial import RadialLens
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 REWEIGHTINGS = 3
-"""Fits of a line, each with the gradients that the one before gives."""
+"""Number of fits of a line, each with the gradients from the one before."""
 
 TINY = 1e-12
 
@@ -47,9 +47,9 @@ class Bundle:
     points : ndarray, shape (P, 2)
         Pixels.
     starts : ndarray of int, shape (L,)
-        Where each curve begins.
+        Index of each curve's first point.
     weights : ndarray, shape (P,)
-        Of each point; those of a curve add up to `most` at most.
+        Weight of each point; those of a curve add up to at most `most`.
     radius : float
         ``S``, half the diagonal, pixels.
     """
@@ -61,7 +61,7 @@ class Bundle:
 
     @classmethod
     def of(cls, curves: Sequence[FloatArray], radius: float, most: int) -> Bundle:
-        """Put curves together."""
+        """Concatenate curves."""
         counts = np.array([len(curve) for curve in curves])
         weights = np.repeat(np.minimum(1.0, most / counts), counts)
         starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -105,15 +105,15 @@ class Straightness:
     rows : ndarray, shape (P, 3)
         ``(q, D)`` of each point.
     by_coefficients : ndarray, shape (P, C)
-        Derivatives of ``D``.
+        Derivatives of ``D`` by the coefficients.
     norms : ndarray, shape (P,)
-        The norm of
+        Norms of `gradients`.
     gradients : ndarray, shape (P, 2)
-        the gradient of ``n . q + d D`` by ``q``.
+        Gradients of ``n . q + d D`` by ``q``.
     residuals : ndarray, shape (P,)
-        Distance of each point to the image of its line, to first order, pixels.
+        Distance of each point from the image of its line, to first order, pixels.
     rms : ndarray, shape (L,)
-        Of each curve.
+        Root mean square of each curve's residuals, pixels.
     """
 
     bundle: Bundle
@@ -126,10 +126,10 @@ class Straightness:
     rms: FloatArray
 
     def jacobian(self) -> FloatArray:
-        """Return derivatives of the residuals by ``a1, a2, ..., cx, cy``; the lines follow.
+        """Return derivatives of the residuals by ``a1, a2, ..., cx, cy``, with the lines refitted.
 
-        The lines are eliminated by projecting on what they cannot follow (variable projection, L.
-        Kaufman, BIT 15 (1975) 49-57). Change of the norms is left out: the residuals are small.
+        The lines are eliminated by projection on what they cannot follow (variable projection, L.
+        Kaufman, BIT 15 (1975) 49-57). Changes of the norms are neglected: the residuals are small.
         """
         bundle = self.bundle
         lines = bundle.spread(self.lines)
@@ -147,7 +147,7 @@ class Straightness:
         return np.asarray(columns - np.einsum("pi,pij->pj", own, followed))
 
     def moments(self) -> FloatArray:
-        """Return ``row row^T / |gradient|^2`` summed, shape (L, 3, 3): joined curves' add up."""
+        """Return ``row row^T / |gradient|^2`` summed, (L, 3, 3); those of joined curves add up."""
         weights = self.bundle.weights / self.norms**2
         return self.bundle.sums(weights[:, None, None] * _outer(self.rows))
 

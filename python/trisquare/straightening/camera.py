@@ -1,4 +1,4 @@
-"""A camera of which the distortion is known, and the focal length is not."""
+"""A camera whose distortion is known, but not its focal length."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trisquare.straightening.radial import FAMILIES, RadialLens
 COEFFICIENT_COUNTS = (2, 3)
 
 MAX_MODEL_ERROR = 0.5
-"""Pixels by which a `Camera` may differ from the lens that it stands for."""
+"""Maximum difference in pixels between a `Camera` and the lens that it represents."""
 
 COMPARED_RADII = 200
 
@@ -33,16 +33,16 @@ MAP_STEP = 40.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementMap(RebuiltByConstructor):
-    """By how much a lens has displaced what pixels show.
+    """Displacement of pixels by a lens.
 
     Parameters
     ----------
     points : ndarray, shape (N, 2)
         Pixels of the photograph.
     displacement : ndarray, shape (N, 2)
-        From the ideal place to the observed one, pixels.
+        From the ideal position to the observed one, pixels.
     std : ndarray, shape (N, 2)
-        Of the displacement, pixels.
+        Standard deviation of the displacement, pixels.
 
     Examples
     --------
@@ -62,10 +62,10 @@ class DisplacementMap(RebuiltByConstructor):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnscaledCamera(RebuiltByConstructor):
-    """A camera of which the distortion is known, and the focal length is not.
+    """A camera whose distortion is known, but not its focal length.
 
-    Straight lines tell where a lens has displaced pixels, but not the angle at which a pixel looks.
-    There is no `K`: `camera` makes one of a focal length that is known otherwise. Points and
+    Straight lines determine the displacement of pixels by a lens, but not the angle of a pixel's
+    ray. There is no `K`: `camera` makes one with a focal length that is known otherwise. Points and
     pictures need none. With ``q = (pixel - centre) / S`` and `S` half the image diagonal,
     ``q_ideal = q / D``, ``D = 1 + a1 s + a2 s^2 + a3 s^3``.
 
@@ -75,14 +75,14 @@ class UnscaledCamera(RebuiltByConstructor):
         Width and height in pixels.
     family : {"division", "polynomial"}
         Division: ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001). Polynomial: ``s = |q_ideal|^2``, which
-        is OpenCV's model but for the unit (F. Devernay & O. Faugeras, Machine Vision and
+        is OpenCV's model in another unit (F. Devernay & O. Faugeras, Machine Vision and
         Applications 13 (2001) 14-24).
     coefficients : array_like, shape (2,) or (3,)
-        ``a1, a2``, and ``a3`` where it is not left out, as zero.
+        ``a1, a2``, and ``a3`` unless it is omitted, as zero.
     centre : array_like, shape (2,)
-        Of the distortion, pixels.
+        Centre of the distortion, pixels.
     covariance : array_like, shape (4, 4) or (5, 5)
-        Of the coefficients, ``cx`` and ``cy``.
+        Covariance of the coefficients, ``cx`` and ``cy``.
 
     Raises
     ------
@@ -124,7 +124,7 @@ class UnscaledCamera(RebuiltByConstructor):
 
     @property
     def std(self) -> dict[str, float]:
-        """Standard deviations of the coefficients, ``cx`` and ``cy``; of the centre in pixels."""
+        """Standard deviations of the coefficients, ``cx`` and ``cy``; of the last two in pixels."""
         values = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
         return dict(zip(self._names, values, strict=True))
 
@@ -144,7 +144,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return None if largest == np.inf else largest * self.radius
 
     def undistort_points(self, observed: npt.ArrayLike) -> FloatArray:
-        """Return where a pinhole would have seen what pixels show.
+        """Return the positions at which a pinhole would have seen what pixels show.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class UnscaledCamera(RebuiltByConstructor):
         Returns
         -------
         ndarray, shape (N, 2)
-            Pixels; the scale at the centre stays.
+            Pixels; the scale at the centre is unchanged.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return np.asarray(self.centre + self.radius * q / divisor[:, None])
 
     def distort_points(self, ideal: npt.ArrayLike) -> FloatArray:
-        """Return where the lens shows what a pinhole would have seen at pixels.
+        """Return the positions at which the lens shows what a pinhole would have seen at pixels.
 
         The inverse of `undistort_points`.
 
@@ -192,7 +192,7 @@ class UnscaledCamera(RebuiltByConstructor):
         Raises
         ------
         ValueError
-            If a point lies beyond what the valid radius shows.
+            If a point lies beyond the ideal valid radius.
 
         Examples
         --------
@@ -225,12 +225,12 @@ class UnscaledCamera(RebuiltByConstructor):
         return float(self.radial.ideal_radius(np.array([largest]))[0])
 
     def displacement_map(self, step: float = MAP_STEP) -> DisplacementMap:
-        """Return by how much the lens displaces pixels, with standard deviations.
+        """Return the displacement of pixels by the lens, with standard deviations.
 
         Parameters
         ----------
         step : float
-            Distance of neighbouring points at most, pixels.
+            Maximum distance of neighbouring points, pixels.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return DisplacementMap(points, displacement, np.sqrt(np.maximum(variances, 0.0)))
 
     def _jacobian(self, points: FloatArray) -> FloatArray:
-        """Return derivatives of ideal places by all parameters; shape (N, 2, C + 2)."""
+        """Return derivatives of ideal positions by all parameters; shape (N, 2, C + 2)."""
         q = (points - self.centre) / self.radius
         divisor, slope, by_coefficients = self.radial.divisor(np.einsum("ij,ij->i", q, q))
         along = q[:, :, None] * q[:, None, :]
@@ -266,24 +266,24 @@ class UnscaledCamera(RebuiltByConstructor):
         return np.concatenate([by_a, np.eye(2) - by_q], axis=2)
 
     def camera(self, focal_length: float) -> Camera:
-        """Return the camera that has this distortion and a focal length.
+        """Return the camera with this distortion and a focal length.
 
         Parameters
         ----------
         focal_length : float
-            Pixels, of square pixels.
+            In pixels, which are square.
 
         Returns
         -------
         Camera
-            "radial2" for a polynomial, or "radial3", which are exact. For the division model
-            "radial3", or "fisheye" (of ``cv2.fisheye``) where that is more than half a pixel off
+            "radial2" or "radial3" for a polynomial, which are exact. For the division model
+            "radial3", or "fisheye" (of ``cv2.fisheye``) if "radial3" is more than half a pixel off
             anywhere in the picture.
 
         Raises
         ------
         LensModelError
-            A ValueError, if that differs by more than half a pixel anywhere.
+            A ValueError, if the nearest model differs by more than half a pixel anywhere.
         TypeError, ValueError
             If `focal_length` is not positive.
 
@@ -337,8 +337,8 @@ class UnscaledCamera(RebuiltByConstructor):
 
 
 def _radii_of_models(ideal: FloatArray) -> dict[LensModel, FloatArray]:
-    """Return the radius of which each model's distortion is a polynomial."""
-    return {"radial3": ideal, "fisheye": np.arctan(ideal)}  # the first that will do is taken
+    """Return the radius in which each model's distortion is a polynomial."""
+    return {"radial3": ideal, "fisheye": np.arctan(ideal)}  # the first that is close is taken
 
 
 def _fitted(

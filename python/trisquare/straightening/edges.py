@@ -14,40 +14,41 @@ from trisquare.detection.grey import grey_bytes
 from trisquare.images.pixels import Image, picture_size
 
 WORKING_SIDE = 2000
-"""Longest side of the picture that is searched, pixels: sharp edges of larger ones are no better
-known, and the search takes longer."""
+"""Maximum longer side of the picture that is searched, pixels: in larger ones sharp edges are not
+known more accurately, and the search takes longer."""
 
 SMOOTHING = 1.0
 """Standard deviation of the smoothing, working pixels."""
 
 NOISE_FACTOR = 6.0
-"""Weakest gradient of an edge, over the gradient's own noise."""
+"""Minimum gradient of an edge, over the gradient's own noise."""
 WEAKEST, STRONGEST = 1.0, 3.0
-"""Weakest gradient of an edge at all, and of its strongest point, grey levels a pixel."""
+"""Minimum gradients of an edge everywhere, and of its strongest point, grey levels per pixel."""
 
 TOLERANCE = 0.6
-"""Deviation from an arc, working pixels, of the mean of a few edge points."""
+"""Maximum deviation from an arc, working pixels, of the mean of a few edge points."""
 
 SHORTEST = 16
-"""Points of an arc at least, and"""
+"""Minimum number of points of an arc."""
 SHORTEST_PART = 0.025
-"""part of the half diagonal."""
+"""The same over the half diagonal."""
 
 SMALLEST_RADIUS = 0.55
-"""Radius of an arc in half diagonals: a line's image has ``1 / sqrt(-lambda)`` at least, .73 for
-the strongest lens that is searched."""
+"""Minimum radius of an arc in half diagonals: that of a line's image is at least
+``1 / sqrt(-lambda)``, .73 for the strongest lens that is searched."""
 
 BORDER = 0.012
-"""Part of the longest side: an edge within it along the picture's border is a frame's or a scan's,
-and was straight before the lens."""
+"""Margin along the picture's border, over its longest side: an edge within it along the border is
+that of a frame or a scan, which the lens did not bend."""
 
 MAX_ARCS = 1200
-"""The longest are taken: time goes with the square of their number."""
+"""Maximum number of arcs, the longest ones: the time grows with the square of their number."""
 
 MAX_POINTS = 40
-"""Points that a line is reduced to; neighbouring edge points err together."""
+"""Maximum number of points to which a line is reduced; neighbouring edge points have common
+errors."""
 MIN_MEAN = 3
-"""Edge points that one of them is the mean of, at least."""
+"""Minimum number of edge points whose mean is one of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,8 @@ class Arcs:
     curves : tuple of ndarray, shape (N_i, 2)
         Points in pixels of the photograph, each the mean of a few edge points.
     pixel : float
-        Pixels of the photograph that make one of the searched picture: what the points' precision
-        goes with.
+        Pixels of the photograph per pixel of the searched picture, to which the points' precision
+        is proportional.
     """
 
     curves: tuple[FloatArray, ...]
@@ -70,7 +71,7 @@ class Arcs:
 def find_arcs(picture: Image) -> Arcs:
     """Return the edges of a picture that are arcs of circles, the longest first."""
     width, height = picture_size(picture)
-    # No upscaling; a whole number of pixels on both sides.
+    # No upscaling; whole numbers of pixels on both sides.
     scale = min(1.0, WORKING_SIDE / max(width, height))
     size = max(1, round(width * scale)), max(1, round(height * scale))
     grey = grey_bytes(picture)
@@ -109,15 +110,15 @@ def binned(arc: FloatArray) -> FloatArray:
 
 
 def _gradient_noise(grey: npt.NDArray[np.uint8]) -> float:
-    """Return the standard deviation of the smoothed gradient's noise, in levels a pixel.
+    """Return the standard deviation of the smoothed gradient's noise, in levels per pixel.
 
-    From the median of second differences, which few edges move (J. Immerkaer, Computer Vision and
-    Image Understanding 64 (1996) 300-302).
+    It is computed from the median of second differences, which few edges affect (J. Immerkaer,
+    Computer Vision and Image Understanding 64 (1996) 300-302).
     """
     if min(grey.shape) < MIN_MEAN:
         return 0.0
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(grey.astype(np.float32), -1, kernel)[1:-1, 1:-1]
     pixel_noise = float(np.median(np.abs(differences))) / NORMAL_MEDIAN / 6.0
-    # Of a Gaussian's derivative on white noise.
+    # Response of a Gaussian's derivative to white noise.
     return pixel_noise / (float(np.sqrt(8 * np.pi)) * SMOOTHING**2)

@@ -1,4 +1,4 @@
-"""The lens that makes most of a picture's long arcs straight."""
+"""The lens under which most of a picture's long arcs are straight."""
 
 from __future__ import annotations
 
@@ -13,45 +13,45 @@ from trisquare.straightening.merging import joined, merged
 from trisquare.straightening.radial import RadialLens
 
 SEARCHED = np.linspace(0.4, -1.9, 70)
-"""First coefficients that are tried: from a pincushion lens to a circular fisheye."""
+"""First coefficients of the search: from a pincushion lens to a circular fisheye."""
 
 SEARCH_SCALE = 0.8
 ROUND_SCALES = (0.8, 0.4, 0.2, 0.1, 0.05, 0.05)
-"""RMS at which a line's weight is a half, working pixels: in the search, and in each round of
-merging and fitting. The last is below that of most real lines, which then weigh by the inverse of
-their mean square: a few straight walls more than all the grain of a floor."""
+"""RMS residuals at which a line's weight is one half, working pixels: in the search, and in each
+round of merging and fitting. The last is below that of most real lines, which are then weighted by
+the inverse of their mean square: a few straight walls more than all the grain of a floor."""
 
 MAX_POINTS = 40
-"""A longer line counts as one of so many points."""
+"""Maximum number of points as which a line counts."""
 
 HELD_STD = 1e-6
 """Standard deviation of the prior of a parameter that is held."""
 PRIORS = (5.0, 0.06, HELD_STD, 0.08, 0.08)
-"""Weak priors about zero and the picture's middle: standard deviations of ``a1, a2, a3, cx,
-cy``, in half diagonals. A third coefficient is held until"""
+"""Standard deviations of the weak priors of ``a1, a2, a3, cx, cy`` about zero and the picture's
+middle, in half diagonals. The third coefficient is held."""
 FREE_PRIORS = (5.0, 0.3, 0.1, 0.08, 0.08)
-"""it is free: of such a lens the second is less known before."""
+"""The same with the third coefficient free: of such a lens the second is less known in advance."""
 CENTRE = (3, 4)
-"""Places of the centre among them."""
+"""Indices of the centre's coordinates among them."""
 FIRST_SPREAD = 1.0
-"""Residual, working pixels, that weighs as much as a prior's standard deviation, at first, and"""
+"""Residual with the weight of a prior's standard deviation, working pixels, in the first fit."""
 SHARED_ERRORS = 40.0
-"""over a point's error, afterwards: the 40 points of a line err together, and so do the lines of
-a plane that is not flat, as if some 40 of them were one."""
+"""The same over a point's error, in later fits: the 40 points of a line have common errors, and so
+do the lines of a plane that is not flat, as if some 40 of them were one."""
 MIN_RMS = 0.02
-"""Working pixels: lines may be straighter by chance."""
+"""Minimum error of a point, working pixels: lines may be straighter by chance."""
 
 SHARED_POINTS = 12.0
-"""Points that err together at least, by the rms of all: lines of one plane bend alike, which the
-scatter between lines does not show."""
+"""Minimum number of points with a common error, of the rms of all: lines of one plane bend alike,
+which the scatter between lines does not show."""
 CLEARLY_BETTER = 4.0
-"""Cost, in squared errors of as many points, by which the division model has to be better than the
-polynomial: where the lines hardly tell, chance would choose, and the polynomial is what most lenses
-are described by."""
+"""Cost, in units of `shared_error`, by which the division model has to be better than the
+polynomial: if the lines hardly distinguish them, chance would decide, and most lenses are described
+by the polynomial."""
 
 MAX_STEPS = 30
 LAST_DECREASE = 1e-7
-"""Relative decrease of the cost with which a fit ends."""
+"""Relative decrease of the cost at which a fit ends."""
 MAX_DAMPING = 1e8
 
 
@@ -63,11 +63,11 @@ class Fit:
     ----------
     lens : CentredLens
     groups : list of list of int
-        Which curves make up each line.
+        Indices of the curves of each line.
     straightness : Straightness
-        Of the lines.
+        Straightness of the lines.
     weights : ndarray, shape (L,)
-        Of the lines in the last round: 1 of one that is straight.
+        Weights of the lines in the last round: 1 for a straight one.
     """
 
     lens: CentredLens
@@ -76,7 +76,7 @@ class Fit:
     weights: FloatArray
 
     def lines(self) -> list[FloatArray]:
-        """Points of each line in their order along it, pixels."""
+        """Return the points of each line in their order along it, pixels."""
         bundle, rows = self.straightness.bundle, self.straightness.rows
         normals = bundle.spread(self.straightness.lines[:, :2])
         divisor = np.maximum(rows[:, 2], 1e-3)
@@ -87,12 +87,12 @@ class Fit:
 
 
 def fit_lens(problem: Problem) -> Fit:
-    """Search, then alternate robust least squares and merging, for both families of lenses."""
+    """Fit both families of lenses: search, then alternate robust least squares and merging."""
     first = alternate(problem, search(problem), ROUND_SCALES)
     problem = with_shared_errors(problem, first)
     division = alternate(problem, first.lens, ROUND_SCALES[-2:])
     polynomial = alternate(problem, as_polynomial(division.lens), ROUND_SCALES[-3:])
-    # Both families on the lines of both, else the one that merges less would have less to explain.
+    # Both families are compared on the lines of both: one that merges less has less to explain.
     bundles = [fit.straightness.bundle for fit in (division, polynomial)]
     scale = ROUND_SCALES[-1] * problem.pixel
 
@@ -107,18 +107,18 @@ def fit_lens(problem: Problem) -> Fit:
 
 
 def shared_error(problem: Problem, fit: Fit) -> float:
-    """Return the least square of the error, px^2, of points that err together."""
+    """Return the minimum squared error, px^2, of points with a common error."""
     return SHARED_POINTS * _point_error(problem, fit) ** 2
 
 
 def with_shared_errors(problem: Problem, fit: Fit) -> Problem:
-    """Weigh the priors by how straight a fit's lines are."""
+    """Weight the priors by the straightness of a fit's lines."""
     spread = SHARED_ERRORS * _point_error(problem, fit) / problem.pixel
     return replace(problem, prior_spread=spread)
 
 
 def _point_error(problem: Problem, fit: Fit) -> float:
-    """Return the standard error of a point, pixels, where its line weighs 1."""
+    """Return the standard error of a point, pixels, on a line of weight 1."""
     straightness, weights = fit.straightness, fit.weights
     counts = straightness.bundle.sums(straightness.bundle.weights)
     squares = counts @ (weights * straightness.rms) ** 2
@@ -142,9 +142,9 @@ def with_centre_held(problem: Problem, fit: Fit) -> Fit:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What is given: arcs, the picture's middle and half diagonal, the size of a working pixel.
+    """The data: arcs, the picture's middle and half diagonal, the size of a working pixel.
 
-    A residual of `prior_spread` working pixels weighs as much as the priors' standard deviations.
+    A residual of `prior_spread` working pixels has the weight of the priors' standard deviations.
     """
 
     curves: tuple[FloatArray, ...]
@@ -155,21 +155,21 @@ class Problem:
     prior_spread: float = FIRST_SPREAD
 
     def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
-        """Put together the lines that groups of curves make."""
+        """Return the bundle of the lines that groups of curves make."""
         return Bundle.of(joined(self.curves, groups), self.radius, MAX_POINTS)
 
     def prior(self) -> FloatArray:
-        """Information of the weak priors, in the unit of the squared residuals."""
+        """Return the information of the weak priors, in the unit of the squared residuals."""
         return np.diag((self.prior_spread * self.pixel / self.prior_std()) ** 2)
 
     def prior_std(self) -> FloatArray:
-        """Return standard deviations of the priors, of the centre in pixels."""
+        """Return the standard deviations of the priors, those of the centre in pixels."""
         std = np.array(self.priors)
         std[list(CENTRE)] *= self.radius
         return std
 
     def deviation(self, lens: CentredLens) -> FloatArray:
-        """Parameters less what the priors expect."""
+        """Return the parameters less the priors' means."""
         return np.asarray(lens.parameters - np.array([0.0, 0.0, 0.0, *self.middle]))
 
     def cost(self, lens: CentredLens, straightness: Straightness, scale: float) -> float:
@@ -179,7 +179,7 @@ class Problem:
 
 
 def alternate(problem: Problem, lens: CentredLens, scales: Sequence[float]) -> Fit:
-    """Merge what the lens makes one line, and fit the lens to these lines, in turns."""
+    """Merge arcs that are one line under the lens, and fit the lens to the lines, alternately."""
     single = problem.bundle([[i] for i in range(len(problem.curves))])
     for scale in scales:
         groups = merged(problem.curves, single.measure(lens), lens, problem.pixel)
@@ -200,9 +200,10 @@ def as_polynomial(lens: CentredLens) -> CentredLens:
 
 
 def search(problem: Problem) -> CentredLens:
-    """Return the best of `SEARCHED` by what straight curves there are, counted by length squared.
+    """Return the best lens of `SEARCHED`, by the squared lengths of the curves that are straight.
 
-    The deviation of a curve from straight goes with its length squared, so does what it tells.
+    The deviation of a curve from a straight line grows with its length squared, and so does its
+    information.
     """
     bundle = problem.bundle([[i] for i in range(len(problem.curves))])
     lengths = np.array([np.linalg.norm(curve[-1] - curve[0]) for curve in problem.curves])
@@ -223,7 +224,7 @@ def lines_cost(straightness: Straightness, scale: float) -> float:
 
 
 def line_weights(straightness: Straightness, scale: float) -> FloatArray:
-    """``1 / (1 + (rms / scale)^2)``: what Cauchy's cost gives each line."""
+    """Return each line's weight in Cauchy's cost, ``1 / (1 + (rms / scale)^2)``."""
     return np.asarray(1 / (1 + (straightness.rms / scale) ** 2))
 
 
@@ -256,7 +257,7 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, scale: float) ->
 
 
 def normal_equations(straightness: Straightness, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Information and gradient of the weighted squares, by ``a1, a2, a3, cx, cy``."""
+    """Return information and gradient of the weighted squares, by ``a1, a2, a3, cx, cy``."""
     bundle = straightness.bundle
     weights = bundle.weights * bundle.spread(line_weights(straightness, scale))
     jacobian = straightness.jacobian()

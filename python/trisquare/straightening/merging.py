@@ -1,4 +1,4 @@
-"""Arcs that one straight line explains, across gaps."""
+"""Arcs that lie on one straight line, across gaps."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from trisquare._support.arrays import FloatArray
 from trisquare.straightening.bundle import CentredLens, Straightness, fit_lines
 
 LARGEST_GAP = 3.0
-"""Gap between two arcs of a line, over the shorter one's length."""
+"""Maximum gap between two arcs of a line, over the shorter one's length."""
 
 STRAY = 0.6
-"""RMS distance at most of each arc from the joint line, working pixels: an arc that crosses the
+"""Maximum RMS distance of each arc from the joint line, working pixels: an arc that crosses the
 line or lies beside it is farther away."""
 
 NEAR = 3.0
-"""Distance at most of an arc's ends from the other one's line, working pixels; as much again for
-every length of it that the gap is wide."""
+"""Maximum distance of an arc's ends from the other one's line, working pixels; as much again for
+each length of that line in the width of the gap."""
 
 NARROWEST_DIVISOR = 0.05
-"""Of the division model: points that are seen farther out have no ideal place to speak of."""
+"""Minimum divisor of the division model: points seen farther out have no usable ideal position."""
 
 
 def merged(
     curves: Sequence[FloatArray], straightness: Straightness, lens: CentredLens, pixel: float
 ) -> list[list[int]]:
-    """Return which curves make a line together, as lists of their numbers, under a lens.
+    """Return which curves make a line together under a lens, as lists of their indices.
 
     Parameters
     ----------
     curves : sequence of ndarray, shape (N_i, 2)
         Pixels, each in its order.
     straightness : Straightness
-        Of these curves under the lens.
+        Straightness of these curves under the lens.
     pixel : float
         Size of a working pixel.
     """
@@ -48,7 +48,7 @@ def merged(
 
 
 def _ideal_ends(curves: Sequence[FloatArray], lens: CentredLens, radius: float) -> FloatArray:
-    """Ideal places of the first and last points, shape (L, 2, 2); NaN where there are none."""
+    """Return ideal positions of first and last points, shape (L, 2, 2); NaN if there are none."""
     ends = np.array([[curve[0], curve[-1]] for curve in curves])
     q = (ends - lens.centre) / radius
     divisor = lens.radial.divisor(np.einsum("lij,lij->li", q, q).ravel())[0].reshape(-1, 2)
@@ -59,23 +59,23 @@ def _ideal_ends(curves: Sequence[FloatArray], lens: CentredLens, radius: float) 
 def _near_pairs(
     straightness: Straightness, ends: FloatArray, lens: CentredLens, pixel: float
 ) -> npt.NDArray[np.intp]:
-    """Pairs of curves that might be of one line, the narrowest gaps first; shape (N, 2)."""
+    """Return pairs of curves that might be of one line, narrowest gaps first; shape (N, 2)."""
     lines = straightness.lines
     tangents = np.column_stack([-lines[:, 1], lines[:, 0]])
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    # The ends of every second curve seen from every first: along its line, and across.
+    # The ends of every second curve relative to every first one: along its line, and across.
     along = np.einsum("ik,jek->ije", tangents, ends)
     own = np.einsum("ik,iek->ie", tangents, ends)
     low, high = own.min(axis=1), own.max(axis=1)
     gap = np.maximum(along.min(axis=2) - high[:, None], low[:, None] - along.max(axis=2))
     across = np.einsum("ik,jek->ije", lines[:, :2], ends) + lines[:, 2][:, None, None]
-    # Back in the picture a distance is shorter by the divisor, or so.
+    # In the picture a distance is shorter, approximately by the divisor.
     q = np.linalg.norm(ends, axis=2)
     scale = straightness.bundle.radius * _seen_scale(q, lens)
     distance = (np.abs(across) * scale[None]).max(axis=2)
     shorter = np.minimum(lengths[:, None], lengths[None])
     reach = NEAR * pixel * (1 + np.maximum(gap, 0) / lengths[:, None])
-    # A line beside the first one's own stretch overlaps it: an echo of the same edge, no part.
+    # A line beside the first one overlaps it: an echo of the same edge, not a part of the line.
     with np.errstate(invalid="ignore"):
         near = (gap <= LARGEST_GAP * shorter) & (gap > -0.2 * shorter) & (distance <= reach)
     near &= lengths[:, None] >= lengths[None]
@@ -86,7 +86,7 @@ def _near_pairs(
 
 
 def _seen_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:
-    """Length in the picture of a tangential unit length at an ideal radius, roughly."""
+    """Return the approximate length in the picture of a tangential unit at an ideal radius."""
     first = lens.radial.coefficients[0]
     with np.errstate(invalid="ignore"):
         root = np.sqrt(np.maximum(1 - 4 * first * ideal_radius**2, 0.01))
@@ -119,7 +119,7 @@ class _Groups:
             self._group[member] = a
 
     def lists(self) -> list[list[int]]:
-        """All groups, of one curve or more."""
+        """Return all groups, of one curve or more."""
         return [sorted(members) for members in self._members if members]
 
 

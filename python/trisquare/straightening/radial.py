@@ -1,4 +1,4 @@
-"""Radial distortion of a few coefficients, in units of half the picture's diagonal."""
+"""Radial distortion with a few coefficients, in units of half the picture's diagonal."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ FAMILIES = ("division", "polynomial")
 
 NEWTON_STEPS = 60
 NEWTON_TOLERANCE = 1e-14
-"""Of a squared radius, on which Newton's method ends."""
+"""Change of a squared radius, over one plus that, at which Newton's method ends."""
 
 SHORT_OF_FOLD = 0.995
-"""Part of the largest radius up to which a lens is used: at the fold itself nothing is known."""
+"""Fraction of the fold's radius up to which a lens is used: at the fold itself nothing is known."""
 
 FARTHEST = 6.0
-"""Ideal radius beyond which nothing is undistorted: 80 degrees from the axis of a lens whose focal
+"""Ideal radius up to which points are undistorted: 80 degrees from the axis of a lens whose focal
 length is half the diagonal."""
 
 TINY = 1e-12
@@ -35,7 +35,7 @@ class RadialLens:
     ----------
     family : {"division", "polynomial"}
         ``D = 1 + a1 s + a2 s^2 + ...`` with ``s = |q|^2`` (A. Fitzgibbon, CVPR 2001), or the same
-        of ``s = |q_ideal|^2``, which is OpenCV's ``k1, k2, k3`` but for the unit (F. Devernay & O.
+        with ``s = |q_ideal|^2``, which is OpenCV's ``k1, k2, k3`` in another unit (F. Devernay & O.
         Faugeras, Machine Vision and Applications 13 (2001) 14-24).
     coefficients : ndarray, shape (C,)
         ``a1, a2, ...``.
@@ -45,7 +45,7 @@ class RadialLens:
     coefficients: FloatArray
 
     def divisor(self, square: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """``D`` at squared observed radii, its derivative by them, and by coefficients.
+        """Return ``D`` at squared observed radii, its derivatives by them and by the coefficients.
 
         Beyond the fold of a polynomial the ideal radius stays at its largest.
 
@@ -61,7 +61,7 @@ class RadialLens:
         divisor, inner = self._of_squares(ideal)
         growth = np.maximum(divisor * (divisor + 2 * ideal * inner), TINY)
         slope = inner / growth
-        # The ideal radius follows a coefficient so that the observed one stays.
+        # A coefficient changes the ideal radius such that the observed one is constant.
         stays = 1 - inner * 2 * ideal * divisor / growth
         by_coefficients = stays[:, None] * ideal[:, None] ** self._powers
         if folded.any():
@@ -75,7 +75,7 @@ class RadialLens:
         return np.arange(1.0, len(self.coefficients) + 1)
 
     def _of_squares(self, squares: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """``D`` of its own ``s``, and its derivative."""
+        """Return ``D`` as a function of its own ``s``, and its derivative."""
         divisor, slope = np.zeros_like(squares), np.zeros_like(squares)
         for coefficient in (*self.coefficients[::-1], 1.0):
             slope = divisor + squares * slope
@@ -83,7 +83,7 @@ class RadialLens:
         return divisor, slope
 
     def _ideal_square(self, square: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Squared ideal radii of a polynomial, and which points lie beyond its fold."""
+        """Return squared ideal radii of a polynomial, and which points lie beyond its fold."""
         largest = SHORT_OF_FOLD**2 * self._fold()
 
         def observed(ideal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -109,9 +109,10 @@ class RadialLens:
         return ideal, folded
 
     def _fold(self) -> float:
-        """Squared radius of a polynomial's fold: ideal of the polynomial, observed of the division.
+        """Return the fold's squared radius: ideal for a polynomial, observed for a division model.
 
-        Where ``1 + 3 a1 s + 5 a2 s^2 + ...``, or ``1 - a1 s - 3 a2 s^2 - ...``, first vanishes.
+        It is where ``1 + 3 a1 s + 5 a2 s^2 + ...``, or ``1 - a1 s - 3 a2 s^2 - ...``, first
+        vanishes.
         """
         factors = 1 + (-2 if self.family == "division" else 2) * self._powers
         roots = np.roots([*(factors * self.coefficients)[::-1], 1.0])
@@ -119,7 +120,7 @@ class RadialLens:
         return float(positive.min(initial=np.inf))
 
     def largest_radius(self) -> float:
-        """Observed radius up to which points are undistorted; infinite if there is no limit."""
+        """Return the observed radius up to which points are undistorted; infinite if unlimited."""
         fold = np.sqrt(self._fold()) * SHORT_OF_FOLD
         if self.family == "polynomial":
             return float(self.observed_radius(np.array([min(fold, FARTHEST)]))[0])
@@ -131,11 +132,11 @@ class RadialLens:
         return float(radii[beyond[0] - 1]) if len(beyond) else float(limit)
 
     def ideal_radius(self, observed: FloatArray) -> FloatArray:
-        """Ideal radii of observed ones that are not beyond the largest."""
+        """Return ideal radii of observed ones that are not beyond the largest."""
         return np.asarray(observed / self.divisor(observed**2)[0])
 
     def observed_radius(self, ideal: FloatArray) -> FloatArray:
-        """Observed radii of ideal ones that are not beyond the largest."""
+        """Return observed radii of ideal ones that are not beyond the largest."""
         if self.family == "polynomial":
             return np.asarray(ideal * self._of_squares(ideal**2)[0])
         low = np.zeros_like(ideal)

@@ -1,4 +1,4 @@
-"""The lines of a picture beside its targets, to be calibrated together with these."""
+"""Lines of a picture beside its targets, for a joint calibration with these."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from trisquare.straightening.fit import Problem, fit_lens
 from trisquare.straightening.straighten import LONG, MIN_LINES
 
 MAX_LINES = 60
-"""The longest are taken: the core's time goes with the square of their number."""
+"""Maximum number of lines, the longest ones: the core's time grows with the square of this."""
 
 ECHO = 0.015
-"""Distance, half diagonals, at which most of a line runs beside a longer one: the two sides of one
-thing's edge bend together, and would count twice."""
+"""Distance, in half diagonals, within which most of a line runs beside a longer one: the two sides
+of one edge bend together, and would count twice."""
 
 MARGIN, BOARD_MARGIN = 1.1, 1.5
-"""Extent of what belongs to a figure over that of its samples: of a board more, whose outermost
-cells lie beyond its grid lines' crossings."""
+"""Extent of a figure's region over that of its samples: larger for a board, whose outermost cells
+lie beyond its grid lines' crossings."""
 
 MAX_INSIDE = 0.1
-"""Part of an arc that may lie there."""
+"""Maximum fraction of an arc within such a region."""
 
 
 def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdges]:
     """Return the long edges of a picture that belong to none of its measured figures.
 
-    They may be images of straight lines or not: which are, the calibration finds out.
+    They may be images of straight lines or not; the calibration decides which are.
 
     Parameters
     ----------
     picture : ndarray
     figures : sequence of PlaneEdges
-        Of this picture.
+        Figures of this picture.
     """
     width, height = size = picture_size(picture)
     radius = 0.5 * float(np.hypot(width, height))
@@ -62,7 +62,7 @@ def _length(line: FloatArray) -> float:
 
 
 def _is_echo(line: FloatArray, longer: FloatArray, distance: float) -> bool:
-    """Whether at least half of a line's points lie near a longer one."""
+    """Return whether at least half of a line's points lie near a longer one."""
     start, along = longer[:-1], np.diff(longer, axis=0)
     offsets = line[:, None] - start
     lengths = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
@@ -72,7 +72,7 @@ def _is_echo(line: FloatArray, longer: FloatArray, distance: float) -> bool:
 
 
 def _hull(figure: PlaneEdges) -> FloatArray:
-    """Corners of the convex region that belongs to a figure, pixels."""
+    """Return corners of the convex region of a figure, pixels."""
     points = np.concatenate(figure.points)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     margin = MARGIN if len(figure.points) <= 4 else BOARD_MARGIN
@@ -81,7 +81,7 @@ def _hull(figure: PlaneEdges) -> FloatArray:
 
 
 def _belongs(curve: FloatArray, hulls: Sequence[FloatArray]) -> bool:
-    """Whether more than a few points of a curve lie in one of the hulls."""
+    """Return whether more than a few points of a curve lie in one of the hulls."""
     for hull in hulls:
         inside = [cv2.pointPolygonTest(hull, point, False) >= 0 for point in curve.tolist()]
         if np.mean(inside) > MAX_INSIDE:

@@ -1,4 +1,4 @@
-"""The distortion of a picture from whatever straight lines it shows."""
+"""The distortion of a picture from any straight lines that it shows."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from trisquare.straightening.uncertainty import uncertainty
 from trisquare.undistortion.undistort import Interpolation
 
 KNOWN_CENTRE_STD, UNKNOWN_CENTRE_STD = 0.01, 0.05
-"""Standard deviation of the centre up to which it is free, and from which it is held at the
-picture's, half diagonals. In between it is free if"""
+"""Standard deviations of the centre, half diagonals: up to the first it is free, above the second
+it is held in the picture's middle. In between `CLEARLY_OFF` decides."""
 CLEARLY_OFF = 3.0
-"""so many standard deviations, or more, off the picture's. A third coefficient is free if it is as
-far from zero."""
+"""Distance from the picture's middle, in standard deviations, above which the centre is free in
+between. A third coefficient is free if it is as far from zero."""
 
 STRAIGHT = 0.5
-"""RMS up to which a line counts as straight, working pixels."""
+"""Maximum RMS of a line that counts as straight, working pixels."""
 
 LONG = 0.15
-"""Length of a long line, half diagonals; shorter ones hardly bend."""
+"""Minimum length of a long line, half diagonals; shorter ones hardly bend."""
 
 MIN_LINES = 5
-"""Long lines at least: two tell the coefficients, two the centre, one whether they agree."""
+"""Minimum number of long lines: two determine the coefficients, two the centre, and one shows
+whether they agree."""
 
 MIN_STRAIGHT = 0.6
-"""Part of the long edges' length that must be images of straight lines: a lens can be found under
-which half of a picture's circles are."""
+"""Minimum fraction of the long edges' length that is images of straight lines: there may be a lens
+under which half of a picture's circles are straight."""
 CLEARLY_STRAIGHT = 0.8
-"""Part from which that is not chance. Below, as many must be straight, or nearly,"""
+"""Fraction above which that is not chance. Below it, `MIN_STRAIGHT_HELD` is required, too."""
 MIN_STRAIGHT_HELD = 0.65
-"""with the centre held: a true lens's centre is near the picture's, that of a chance one anywhere.
-"""
+"""The same minimum with the centre held: a true lens's centre is near the picture's middle, that of
+a chance one is anywhere."""
 
 JUDGED_RADIUS = 0.85
-"""Where the displacement must be known, half diagonals: near the corners,"""
+"""Radius at which the displacement must be known, half diagonals: near the corners."""
 MAX_STD = 0.01
-"""and to which standard deviation, half diagonals."""
+"""Maximum standard deviation of the displacement there, half diagonals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,16 +55,16 @@ class Straightened(RebuiltByConstructor):
     Parameters
     ----------
     camera : UnscaledCamera
-        The distortion with its covariance; straight lines do not tell the focal length.
+        The distortion with its covariance; straight lines do not determine the focal length.
     used : tuple of ndarray, shape (N_i, 2)
-        Points on the images of straight lines, one array a line, pixels.
+        Points on the images of straight lines, one array per line, pixels.
     rejected : tuple of ndarray, shape (N_i, 2)
-        Points on arcs that are none.
+        Points on arcs that are not such images, pixels.
     rms : float
         Root mean square distance of the used points to their lines, pixels.
     centre_held : bool
         Whether the centre of distortion is held in the picture's middle, because the lines do not
-        determine it. Its standard deviation then is a lens's own: a weak prior's.
+        determine it. Its standard deviation is then that of lenses in general, a weak prior's.
 
     Examples
     --------
@@ -95,19 +96,19 @@ class Straightened(RebuiltByConstructor):
         image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
             A picture of the camera's size.
         balance : float
-            From 0, no black border, to 1, all of the photograph.
+            From 0, no black border, to 1, the whole photograph.
         interpolation : {"linear", "nearest", "cubic", "lanczos"}
             See `Undistorter.undistort`.
 
         Returns
         -------
         ndarray, shape (H, W) or (H, W, 3)
-            Of the same type and size; black where there is nothing of the photograph.
+            Of the same type and size; black outside the photograph.
 
         Raises
         ------
         ImageError
-            If a file is no whole picture.
+            If a file is not a complete picture.
         TypeError, ValueError
             If an argument is wrong, or the picture of another size.
 
@@ -132,13 +133,13 @@ def straighten(image: ImageSource) -> Straightened:
 
     Edges are followed to a fraction of a pixel and cut into arcs. The distortion is the one under
     which most long arcs are straight; arcs that one line explains are joined. Residuals are
-    measured back in the picture, and lines count by how straight they are: curved edges are
-    rejected. Most straight edges of the world must be longer and straighter than curved ones.
+    measured in the distorted picture, and lines are weighted by their straightness: curved edges
+    are rejected. Most straight edges of the scene must be longer and straighter than curved ones.
 
     Parameters
     ----------
     image : path, bytes, binary file, PIL.Image.Image or ndarray, shape (H, W[, 3 or 4])
-        Grey or BGR, as the lens has made it: not cropped off the middle.
+        Grey or BGR, as the lens imaged it: not cropped off centre.
 
     Returns
     -------
@@ -148,14 +149,14 @@ def straighten(image: ImageSource) -> Straightened:
     Raises
     ------
     ImageError
-        If a file is no whole picture.
+        If a file is not a complete picture.
     NotEnoughDataError
         If there are too few long edges.
     DegenerateGeometryError
         If the lines do not determine the distortion (they are too central or run through the
         centre), or most long edges are curved.
     TypeError, ValueError
-        If an array is no picture.
+        If an array is not a picture.
 
     Notes
     -----
@@ -189,7 +190,7 @@ def straighten(image: ImageSource) -> Straightened:
     if third_free:
         problem, fit = free, with_third
     else:
-        # What is held is not known: the covariance is that with it free.
+        # A held parameter is not known: the covariance is that with it free.
         known = uncertainty(free, fit)
     off = np.abs(fit.lens.centre - middle) / known.centre_std
     std = float(known.centre_std.max()) / radius
@@ -216,14 +217,14 @@ def are_straight(problem: Problem, fit: Fit) -> npt.NDArray[np.bool_]:
 
 
 def _spans(lines: tuple[FloatArray, ...] | list[FloatArray]) -> FloatArray:
-    """Distances of the lines' ends."""
+    """Return the distances between the lines' ends."""
     return np.array([np.linalg.norm(line[-1] - line[0]) for line in lines])
 
 
 def _seen_lengths(fit: Fit, lengths: FloatArray) -> FloatArray:
-    """Length of each line without its gaps, from those of its arcs.
+    """Return the length of each line without its gaps, from those of its arcs.
 
-    Arcs that chance puts in a row, as in leaves, are short, and their gaps are long.
+    Arcs that lie in a row by chance, as in leaves, are short, and their gaps are long.
     """
     return np.array([lengths[group].sum() for group in fit.groups])
 
@@ -239,7 +240,7 @@ def _check_count(lengths: FloatArray, what: str) -> None:
 
 
 def _check_curves(problem: Problem, fit: Fit) -> None:
-    """Refuse a picture of curved edges, whatever lens makes some of them straight."""
+    """Refuse a picture of curved edges, even if some of them are straight under some lens."""
     straight, least = _straight_part(problem, fit), MIN_STRAIGHT
     if least <= straight < CLEARLY_STRAIGHT:
         least = MIN_STRAIGHT_HELD
@@ -252,7 +253,7 @@ def _check_curves(problem: Problem, fit: Fit) -> None:
 
 
 def _straight_part(problem: Problem, fit: Fit) -> float:
-    """Return the part of the long edges' length that is straight."""
+    """Return the fraction of the long edges' length that is straight."""
     lengths = _spans(fit.lines()) / problem.radius
     lengths = np.where(lengths >= LONG, lengths, 0.0)
     return float(lengths[are_straight(problem, fit)].sum() / max(lengths.sum(), 1e-12))

@@ -1,4 +1,4 @@
-"""How well the lines determine the lens."""
+"""Uncertainty of the lens that the lines determine."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Uncertainty:
     covariance : ndarray, shape (C + 2, C + 2)
         From the lines and the weak priors.
     centre_std : ndarray, shape (2,)
-        Standard deviations of the centre that the lines alone give, pixels; infinite where they
-        tell nothing.
+        Standard deviations of the centre from the lines alone, pixels; infinite where they give no
+        information.
     """
 
     covariance: FloatArray
@@ -30,7 +30,7 @@ class Uncertainty:
 def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     """Scale the inverse information by the spread of the residuals.
 
-    The points of a line err together (blur, shadow, a bent edge): the spread is that of the
+    The points of a line have common errors (blur, shadow, a bent edge): the spread is that of the
     gradients of whole lines, one factor for all, corrected for what the parameters absorb.
     """
     straightness, bundle = fit.straightness, fit.straightness.bundle
@@ -52,7 +52,8 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     spread *= effective / max(effective - count, 1.0)
     spread = max(spread, shared_error(problem, fit))
     covariance = np.linalg.inv(information / spread + np.eye(count))
-    # The fit weighs the priors more than this does: how far they pulled it is an error as well.
+    # The fit weights the priors more than this does: the shift that they caused is an error as
+    # well.
     priors = problem.prior() * unit[:, None] * unit
     pulled = np.linalg.solve(information + priors, priors @ (problem.deviation(fit.lens) / unit))
     covariance = (covariance + np.outer(pulled, pulled)) * unit[:, None] * unit

@@ -1,4 +1,4 @@
-"""Pictures through a pinhole, from a camera whose focal length is not known."""
+"""Pinhole views of pictures, from a camera whose focal length is not known."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from trisquare.straightening.camera import UnscaledCamera
 from trisquare.undistortion.undistort import INTERPOLATIONS, Interpolation, checked_interpolation
 
 TABLE = 4096
-"""Entries of the table of observed radii; between them they are interpolated to 1e-4 px."""
+"""Number of entries of the table of observed radii; interpolation between them is accurate to
+1e-4 px."""
 
 STRIP_ROWS = 512
 
@@ -45,7 +46,7 @@ def undistort_picture(
     radii, ratios = _table(camera, float(np.hypot(width, height)) / camera.radius / zoom)
     for top in range(0, height, STRIP_ROWS):
         rows = np.arange(top, min(top + STRIP_ROWS, height))
-        # The view looks at the picture's middle; its scale is about the centre of distortion.
+        # The view's middle is the picture's; its scale is about the centre of distortion.
         x, y = np.meshgrid((np.arange(width) - middle[0]) / zoom, (rows - middle[1]) / zoom)
         off = (x + middle[0] - camera.centre[0], y + middle[1] - camera.centre[1])
         ideal = np.hypot(*off) / camera.radius
@@ -66,7 +67,7 @@ def undistort_picture(
 
 
 def view_zoom(camera: UnscaledCamera, balance: float) -> float:
-    """Return by how much the view enlarges the centre.
+    """Return the magnification of the view at the centre.
 
     At a balance of 0 nothing but the photograph is seen, at 1 all of it within the valid radius.
     """
@@ -88,7 +89,7 @@ def view_zoom(camera: UnscaledCamera, balance: float) -> float:
 
 
 def _clipped(camera: UnscaledCamera, points: FloatArray) -> FloatArray:
-    """Ideal places of points, of those beyond the valid radius where it ends."""
+    """Return ideal positions of points; those beyond the valid radius are moved to its end."""
     off = points - camera.centre
     distance = np.maximum(np.linalg.norm(off, axis=1), 1e-9)
     largest = camera.radial.largest_radius() * camera.radius
@@ -97,7 +98,7 @@ def _clipped(camera: UnscaledCamera, points: FloatArray) -> FloatArray:
 
 
 def _table(camera: UnscaledCamera, farthest: float) -> tuple[FloatArray, FloatArray]:
-    """Ideal radii in half diagonals, and the ratio of the observed ones to them."""
+    """Return ideal radii in half diagonals, and the ratios of the observed ones to them."""
     largest = min(1.01 * farthest + 0.1, camera.largest_ideal_radius())
     radii = np.linspace(0.0, largest, TABLE)
     ratios = np.ones(TABLE)

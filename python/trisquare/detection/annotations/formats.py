@@ -41,24 +41,22 @@ from trisquare.detection.annotations.outlines import AnnotatedOutline, Annotated
 OUTLINES_FORMAT = "trisquare-outlines/1"
 
 OPEN_SHAPES = ("linestrip", "line")
-"""Labelme's shapes that need not be closed: alone they are outlines all the same, in a group sides.
-"""
+"""Labelme's shapes that need not be closed: single ones are outlines, those of a group sides."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnnotatedPicture:
-    """What is drawn on one picture.
+    """Outlines drawn on one picture.
 
     Attributes
     ----------
     targets : tuple of AnnotatedSquare
     name, index : str or int, optional
-        Which picture it is: its file, folders not counting, or its place; neither if there is
-        only one.
+        The picture's file, without its folders, or its index; neither if there is only one.
     size : (int, int), optional
-        Width and height of the picture that was drawn on, where the file states it.
+        Width and height of the picture on which they were drawn, if the file states it.
     where : str
-        Where in the file this picture is; empty, or ending with a dot.
+        Place of this picture in the file; empty, or ending with a dot.
     """
 
     targets: tuple[AnnotatedSquare, ...]
@@ -68,12 +66,12 @@ class AnnotatedPicture:
     where: str = ""
 
     def joined(self, others: Sequence[AnnotatedPicture]) -> AnnotatedPicture:
-        """Add what is drawn elsewhere in the file on the same picture.
+        """Add the outlines that the file has elsewhere for the same picture.
 
         Raises
         ------
         ValueError
-            If they state other sizes of it.
+            If the picture's stated sizes differ.
         """
         sizes = {own.size for own in (self, *others) if own.size is not None}
         if len(sizes) > 1:
@@ -108,7 +106,7 @@ def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
     Raises
     ------
     ValueError
-        If it is none of them; or naming the key that is missing or wrong.
+        If it is none of them, or if a key, which the message names, is missing or wrong.
     """
     fields = JsonFields(members)
     if fields.has("format"):
@@ -165,7 +163,7 @@ def _own_outline(fields: JsonFields, where: str) -> AnnotatedOutline:
 def _labelme(fields: JsonFields) -> AnnotatedPicture:
     """Read the shapes of one picture.
 
-    A group of two closed shapes is a frame, one of four open ones a square by its sides.
+    A group of two closed shapes is a frame, one of four open shapes a square given by its sides.
     """
     outlines: list[AnnotatedOutline] = []
     groups: list[int | None] = []

@@ -1,4 +1,4 @@
-"""What somebody drew by hand on each of the pictures, from a file or from lists."""
+"""Hand-drawn outlines of each of the pictures, from a file or from lists."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trisquare.detection.annotations.outlines import AnnotatedOutline, Annotated
 from trisquare.images.pixels import ImageSource, Outlines
 
 MAX_NAMED = 3
-"""Pictures that a message names."""
+"""Maximum number of pictures named in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,8 @@ class Annotations:
         Raises
         ------
         TypeError, ValueError
-            Naming the key that is wrong; or if nothing is drawn on any of the pictures.
+            If a key, which the message names, is wrong; or if nothing is drawn on any of the
+            pictures.
         OSError
             If the file cannot be read.
         """
@@ -76,7 +77,7 @@ class Annotations:
         return cls(tuple(own[0].joined(own[1:]) if own else None for own in found))
 
     def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedSquare, ...]:
-        """Return what is drawn on a picture of this size; it may be nothing.
+        """Return the outlines drawn on a picture of this size, possibly none.
 
         Raises
         ------
@@ -117,7 +118,7 @@ def _squares_of(outlines: Any) -> list[AnnotatedSquare]:
 
 
 def _depth(value: Any) -> int:
-    """How deeply lists are nested: two for points, three for polylines."""
+    """Return how deeply lists are nested: two for points, three for polylines."""
     depth = 0
     while hasattr(value, "__len__") and not isinstance(value, str | Mapping) and len(value) > 0:
         value = value[0]
@@ -126,7 +127,7 @@ def _depth(value: Any) -> int:
 
 
 def _base_name(path: str | os.PathLike[str]) -> str:
-    # Labelling programs on Windows write its separators; no photograph's name holds one.
+    # Labelling programs on Windows write its separators; no photograph's name contains one.
     return PureWindowsPath(os.fspath(path)).name
 
 

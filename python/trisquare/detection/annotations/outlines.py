@@ -1,4 +1,4 @@
-"""Outlines of squares as somebody drew them: coarse, and checked for being outlines at all."""
+"""Hand-drawn outlines of squares: coarse, and checked for validity."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray, pixel_array
 
 SHORTEST_SIDE = 12.0
-"""Pixels; what is left of a shorter side between its corners' blur cannot be measured."""
+"""Minimum side, pixels; what remains of a shorter one between its corners' blur cannot be
+measured."""
 
 MAX_POINTS = 200
-"""Points of a polygon among which its corners are looked for, which takes time by their cube;
-polygons of more are masks traced pixel by pixel, and lose nothing by being thinned."""
+"""Maximum number of points of a polygon among which its corners are searched, in time that grows
+with the square of their number; polygons of more are masks traced pixel by pixel, and lose nothing
+by being thinned."""
 
 JOINED = 10.0
-"""Pixels between the end of one drawn side and the start of the next, at most: two ends that are
-each 5 px off."""
+"""Maximum distance between the end of one drawn side and the start of the next, pixels: two ends
+that are each 5 px off."""
 
 OUTSIDE = 1.0
-"""Pixels that a point may lie outside the picture: programs that count from the corner of the
-first pixel, not its centre, reach half a pixel further."""
+"""Maximum distance of a point outside the picture, pixels: programs that count from the corner of
+the first pixel, not its centre, reach half a pixel further."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +38,7 @@ class AnnotatedOutline:
     sides : tuple of four ndarrays of float64, shape (N, 2), N >= 2
         Polylines, clockwise on the screen; in pixels of the photograph as it is stored.
     where : str
-        What its file or list calls it; messages begin with it.
+        Its name in its file or list; messages begin with it.
     """
 
     sides: tuple[FloatArray, ...]
@@ -44,17 +46,17 @@ class AnnotatedOutline:
 
     @property
     def corners(self) -> FloatArray:
-        """Where the sides start, shape (4, 2)."""
+        """Starting points of the sides, shape (4, 2)."""
         return np.array([side[0] for side in self.sides])
 
     @classmethod
     def of_polygon(cls, points: Any, where: str) -> AnnotatedOutline:
-        """Take four corners, or a closed polygon whose four corners are to be found.
+        """Build an outline from four corners, or from a closed polygon whose corners are searched.
 
         Raises
         ------
         TypeError, ValueError
-            Naming `where`, if that is no outline.
+            If that is not an outline; the message begins with `where`.
         """
         polygon = pixel_array(points, where, (None, 2))
         if len(polygon) > 1 and np.array_equal(polygon[0], polygon[-1]):
@@ -75,12 +77,12 @@ class AnnotatedOutline:
 
     @classmethod
     def of_sides(cls, sides: Any, where: str) -> AnnotatedOutline:
-        """Take four polylines, in order round the square, each given either way round.
+        """Build an outline from four polylines, in order round the square, each either way round.
 
         Raises
         ------
         TypeError, ValueError
-            Naming `where`, if they make no outline.
+            If they make no outline; the message begins with `where`.
         """
         try:
             given = list(sides)
@@ -121,7 +123,7 @@ class AnnotatedSquare:
 
     @classmethod
     def of_two(cls, first: AnnotatedOutline, second: AnnotatedOutline) -> AnnotatedSquare:
-        """Take the two outlines of a frame in either order.
+        """Build a frame from two outlines in either order.
 
         Raises
         ------
@@ -144,12 +146,12 @@ class AnnotatedSquare:
 
     @property
     def where(self) -> str:
-        """Return what its file or list calls it."""
+        """Return its name in its file or list."""
         return self.outer.where
 
     @property
     def corners(self) -> FloatArray:
-        """Of the outer outline, shape (4, 2), pixels."""
+        """Corners of the outer outline, shape (4, 2), pixels."""
         return self.outer.corners
 
     def check_inside(self, image_size: tuple[int, int]) -> None:
@@ -166,22 +168,22 @@ class AnnotatedSquare:
 
     @property
     def outlines(self) -> tuple[AnnotatedOutline, ...]:
-        """Return the outer one and, of a frame, the inner one."""
+        """Return the outer outline and, for a frame, the inner one."""
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
 
 
 def _spread(count: int) -> NDArray[np.intp]:
-    """Return indices of `MAX_POINTS` of so many points."""
+    """Return `MAX_POINTS` evenly spread indices of `count` points."""
     return np.linspace(0, count, MAX_POINTS, endpoint=False).astype(np.intp)
 
 
 def _turned(values: FloatArray) -> FloatArray:
-    """Return the value after each one, as `np.roll` does in ten times the time."""
+    """Return the value after each one, in a tenth of the time of `np.roll`."""
     return np.concatenate((values[1:], values[:1]))
 
 
 def _signed_area(polygon: FloatArray) -> float:
-    """Twice the area, positive if the polygon runs clockwise on the screen."""
+    """Return twice the area, positive if the polygon runs clockwise on the screen."""
     x, y = (polygon - polygon.mean(axis=0)).T
     return float(x @ _turned(y) - y @ _turned(x))
 
@@ -196,7 +198,7 @@ def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
 def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
     """Find the four points that enclose the largest area, in order round the polygon.
 
-    The sides of a square bend little: of whatever polygon follows them, no other four points
+    The sides of a square bend little: in any polygon that follows them, no other four points
     enclose as much. They are on the convex hull. On each side of a diagonal the point that is
     farthest from it lies where the hull turns past the diagonal's direction.
     """
@@ -219,7 +221,7 @@ def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
 
 
 def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
-    """Turn polylines so that each starts where the one before ends."""
+    """Reverse polylines so that each starts where the one before ends."""
 
     def gaps(ordered: list[FloatArray]) -> list[float]:
         following = [*ordered[1:], ordered[0]]
@@ -247,7 +249,7 @@ def _refuse_crossings(polygon: FloatArray, where: str) -> None:
     direction = end - start
 
     def side_of(point: FloatArray) -> FloatArray:
-        """On which side of every edge i each point j lies, shape (N, N)."""
+        """Return on which side of every edge i each point j lies, shape (N, N)."""
         relative = point[None] - start[:, None]
         return np.asarray(
             np.sign(

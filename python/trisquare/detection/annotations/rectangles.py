@@ -16,12 +16,12 @@ NO_FRAME = "a frame is a square with a hole, but targets names rectangles"
 def taken_as_rectangles(
     snapped: Sequence[SquareOutline | str], image_size: tuple[int, int], shape: RectangleShape
 ) -> list[SquareOutline | str]:
-    """Take the outlines of one picture for rectangles, whose side 0 is one of the longer two.
+    """Convert the outlines of one picture to rectangles, whose side 0 is one of the longer two.
 
     Parameters
     ----------
     snapped : sequence of SquareOutline or str
-        On their edges, or why they are not.
+        Outlines on their edges, or the reasons why they are not.
     image_size : (int, int)
         Width and height.
     shape : RectangleShape
@@ -29,7 +29,7 @@ def taken_as_rectangles(
     Returns
     -------
     list of SquareOutline or str
-        Frames are among those that are none.
+        Rectangles, or the reasons; frames are rejected.
     """
     solid = {
         number: outline.outer

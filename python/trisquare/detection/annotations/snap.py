@@ -19,56 +19,59 @@ from trisquare.detection.sampling import sample
 from trisquare.detection.squares.framed import alignment
 
 REACH = 8.0
-"""Pixels across a drawn line within which its edge is looked for: drawn within 5, and some more
-where two ends are off in opposite directions or the corner is drawn past its place."""
+"""Distance across a drawn line, pixels, within which its edge is searched: an error of 5, and some
+more where two ends are off in opposite directions or a corner is drawn past its place."""
 
 REACH_SHARE = 1.0 / 400.0
 """The same over the picture's longer side: a large photograph is drawn on at reduced size, where
-the same hand is off by more of its pixels."""
+the same hand movement is more of its pixels."""
 
 NARROW = 0.25
-"""Of a side's length, at most, so that the opposite side is out of reach."""
+"""Maximum of the same over a side's length, so that the opposite side is out of reach."""
 
 BULGE = 0.05
-"""Over the chord, how far a side may bend from what was drawn: strong lenses bend one by 4 %."""
+"""Maximum bend of a side from the drawn line, over its chord: strong lenses bend one by 4 %."""
 
 POSITIONS = 48
-"""Places along a side where the picture is read across it."""
+"""Number of positions along a side at which the picture is sampled across it."""
 
 FILTER = 4
-"""Pixels averaged on both sides of an edge: wider than the blur of a fairly defocused picture, and
-little enough to tell the outlines of a frame apart."""
+"""Number of pixels averaged on each side of an edge: wider than the blur of a fairly defocused
+picture, and narrow enough to separate the outlines of a frame."""
 
 ENDS = 17
 BULGES = 41
-"""Offsets tried for each end of a side, and for its sagitta: a pixel or two apart at first."""
+"""Numbers of offsets tried for each end of a side, and for its sagitta: a pixel or two apart at
+first."""
 
 REFINEMENTS = 2
-"""How often the best path's neighbours are tried again, at half the distance each time: half a
-pixel is finer than the filter resolves."""
+"""Number of refinements, each of which tries the best path's neighbours at half the distance: half
+a pixel is finer than the filter resolves."""
 
 NEARER = 0.4
-"""By how much a step counts less at the end of the reach than on the drawn line: of two edges that
-are equally strong, the one that was meant is nearer."""
+"""Relative reduction of a step's score at the end of the reach: of two equally strong edges, the
+nearer to the drawn line is the one that was meant."""
 
 MIN_STEP = 4.0
-"""Grey levels of 255 over a whole side, below which there is no edge."""
+"""Mean step over a whole side, grey levels of 255, below which there is no edge."""
 
 MIN_STEP_NOISES = 1.5
-"""The same over the typical step between the pixels around: along the best of ten thousand paths
+"""The same over the typical step between the pixels around: for the best of ten thousand paths
 through mere noise it is below one."""
 
 FARTHEST_CORNER = 4.0
-"""Reaches from a drawn corner to where the snapped sides meet: at an acute corner more than one."""
+"""Maximum distance, in reaches, from a drawn corner to where the snapped sides meet: at an acute
+corner it is more than one."""
 
 ENDING = 6
-"""Positions over which a side's direction at its end is read, an eighth of it."""
+"""Number of positions over which a side's direction at its end is measured, an eighth of it."""
 
 MIN_SINE = 0.2
-"""Of the angle between two sides: flatter than 12 degrees, no square can be measured."""
+"""Minimum sine of the angle between two sides: at less than 12 degrees a square cannot be
+measured."""
 
 PATH_POINTS = 32
-"""Points of a snapped side."""
+"""Number of points of a snapped side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +98,7 @@ def snap_to_edges(picture: NDArray[np.uint8], annotated: AnnotatedSquare) -> Squ
     Returns
     -------
     SquareOutline or str
-        Within a pixel or two of the edges; or which side of it has none.
+        Within a pixel or two of the edges; or a message that names the side without an edge.
     """
     outer = _snapped_outline(picture, annotated.outer)
     if isinstance(outer, str) or annotated.inner is None:
@@ -117,7 +120,7 @@ class _Path:
     step: float
     """Mean step of the picture across it."""
     score: float
-    """The same, less where the path is far from the drawn line."""
+    """The same, reduced where the path is far from the drawn line."""
 
     def offsets(self, along: FloatArray) -> FloatArray:
         """Pixels outward at positions from 0 to 1."""
@@ -127,7 +130,7 @@ class _Path:
 
 def _snapped_outline(picture: NDArray[np.uint8], annotated: AnnotatedOutline) -> Outline | str:
     sides = [_read_side(picture, side) for side in annotated.sides]
-    # All round its inside, an outline is darker or lighter than what is outside.
+    # On all sides of an outline, the inside is darker than the outside, or on all it is lighter.
     light, dark = ([_best_path(side, sign) for side in sides] for sign in (-1.0, 1.0))
     dark_inside = sum(path.score for path in dark) > sum(path.score for path in light)
     paths = dark if dark_inside else light
@@ -155,7 +158,7 @@ def _snapped_outline(picture: NDArray[np.uint8], annotated: AnnotatedOutline) ->
 
 
 def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
-    """Read the steps across a drawn side; outside the picture its border is continued."""
+    """Read the steps across a drawn side; the picture is continued beyond its border."""
     length = float(np.hypot(*(polyline[-1] - polyline[0])))
     reach = max(REACH, REACH_SHARE * max(picture.shape))
     reach = min(reach, NARROW * length)
@@ -178,7 +181,7 @@ def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
 def _best_path(side: _Side, sign: float) -> _Path:
     """Find the path with the strongest step of one sign, on a grid that is refined around it."""
     steps = sign * side.steps
-    # A short piece of something far more contrasty shall not outweigh an edge all along.
+    # A short piece of far higher contrast must not outweigh an edge along the whole side.
     strongest = max(float(np.median(steps.max(axis=1))), 0.0)
     steps = np.clip(steps, -strongest, strongest)
     middle = side.steps.shape[1] // 2
@@ -214,7 +217,7 @@ def _best_path(side: _Side, sign: float) -> _Path:
 
 
 def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
-    """Where the straight continuations of one side's end and the next one's start meet."""
+    """Return where the straight continuations of one side's end and the next one's start meet."""
     there, here = before[-1] - before[-ENDING], after[0] - after[ENDING - 1]
     cross = there[0] * here[1] - there[1] * here[0]
     if abs(cross) < MIN_SINE * np.hypot(*there) * np.hypot(*here):
@@ -224,7 +227,7 @@ def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
 
 
 def _at(polyline: FloatArray, shares: FloatArray) -> FloatArray:
-    """Points of a polyline at shares of its length."""
+    """Return points of a polyline at fractions of its length."""
     travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(polyline, axis=0).T)))
     places = shares * travelled[-1]
     return np.stack([np.interp(places, travelled, polyline[:, axis]) for axis in range(2)], axis=1)

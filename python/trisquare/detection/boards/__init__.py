@@ -1,1 +1,1 @@
-"""Chessboards: saddle points, the lattice that links them."""
+"""Chessboards: saddle points, and the lattice that links them."""

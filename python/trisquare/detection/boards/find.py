@@ -1,7 +1,7 @@
 """Chessboard-like lattices of a picture, one per plane.
 
-OpenCV reduces the picture; the core finds where its grey levels are curved as at a saddle, and
-links those places to lattices, from coarse to fine.
+OpenCV reduces the picture; the core finds the places where its grey levels are curved as at a
+saddle, and links them to lattices, from coarse to fine.
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from trisquare.detection.candidates import Lattice
 from trisquare.detection.grey import MIN_PICTURE
 
 FINEST = 1000
-"""Longest side in pixels of a picture that is searched as it is; a larger one is halved once,
-which leaves its smallest cells (10 pixels) five pixels. Where that shows crossings which make no
-lattice, as the rims of markers fade in it, the whole is searched as well."""
+"""Longer side, in pixels, of a picture that is searched at full size; a larger one is halved once,
+which leaves its smallest cells (10 pixels) five pixels. If the halved picture shows crossings that
+make no lattice, as the rims of markers fade in it, the full picture is searched as well."""
 
 COARSEST = 100
-"""Shortest side in pixels of the coarsest picture: a board in it has cells of five pixels."""
+"""Minimum shorter side, in pixels, of a reduced picture: a board in it has cells of five pixels."""
 
 MIN_SHARE = 0.5
-"""Of the crossings of a board of stated size, that must be seen: fewer may be something else."""
+"""Minimum fraction of the crossings of a board of stated size that are seen: fewer may be something
+else."""
 
 
 class LatticeSearch(NamedTuple):
-    """What a search for lattices found."""
+    """Result of a search for lattices."""
 
     lattices: list[Lattice]  # from the one of most crossings to the one of fewest
     crossings_beside: int
-    """Crossings of edges that are no lattice's, in the reduced picture."""
+    """Number of crossings of edges outside the lattices, in the reduced picture."""
 
 
 def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
@@ -53,7 +54,7 @@ def find_lattices(grey: NDArray[np.uint8]) -> list[Lattice]:
 
 
 def search_lattices(grey: NDArray[np.uint8]) -> LatticeSearch:
-    """As `find_lattices`, and tell how many crossings are beside them."""
+    """Find lattices as `find_lattices` does, and count the crossings outside them."""
     if min(grey.shape) < MIN_PICTURE:
         return LatticeSearch([], 0)
     found, crossings_beside = _core.find_lattices(grey, _pictures(grey))
@@ -61,10 +62,10 @@ def search_lattices(grey: NDArray[np.uint8]) -> LatticeSearch:
 
 
 def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list[Lattice]:
-    """Return which lattices are chessboards with `cols` x `rows` inner corners, in their order.
+    """Return the lattices that are chessboards with `cols` x `rows` inner corners, in their order.
 
-    Of each at least half of the crossings are seen; its rows run along the board's where it is as
-    large as the board.
+    At least half of each board's crossings are seen; the rows of a lattice as large as the board
+    are the board's rows.
     """
     boards = (_of_size(lattice, cols, rows) for lattice in lattices)
     return [board for board in boards if board is not None]
@@ -83,7 +84,7 @@ def _of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
 
 
 def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Pictures to search, each twice as fine as the one before."""
+    """Return the pictures to search, each twice as fine as the one before."""
     picture = grey
     if max(grey.shape) > FINEST and min(grey.shape) > COARSEST:
         picture = np.asarray(cv2.pyrDown(grey), dtype=np.uint8)
@@ -95,7 +96,7 @@ def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 
 
 def _lattice(crossings: NDArray[np.float64]) -> Lattice:
-    """Tell crossings that were found, shape (rows, cols, 2), from those that are NaN."""
+    """Build a lattice from crossings, shape (rows, cols, 2), which are NaN where none was found."""
     present = np.isfinite(crossings[..., 0])
     crossings[~present] = 0.0
     crossings.flags.writeable = present.flags.writeable = False

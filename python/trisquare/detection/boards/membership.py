@@ -1,8 +1,8 @@
-"""What belongs to a board that was found: its cells, their markers, and the sheet it is on.
+"""Parts of a board that was found: its cells, their markers, and the sheet it is on.
 
-Squares are looked for beside boards, and over them: somebody may hold one in front of another.
-What was seen of a board is painted over, and of the rest a square is told from the board's own
-parts by where it stands among the grid lines.
+Squares are searched for beside boards, and over them: somebody may hold one in front of another.
+The cells that were seen are painted over; in the rest, a square is distinguished from the board's
+own parts by its position among the grid lines.
 """
 
 from __future__ import annotations
@@ -14,46 +14,47 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.candidates import Lattice
 
 NEAREST = 16
-"""Crossings about a place by which it is numbered: those of four by four, from which lines that
-the lens bends are nearly straight."""
+"""Number of crossings nearest to a place from which its column and row are computed: four by four,
+over which lines that the lens bends are nearly straight."""
 
 RIM = 1.0
-"""Cells that every board goes on beyond its outermost crossings. There and within, what blur,
-glare and hands make of its cells is as large as one, and stands anywhere."""
+"""Distance, in cells, that every board extends beyond its outermost crossings. There and within,
+remains of its cells after blur, glare and hands are as large as a cell, at any place."""
 
 BEYOND = 2.0
-"""Cells that a board may go on beyond its outermost crossings: it has one more, and where something
-covers that or its edge, a row of crossings is lost too."""
+"""Maximum distance, in cells, that a board extends beyond its outermost crossings: it has one more
+cell, and where something covers that or its edge, a row of crossings is lost too."""
 
 LARGEST_PART = 1.4
-"""Cells: side of the largest part, a cell as large as the blur of both colours makes it."""
+"""Maximum side of a part, in cells: that of a cell enlarged by the blur of both colours."""
 
 OFF_CENTRE = 0.2
-"""Cells from the middle of a cell to that of a part, as much as the lens bends lines beyond the
-board; a square that was put there by chance is nearer once in six times."""
+"""Maximum distance from the middle of a cell to that of a part, in cells: as much as the lens bends
+lines beyond the board; a square placed by chance is nearer once in six times."""
 
 OFF_GRID = 0.25
-"""Sides of a part from its corners to where they were if it stood along the grid lines."""
+"""Maximum distance of a part's corners, in its sides, from where they were if it stood along the
+grid lines."""
 
 CELL_CROSSINGS = 4
-"""Crossings that are seen within what is under a board: those of a cell. Nothing over a board
-shows one, but for a corner or two that lie on its edge."""
+"""Minimum number of crossings within a quad that lies under a board: those of a cell. Within a
+square over a board none is seen, except for a corner or two on its edge."""
 
 
 def whole_cells(lattice: Lattice) -> FloatArray:
-    """Corners of all cells whose four crossings were found, in order round, shape (M, 4, 2)."""
+    """Return corners of all cells whose crossings were all found, in order round, (M, 4, 2)."""
     present, at = lattice.present, lattice.crossings
     whole = present[:-1, :-1] & present[:-1, 1:] & present[1:, 1:] & present[1:, :-1]
     return np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], axis=2)[whole]
 
 
 def belongs_to(lattice: Lattice, corners: FloatArray) -> bool:
-    """Whether a quad, corners of shape (4, 2), is a part of a lattice or lies under it."""
+    """Return whether a quad, corners of shape (4, 2), is a part of a lattice or lies under it."""
     return _is_under(lattice, corners) or _is_cell(lattice, corners)
 
 
 def _is_under(lattice: Lattice, corners: FloatArray) -> bool:
-    """Whether a quad shows the lattice within: a square over it would hide it."""
+    """Return whether the lattice is visible within a quad: a square over it would hide it."""
     polygon = corners.astype(np.float32)
     low, high = corners.min(axis=0), corners.max(axis=0)
     points = lattice.crossings[lattice.present]
@@ -65,7 +66,7 @@ def _is_under(lattice: Lattice, corners: FloatArray) -> bool:
 
 
 def _is_cell(lattice: Lattice, corners: FloatArray) -> bool:
-    """Whether a quad is no larger than a cell and on the board, or is as the cells beyond are."""
+    """Return whether a quad is no larger than a cell and on the board, or like cells beyond."""
     numbers = _numbers(lattice, corners)
     if numbers is None:
         return False
@@ -83,9 +84,9 @@ def _is_cell(lattice: Lattice, corners: FloatArray) -> bool:
 
 
 def _numbers(lattice: Lattice, points: FloatArray) -> FloatArray | None:
-    """Columns and rows of points, shape (N, 2), as the crossings nearby are numbered.
+    """Return columns and rows of points, shape (N, 2), by the numbers of the crossings nearby.
 
-    None where these leave it open.
+    None where these do not determine them.
     """
     rows, cols = np.nonzero(lattice.present)
     at = lattice.crossings[rows, cols]
@@ -99,6 +100,6 @@ def _numbers(lattice: Lattice, points: FloatArray) -> FloatArray | None:
         np.column_stack([some, np.ones(len(some))]) @ np.asarray(found, np.float64).T
         for some in (at[near], points)
     )
-    # Beyond the plane's horizon, on the other side than the crossings, nothing is seen of it.
+    # Points beyond the plane's horizon, on the other side from the crossings, are not on the plane.
     seen = (mapped[:, 2] * known[0, 2] > 0.0).all()
     return mapped[:, :2] / mapped[:, 2:] if seen else None

@@ -1,8 +1,8 @@
-"""Kalibr AprilGrids: from a few tags that are read, along the grid, to all that are there.
+"""Kalibr AprilGrids: from a few decoded tags, along the grid, to all that are there.
 
-Tags with borders of two cells touch small dark squares at their corners, so that few of their
-outlines come whole out of a threshold. But where a tag's neighbours are follows from the tag, and
-the corners are saddles, which are located without a threshold.
+Tags with borders of two cells touch small dark squares at their corners, so that a threshold
+separates few whole outlines. But a tag determines where its neighbours are, and the corners are
+saddles, which are located without a threshold.
 """
 
 from __future__ import annotations
@@ -28,42 +28,44 @@ from trisquare.detection.tags.find import shortest_side
 from trisquare.detection.tags.touching import find_touching_tags, on_saddles
 
 MIN_TAGS = 3
-"""Of a grid: two may still stand side by side by chance."""
+"""Minimum number of tags of a grid: two may still stand side by side by chance."""
 
 MIN_CROSSINGS = 4 * MIN_TAGS
-"""That a picture of a grid shows: those at the corners of its tags. The cells within make more:
-where grids of four tags were found, there were 34 and more."""
+"""Minimum number of crossings in a picture of a grid: those at the corners of its tags. The cells
+within make more: where grids of four tags were found, there were 34 and more."""
 
 MIN_AGREEMENT = 0.6
-"""Correlation between the cells of a tag and those of the code that has to be there. Any other code
-of the dictionary correlates to less than 0.4."""
+"""Minimum correlation between the cells of a tag and those of the expected code. Any other code of
+the dictionary correlates to less than 0.4."""
 
 NEAREST = 6
-"""Tags of a grid that tell where the next one is: they are close enough for any lens."""
+"""Number of tags of a grid that predict the next one's place: they are close enough for any
+lens."""
 
 AROUND = 9
-"""Tags of a grid, with its own, that tell where a tag is."""
+"""Number of tags of a grid, itself included, that predict a tag's place."""
 
 MIN_PROJECTIVE = 0.75
-"""Of their corners, that a homography has where the lens does not bend them."""
+"""Minimum fraction of their corners that fit a homography where the lens does not bend them."""
 
 MIN_ROBUST = 3
-"""Tags from which on a median tells the wrong corners among theirs."""
+"""Minimum number of tags for a robust fit, which identifies the wrong corners among theirs."""
 
 OFF_SURFACE = 0.06
-"""Of a tag's shortest side, by which a corner may be off what the tags around tell. Where a blurred
-tag is slanted, something else than its corner may look more like a saddle."""
+"""Maximum distance of a corner from where the tags around predict it, over the tag's shortest side.
+At a slanted, blurred tag, something else than its corner may look more like a saddle."""
 
 OFF_AXIS = 0.15
-"""Of a tag's side, by which a neighbour may seem to lie off its row, as it is small and blurred."""
+"""Maximum apparent distance of a neighbour from its row, over a tag's side, if it is small and
+blurred."""
 
 USUAL_GAPS = 0.05
 USUAL_GAP_ERROR = 0.01
-"""A gap that seems to be within the error of a multiple of the former is that."""
+"""A gap within the error of a multiple of the usual gap is taken as that multiple."""
 
 
 class GridTag(NamedTuple):
-    """A tag on a grid: column to the right and row down from the first that was read."""
+    """A tag on a grid; its place is the column and the row relative to the first one read."""
 
     number: int
     place: tuple[int, int]
@@ -86,32 +88,32 @@ class AprilGrid(NamedTuple):
 
 
 class Print(NamedTuple):
-    """What all grids of a picture have in common."""
+    """Properties that all grids of a picture have in common."""
 
     cols: int | None  # None where only one row is seen
     gap: float
-    turns: int  # of the code against the grid
+    turns: int  # quarter turns of the code relative to the grid
     climb: int  # rows down to the tag above in number: -1, as Kalibr counts, or 1
-    last: int | None  # of numbers modulo columns: that of the last column, where it is seen
+    last: int | None  # numbers modulo columns of the last column, if it is seen
 
     def ends_row(self, number: int) -> bool:
-        """Whether the next number is on another row."""
+        """Return whether the next number is on another row."""
         return self.cols is not None and self.last == number % self.cols
 
 
 class Pair(NamedTuple):
-    """Two tags side by side, by their indices, of which the second has the higher number."""
+    """Two tags side by side, by their indices; the second has the higher number."""
 
     first: int
     second: int
-    number: int  # of the first
-    more: int  # by which that of the second is higher
+    number: int  # that of the first tag
+    more: int  # number of the second less that of the first
     turn: int  # quarter turns clockwise from the right of the first one's code to the second one
     gap: float  # between them, over their side
 
 
 Steps: TypeAlias = "dict[int, list[tuple[int, int, int]]]"
-"""Of a tag's index, those of the tags beside it, with the columns and rows to them."""
+"""For a tag's index, those of the tags beside it, with the columns and rows to them."""
 
 
 def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[AprilGrid]:
@@ -163,7 +165,7 @@ def find_aprilgrids(grey: NDArray[np.uint8], name: str = WIDE_BORDERED) -> list[
 
 
 def _print(pairs: Sequence[Pair]) -> Print | None:
-    """Tell from pairs of neighbours how the grids are printed; None if there are none."""
+    """Determine from pairs of neighbours how the grids are printed; None if there are too few."""
     rows = Counter(pair.turn for pair in pairs if pair.more == 1)
     if not rows:
         return None
@@ -187,7 +189,7 @@ def _print(pairs: Sequence[Pair]) -> Print | None:
 def _last_column(pairs: Sequence[Pair], cols: int, turns: int) -> int | None:
     """Return the column, as numbers modulo columns, whose tags have none to their right.
 
-    But for those of another grid that lies beside theirs. None if several columns have as few.
+    Tags of another grid beside theirs are allowed for. None if several columns have as few.
     """
     on_right = Counter(pair.number % cols for pair in pairs if (pair.more, pair.turn) == (1, turns))
     fewest = min(on_right[column] for column in range(cols))
@@ -196,7 +198,7 @@ def _last_column(pairs: Sequence[Pair], cols: int, turns: int) -> int | None:
 
 
 def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
-    """Columns and rows from a pair's first tag to its second, if grids printed so have it."""
+    """Return columns and rows from a pair's first tag to its second, None if grids have no such."""
     if (pair.more, pair.turn) == (1, printed.turns):
         return None if printed.ends_row(pair.number) else (1, 0)
     if (pair.more, pair.turn) == (printed.cols, (printed.turns + printed.climb) % 4):
@@ -205,7 +207,7 @@ def _step(pair: Pair, printed: Print) -> tuple[int, int] | None:
 
 
 def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
-    """Yield each two tags that are side by side."""
+    """Yield every two tags that are side by side."""
     inverse = np.linalg.inv(homographies_from_unit_square(corners))
     points = corners.reshape(1, -1, 2)
     seen = np.array([cv2.perspectiveTransform(points, own) for own in inverse])
@@ -217,7 +219,7 @@ def _pairs(numbers: Sequence[int], corners: FloatArray) -> Iterator[Pair]:
         if more > 0:
             x, y = middles[first, second]
             turn = (0 if x > 0.0 else 2) if abs(x) > abs(y) else (1 if y > 0.0 else 3)
-            # A lens that shows the one smaller than the other misleads both, to opposite sides.
+            # A lens that shows one smaller than the other biases both, in opposite directions.
             gap = 0.5 * (far[first, second] + far[second, first]) - 1.0
             yield Pair(first, second, numbers[first], more, turn, gap)
 
@@ -234,7 +236,7 @@ def _steps(pairs: Sequence[Pair], printed: Print) -> Steps:
 
 
 def _joined(seed: int, steps: Steps) -> dict[tuple[int, int], int]:
-    """Tags by their places about a seed's, as far as steps lead from one to the next."""
+    """Return tags by their places relative to a seed, as far as steps lead from one to the next."""
     joined = {(0, 0): seed}
     following = [(seed, 0, 0)]
     while following:
@@ -250,7 +252,7 @@ def _joined(seed: int, steps: Steps) -> dict[tuple[int, int], int]:
 def _grown(
     grey: NDArray[np.uint8], seeds: Sequence[GridTag], printed: Print, name: str
 ) -> list[GridTag]:
-    """All tags of the grid that some of its tags belong to."""
+    """Return all tags of the grid that some of its tags belong to."""
     known = {seed.place: seed for seed in seeds}
     _settle(grey, known, printed.gap)
     tried: dict[tuple[int, int], int] = {}
@@ -270,7 +272,7 @@ def _grown(
 
 
 def _settle(grey: NDArray[np.uint8], known: dict[tuple[int, int], GridTag], gap: float) -> None:
-    """Put wrong corners where the tags around tell: they would lead farther and farther astray."""
+    """Replace wrong corners by those the tags around predict: errors would grow along the grid."""
     if len(known) < MIN_ROBUST:
         return
     expected = np.array([_by_all_around(known, place, gap) for place in known])
@@ -288,7 +290,7 @@ def _wanted(
     tried: dict[tuple[int, int], int],
     count: int,
 ) -> dict[tuple[int, int], int]:
-    """Numbers by the places beside known tags, unless these were tried with as many tags around."""
+    """Return numbers by places beside known tags, unless tried with as many tags around."""
     steps = [(1, 0, 1), (-1, 0, -1)]
     if printed.cols is not None:
         steps += [(0, printed.climb, printed.cols), (0, -printed.climb, -printed.cols)]
@@ -312,17 +314,16 @@ def _wanted(
 def _expected(
     known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
 ) -> FloatArray:
-    """Where the corners of the tag at a place are, shape (4, 2), by those nearest to it."""
+    """Return the corners of the tag at a place, (4, 2), as predicted by the tags nearest to it."""
     return _by_homography(*_around(known, place, gap, NEAREST))[0]
 
 
 def _by_all_around(
     known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float
 ) -> FloatArray:
-    """Where the corners of a known tag are, shape (4, 2), if it lies as those around it do.
+    """Return the corners of a known tag, shape (4, 2), as predicted by the tags around it.
 
-    Those are where a homography has them, or where the lens bends them as well, on a surface that
-    is smooth.
+    They follow a homography or, where the lens bends them as well, a smooth surface.
     """
     model, seen = _around(known, place, gap, AROUND)
     corners, fits = _by_homography(model, seen)
@@ -334,14 +335,14 @@ def _by_all_around(
 def _around(
     known: Mapping[tuple[int, int], GridTag], place: tuple[int, int], gap: float, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Corners of the known tags nearest to a place, about its own, and in the picture."""
+    """Return corners of the known tags nearest to a place, relative to it, and in the picture."""
     nearest = heapq.nsmallest(count, known.values(), key=lambda tag: math.dist(tag.place, place))
     steps = [(tag.place[0] - place[0], tag.place[1] - place[1]) for tag in nearest]
     return _model(steps, gap), np.array([tag.corners for tag in nearest])
 
 
 def _by_homography(model: FloatArray, seen: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Where the corners of the tag at the origin are, and which of those seen fit to that."""
+    """Return corners of the tag at the origin, and which of those seen fit the homography."""
     method = cv2.RANSAC if len(seen) >= MIN_ROBUST else 0
     off = OFF_SURFACE * min(shortest_side(quad) for quad in seen)
     homography, fits = cv2.findHomography(model.reshape(-1, 2), seen.reshape(-1, 2), method, off)
@@ -356,7 +357,7 @@ def _model(places: Sequence[tuple[int, int]], gap: float) -> FloatArray:
 
 
 def _covers(grid: AprilGrid, corners: FloatArray) -> NDArray[np.bool_]:
-    """Whether tags, shape (N, 4, 2), are a grid's."""
+    """Return whether tags, shape (N, 4, 2), belong to a grid."""
     own = np.array([tag.corners for tag in grid.tags])
     sides = np.linalg.norm(own - np.roll(own, 1, axis=1), axis=2).min(axis=1)
     off = corners.mean(axis=1)[:, None] - own.mean(axis=1)

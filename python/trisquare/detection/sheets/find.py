@@ -1,4 +1,4 @@
-"""Finding the sheets of a known layout in a picture, by their markers."""
+"""Detection of the sheets of a known layout in a picture, by their markers."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ from trisquare.detection.tags.find import Marker, detect_markers, shortest_side
 from trisquare.results.rejected import Rejected
 
 MIN_MARKERS = 3
-"""Of a sheet that has as many: two could still lie about by chance, and tell little."""
+"""Minimum number of markers of a sheet that has as many: two may lie so by chance, and determine
+little."""
 
 MAX_MISFIT = 0.5
-"""Of a marker's side: how far its corners may be from where the sheet's homography has them, or a
-smooth surface where a fisheye bends it. The strongest other lens bends a whole sheet of ten markers
-across by 0.4; a marker that belongs elsewhere is off by one or more."""
+"""Maximum distance, in a marker's side, of its corners from where the sheet's homography has them,
+or a smooth surface where a fisheye bends it. The strongest other lens bends a whole sheet of ten
+markers across by 0.4; a marker that belongs elsewhere is off by one or more."""
 
 MIN_SHARE = 0.8
-"""Of a sheet's markers, those that must fit."""
+"""Minimum fraction of a sheet's markers that fit."""
 
 MAX_SIZE_ERROR = 0.04
 MAX_SIZE_ERROR_PIXELS = 2.0
-"""Difference between the markers' stated side and that seen, over the side, and in pixels on top: a
+"""Maximum difference between the markers' stated side and that seen, over the side, plus pixels: a
 thresholded outline lies up to a pixel inside or outside of the edge."""
 
 
 class SheetMatch(NamedTuple):
-    """Markers that lie on a sheet as its layout says.
+    """Markers that lie on a sheet as in its layout.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class SheetMatch(NamedTuple):
         Width of the markers' black border, over their side.
     cells : ndarray of bool, shape (N, n, n)
         Which cells within the borders are light, in rows from a marker's first side on; n is 0
-        where that does not matter.
+        where they are not needed.
     """
 
     sheet: PrintedSheet
@@ -90,7 +91,7 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
 
 
 def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
-    """Put a grid that was found on the sheet of the layout that most of its tags are on."""
+    """Match a grid that was found with the sheet of the layout that has most of its tags."""
     count = len(layout.sheets[0].arrangements[0].corners)
     index, _ = Counter(tag.number // count for tag in grid.tags).most_common(1)[0]
     own = [tag.number // count == index for tag in grid.tags]
@@ -131,12 +132,12 @@ def _of_grid(
     corners: FloatArray,
     cells: NDArray[np.bool_],
 ) -> SheetMatch:
-    """Put a grid's tags on a sheet: each led to the next, however the lens bends."""
+    """Match all of a grid's tags with a sheet: each was found from its neighbours."""
     return SheetMatch(sheet, sheet.arrangements[0], model, corners, grid.border, cells)
 
 
 def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
-    """Detect markers with the layout's dictionary, or with the one that most readings tell of."""
+    """Detect markers of the layout's dictionary, or of the one that most readings belong to."""
     names = layout.dictionaries
     first, others = detect_markers(grey, names[0], BORDER)
     if len(names) > 1:
@@ -152,18 +153,18 @@ def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     if names[0] != WIDE_BORDERED:
         return first
     wide, _ = detect_markers(grey, names[0], WIDE_BORDER)
-    # Of as many, the wide ones: a wide border's inner half may pass for a narrow one's outline.
+    # If both find as many, the wide ones: a wide border's inner half may pass for a narrow border.
     return max(wide, first, key=len)
 
 
 class _Fit(NamedTuple):
-    """Markers of a sheet on one of its arrangements."""
+    """Markers of a sheet, compared with one of its arrangements."""
 
     arrangement: Arrangement
     model: FloatArray  # (N, 4, 2), sheet coordinates
     fits: NDArray[np.bool_]  # (N,)
     error: float  # median misfit, in markers' sides
-    is_bent: bool  # by the lens, so that no homography has them
+    is_bent: bool  # by the lens, so that no homography fits
 
     @classmethod
     def of(
@@ -175,7 +176,7 @@ class _Fit(NamedTuple):
         *,
         is_bent: bool,
     ) -> _Fit:
-        """Judge markers by the farthest of their corners from where they are expected."""
+        """Compare each marker's corners with those expected; the farthest one counts."""
         off = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
         misfit = np.where(np.isfinite(off), off, np.inf) / _sides(corners)
         fits = misfit < MAX_MISFIT
@@ -190,7 +191,7 @@ def _fit(
     border: float,
     cells: NDArray[np.bool_],
 ) -> SheetMatch | Rejected:
-    """Put markers on a sheet, or say why they are not on it."""
+    """Match markers with a sheet, or return the reason why they are not on it."""
     ways = [
         (arrangement, np.roll(arrangement.corners[places], turns, axis=1))
         for arrangement in sheet.arrangements
@@ -220,10 +221,10 @@ def _against(
     fits: NDArray[np.bool_],
     size: Callable[[], float],
 ) -> Rejected | None:
-    """Say why markers are not a stated sheet's, if they are not.
+    """Return a rejection if markers are not those of a stated sheet.
 
-    `fits` are those that are where it has them, `size` tells how many times as long as stated their
-    sides seem.
+    `fits` marks those that are in their stated places, `size` returns their apparent side over the
+    stated one.
     """
     if fits.mean() < MIN_SHARE:
         reason = f"its {len(corners)} markers are not where {text} has them"
@@ -253,7 +254,7 @@ def _on_smooth_surface(arrangement: Arrangement, model: FloatArray, corners: Flo
 
 
 def _size_seen(fit: _Fit, corners: FloatArray) -> float:
-    """Return markers' sides over those stated, by their middles alone where those suffice."""
+    """Return the markers' sides over those stated, from their middles alone if those suffice."""
     model, seen = fit.model[fit.fits], corners[fit.fits]
     middles, image_middles = model.mean(axis=1), _middles(seen)
     if fit.is_bent and len(middles) >= MIN_POINTS:
@@ -272,7 +273,7 @@ def _size_seen(fit: _Fit, corners: FloatArray) -> float:
 
 
 def _middles(corners: FloatArray) -> FloatArray:
-    """Where the diagonals of quadrilaterals cross, shape (N, 2): the images of squares' middles."""
+    """Return where quadrilaterals' diagonals cross, (N, 2): the images of squares' middles."""
     a, b, c, d = np.moveaxis(corners, 1, 0)
     ac, bd, ab = c - a, d - b, b - a
     cross = ac[:, 0] * bd[:, 1] - ac[:, 1] * bd[:, 0]

@@ -1,7 +1,7 @@
-"""Where the markers of a printed sheet are: ChArUco boards, grids of tags, and layouts from files.
+"""Places of the markers of a printed sheet: ChArUco boards, grids of tags, and layouts from files.
 
 Sheet coordinates: x right and y down on the sheet as it is read, the origin at its middle; the
-unit is a chess square, or a marker's side, or whatever a file is written in.
+unit is a chess square or a marker's side, in layouts from files that of the first marker.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ GRAMMAR = (
 )
 
 MAX_ACROSS = 100
-"""Markers or squares in a row: no dictionary has enough for a sheet of more both ways."""
+"""Maximum number of markers or squares in a row: no dictionary has enough for more both ways."""
 
 MIN_SQUARES = 3
-"""Chess squares each way."""
+"""Minimum number of chess squares each way."""
 
 RATIOS = (0.1, 0.99)
-"""Marker over square: below it nothing could be read, above it no white would be left."""
+"""Range of marker over square: below it nothing could be read, above it no white would be left."""
 
 GAPS = (0.01, 10.0)
-"""Gap over marker; of an AprilGrid ..."""
+"""Range of gap over marker; for an AprilGrid ..."""
 
 GRID_GAPS = (0.1, 1.0)
-"""... that which is looked for: beyond, its tags are no neighbours."""
+"""... that in which neighbours are searched for."""
 
 MAX_FILE_BYTES = 10_000_000
 
@@ -56,7 +56,7 @@ OF_KIND = {
     "apriltag": APRILTAG,
     "aprilgrid": (WIDE_BORDERED,),
 }
-"""Dictionaries that a layout's markers may be from if it names none."""
+"""Dictionaries of a layout's markers if it names none."""
 
 UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -68,9 +68,9 @@ class Arrangement:
     Attributes
     ----------
     corners : ndarray, shape (M, 4, 2)
-        Of every marker, clockwise from the top left of its code, sheet coordinates.
+        Corners of every marker, clockwise from the top left of its code, sheet coordinates.
     dark_corner : bool or None
-        Of a chessboard, whether its top left square is dark.
+        For a chessboard, whether its top left square is dark.
     """
 
     corners: FloatArray
@@ -86,17 +86,17 @@ class PrintedSheet:
     kind : str
         ``"charuco"`` or ``"sheet"``.
     arrangements : tuple of Arrangement
-        Those that go by the same name; the picture tells which it is.
+        Those that have the same name; the picture shows which it is.
     squares : tuple of int or None
         Chess squares across and down.
     rim : float
-        Of a chessboard, the white between a square's edges and its marker, over the square's side.
+        For a chessboard, the white between a square's edges and its marker, over the square's side.
     gap : float
         White round a marker before the next thing, over the marker's side.
     touching : bool
         Whether the markers' borders are two cells wide, and dark squares touch their corners.
     is_stated : bool
-        Whether the layout was given, not seen in the picture.
+        Whether the layout was given, rather than seen in the picture.
     """
 
     kind: str
@@ -115,13 +115,13 @@ class Layout:
     Attributes
     ----------
     text : str
-        As it was asked for.
+        The layout as it was requested.
     dictionaries : tuple of str
-        Those that the markers may be from.
+        Dictionaries of which one is the markers'.
     sheets : tuple of PrintedSheet
-        One that is repeated with further numbers, or those of a file.
+        One sheet that is repeated with further numbers, or those of a file.
     numbers : tuple of dict or None
-        Of each sheet of a file, the place of each marker number; None if the one sheet is
+        For each sheet of a file, the place of each marker number; None if the one sheet is
         repeated: sheet f carries the numbers from f M to f M + M - 1.
     """
 
@@ -131,7 +131,7 @@ class Layout:
     numbers: tuple[dict[int, int], ...] | None = None
 
     def place(self, number: int) -> tuple[int, int] | None:
-        """Sheet and place on it of a marker; None if it is on no sheet."""
+        """Return the sheet of a marker and its place on that; None if it is on no sheet."""
         if self.numbers is None:
             return divmod(number, len(self.sheets[0].arrangements[0].corners))
         for sheet, places in enumerate(self.numbers):
@@ -150,7 +150,7 @@ def parse_layout(text: str) -> Layout:
     Raises
     ------
     ValueError
-        If it is none; the message says what would be.
+        If it is invalid; the message gives the valid forms.
     """
     if text.lower().endswith(".json"):
         return _from_file(Path(text))
@@ -189,10 +189,10 @@ def parse_layout(text: str) -> Layout:
 
 
 def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
-    """Markers in the white squares, row by row.
+    """Return a ChArUco board, with markers in the white squares, row by row.
 
-    With an even number of rows the colour of the first square tells OpenCV's pattern from the one
-    that it had before 4.6.
+    With an even number of rows, the colour of the first square distinguishes OpenCV's pattern from
+    that before 4.6.
     """
     middle = np.array([cols, rows]) / 2.0
     rim = 0.5 * (1.0 - ratio)
@@ -207,7 +207,7 @@ def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
 
 
 def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
-    """Markers row by row, from the top as OpenCV counts them or from the bottom as Kalibr does."""
+    """Return markers row by row, from the top as in OpenCV, or from the bottom as in Kalibr."""
     x, y = np.meshgrid(np.arange(cols), np.arange(rows))
     cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
     corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
@@ -223,8 +223,7 @@ def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
 def _from_file(path: Path) -> Layout:
     """Read ``{"dictionary": ..., "sheets": [{"name": ..., "markers": {"7": [[x, y] x 4]}}]}``.
 
-    One sheet's ``markers`` may stand alone, without ``sheets``; dictionary and names may be left
-    out.
+    One sheet's ``markers`` may stand alone, without ``sheets``; dictionary and names are optional.
     """
     if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
         raise ValueError(f"{path}: too large for a layout")
@@ -276,7 +275,7 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict
             )
     if not isinstance(member.get("name", ""), str):
         raise ValueError(f"{path}: the name of sheet {index} must be a string")
-    # About the middle, in sides: the coordinates then neither lose digits nor condition badly.
+    # Relative to the middle, in sides: this keeps digits and good conditioning.
     all_corners = np.array(corners)
     middle = 0.5 * (all_corners.min(axis=(0, 1)) + all_corners.max(axis=(0, 1)))
     side = float(np.linalg.norm(all_corners[0, 1] - all_corners[0, 0]))

@@ -1,4 +1,4 @@
-"""Where a lens shows the points of a sheet that it bends: a robust cubic over the sheet."""
+"""A robust cubic over a sheet that maps its points to pixels where the lens bends it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 
 ROUNDS = 8
-"""Of reweighting."""
+"""Number of reweighting rounds."""
 
 MIN_SCALE = 0.1
-"""Pixels that are no error."""
+"""Minimum scale of the residuals in the weights, pixels."""
 
 MIN_POINTS = 20
-"""Twice as many as a cubic has terms: with fewer it would follow the points that are wrong."""
+"""Minimum number of points, twice that of a cubic's terms: with fewer it would follow wrong
+points."""
 
 
 class SmoothSurface(NamedTuple):
@@ -27,7 +28,7 @@ class SmoothSurface(NamedTuple):
 
     @classmethod
     def of(cls, model: FloatArray, seen: FloatArray) -> SmoothSurface:
-        """Fit one to points of a sheet, shape (N, 2), and where they are seen, likewise."""
+        """Fit a cubic to points of a sheet, shape (N, 2), and their pixels, likewise."""
         middle = model.mean(axis=0)
         extent = float(np.abs(model - middle).max())
         powers = _cubic((model - middle) / extent)
@@ -40,7 +41,7 @@ class SmoothSurface(NamedTuple):
         return cls(middle, extent, np.asarray(terms, np.float64))
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Return where points of the sheet, shape (..., 2), are seen."""
+        """Return the pixels of points of the sheet, shape (..., 2)."""
         flat = (points.reshape(-1, 2) - self.middle) / self.extent
         return np.asarray(_cubic(flat) @ self.terms).reshape(points.shape)
 

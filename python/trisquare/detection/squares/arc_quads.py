@@ -1,7 +1,7 @@
 """Quads of smooth edges: rectangles whose contour runs into the things around them.
 
-No threshold cuts out a sheet that something as light as itself touches, but most of each of its
-sides is an edge all the same. Edges are followed as arcs, with the lighter side on one hand; arcs
+No threshold separates a sheet from something equally light that touches it, but most of each of its
+sides is still an edge. Edges are followed as arcs, with the lighter side on one hand; arcs
 that continue one another are joined, and four that meet at corners make a quad.
 """
 
@@ -26,41 +26,42 @@ from trisquare.detection.squares.quads import (
 )
 
 WEAKEST, STRONGEST = 2.5, 5.0
-"""Grey levels a pixel: the gradient of an edge everywhere, and at its strongest point; a step of
-`MIN_CONTRAST` rises over 3 pixels."""
+"""Minimum gradients of an edge, everywhere and at its strongest point, grey levels per pixel; a
+step of `MIN_CONTRAST` rises over 3 pixels."""
 
 TOLERANCE = 0.6
-"""Deviation from an arc, pixels, of the mean of a few edge points."""
+"""Maximum deviation from an arc, pixels, of the mean of a few edge points."""
 
 SMALLEST_RADIUS = 0.275
-"""Radius of an arc over the picture's diagonal; stronger fisheyes than that bend a side more."""
+"""Minimum radius of an arc over the picture's diagonal; only stronger fisheyes bend a side more."""
 
 MAX_ARCS = 250
-"""The longest are taken."""
+"""Maximum number of arcs; the longest are used."""
 
 JOINED_TURN = 0.2
 JOINED_OFFSET = (1.5, 0.06)
-"""Radians between two arcs of one side, and how far one may be beside the other's continuation, in
-pixels and over the gap: a side that bends by 4 % turns by 0.3 from end to end."""
+"""Maximum angle between two arcs of one side, radians, and maximum distance of one from the other's
+continuation, in pixels plus a fraction of the gap: a side that bends by 4 % turns by 0.3 from end
+to end."""
 
 MAX_JOINED = 6
-"""Arcs of one side: five things that interrupt it."""
+"""Maximum number of arcs of one side: five interruptions."""
 
 MIN_CORNER_SINE = np.sin(np.deg2rad(25.0))
-"""Corners between 25 and 155 degrees."""
+"""Minimum sine of a corner's angle: corners between 25 and 155 degrees."""
 
 OVERRUN = 4.0
-"""Pixels that an edge may run on beyond a corner, along something that lies there."""
+"""Maximum distance, in pixels, by which an edge continues beyond a corner, along something else."""
 
 MIN_COVERED = 0.35
-"""Of a side, what its arcs must cover, and where it must show an edge: what lies beside it may be
-as light as the figure, or lighter."""
+"""Minimum fraction of a side that its arcs cover, and that shows an edge: what lies beside it may
+be as light as the figure, or lighter."""
 
 MAX_GAP = 1.0 / MIN_COVERED - 1.0
-"""Between arcs and beyond them, over their length."""
+"""Maximum gap between arcs and beyond them, over their length."""
 
 MAX_QUADS = 150
-"""Of each polarity, those that are covered best are measured."""
+"""Maximum number of quads of each polarity, those that are covered best."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +77,7 @@ class _Edges:
 
     @classmethod
     def of(cls, arcs: list[FloatArray]) -> _Edges:
-        """Take arcs as they are."""
+        """Build edges from single arcs."""
         tangents = np.array([_tangents(arc) for arc in arcs]).reshape(-1, 2, 2)
         starts = np.array([arc[0] for arc in arcs]).reshape(-1, 2)
         ends = np.array([arc[-1] for arc in arcs]).reshape(-1, 2)
@@ -84,7 +85,7 @@ class _Edges:
         return cls(arcs, starts, ends, tangents[:, 0], tangents[:, 1], covered)
 
     def joined(self) -> _Edges:
-        """Return all runs of edges of which each is the nearest that continues the one before."""
+        """Return all runs of edges in which each is the nearest that continues the one before."""
         gaps = self.starts[None] - self.ends[:, None]  # (S, S, 2), from one to the next
         distances = np.linalg.norm(gaps, axis=-1)
         most = JOINED_OFFSET[0] + JOINED_OFFSET[1] * distances
@@ -120,7 +121,7 @@ class _Edges:
         )
 
     def corners(self) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Tell where the end of each edge meets the start of each other, (S, S, 2), and if."""
+        """Return where each edge's end meets each other's start, (S, S, 2), and if it does."""
         sines = _cross(self.arriving[:, None], self.leaving[None])
         meet = sines >= MIN_CORNER_SINE
         gaps = self.starts[None] - self.ends[:, None]
@@ -144,7 +145,7 @@ def find_arc_quads(smooth: NDArray[np.float32]) -> Quads:
     Returns
     -------
     Quads
-        Of both polarities, those with the most edge first; some of one outline.
+        Of both polarities, those with the most edge first; several may show one outline.
     """
     arcs = _core.find_arcs(
         np.ascontiguousarray(smooth),
@@ -166,7 +167,7 @@ def find_arc_quads(smooth: NDArray[np.float32]) -> Quads:
 
 
 def edge_shares(smooth: NDArray[np.float32], quads: Quads) -> FloatArray:
-    """Share of each side's points that show an edge of the quad's own sign, shape (Q, 4)."""
+    """Return the fraction of each side's points with an edge of the quad's own sign, (Q, 4)."""
     across = CLEARANCE * quads.normals[:, :, None]
     steps = sample(smooth, quads.sides + across) - sample(smooth, quads.sides - across)
     steps *= np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
@@ -174,7 +175,7 @@ def edge_shares(smooth: NDArray[np.float32], quads: Quads) -> FloatArray:
 
 
 def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
-    """Sides of all quads, clockwise on the screen, that edges make, (Q, 4, POINTS_PER_SIDE, 2)."""
+    """Return the sides of all quads made of edges, clockwise, (Q, 4, POINTS_PER_SIDE, 2)."""
     if len(arcs) < 4:
         return np.empty((0, 4, POINTS_PER_SIDE, 2))
     edges = _Edges.of(arcs).joined()
@@ -215,7 +216,7 @@ def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
 
 
 def _sampled(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Points of a side at `FRACTIONS` of its chord, along its edge where that is in sight."""
+    """Return points of a side at `FRACTIONS` of its chord, along its edge where that is visible."""
     chord = end - start
     length = np.hypot(*chord)
     outward = np.array([chord[1], -chord[0]]) / length

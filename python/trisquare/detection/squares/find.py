@@ -1,7 +1,7 @@
 """Coarse outlines of squares, tags and rectangles in a photograph.
 
-The outlines are good to a pixel or two and exist to tell the measurement of the edges where to
-look; no figure of a calibration depends on their accuracy.
+The outlines are accurate to a pixel or two. They only tell the edge measurement where to look; no
+result of a calibration depends on their accuracy.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ from trisquare.detection.tags.find import detect_markers
 from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
 
 WIDEST_BAR = 14.0
-"""Pixels: what a fit to the pixels reads about one side of a wider bar, the other does not blur."""
+"""Width in pixels up to which the second edge of a bar blurs the pixels that the fit to the first
+one reads."""
 
 
 def find_squares(
@@ -56,12 +57,12 @@ def find_squares(
     image : ndarray of uint8, uint16 or float32, shape (H, W) or (H, W, 3)
         Grey or BGR.
     tag_search : TagSearch, optional
-        Without it tags are not looked for.
+        Without it tags are not searched for.
     enough : int
-        Squares below which the picture is searched again at half its size.
+        Number of squares below which the picture is searched again at half its size.
     is_known : callable
-        From the corners of a quad, shape (4, 2), to whether it is known to be something else: then
-        it is no small tag that remains to be read.
+        Takes the corners of a quad, shape (4, 2); returns whether it is known to be something else,
+        so that it is not a small tag that remains to be read.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def find_squares(
     if tag_search is not None and (unknown := [quad for quad in unread if not is_known(quad)]):
         names |= dictionaries_of_small_tags(grey, unknown, tag_search)
     further = _further_tags(grey, squares, names)
-    # What stands within a tag, or holds one, is a cell or the sheet.
+    # A square within a tag is one of its cells; one that contains a tag is the sheet.
     if further:
         within = are_among(_corners(squares), _corners(further)).tolist()
         squares = [it for it, is_cell in zip(squares, within, strict=True) if it.tag or not is_cell]
@@ -93,7 +94,7 @@ def find_squares(
 def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> list[SquareOutline]:
     """Find rectangles of a shape, on any ground and with anything inside.
 
-    Their side 0 is one of the longer two. Otherwise as `find_squares`.
+    Side 0 is one of the longer two. Otherwise as `find_squares`.
     """
     grey = grey_bytes(image)
     picture, scale = working_picture(grey)
@@ -119,9 +120,9 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
 def _squares_of(
     grey: NDArray[np.uint8], picture: NDArray[np.uint8], scale: int, tag_search: TagSearch | None
 ) -> tuple[list[SquareOutline], FloatArray]:
-    """Squares of a smooth picture in pixels of the photograph, `scale` to one of its own.
+    """Find squares of a smooth picture, in pixels of the photograph, `scale` to one of its own.
 
-    And the dark quads, with something in them, that are none of these squares, shape (Q, 4, 2).
+    Also return the dark quads with something inside that are none of these squares, (Q, 4, 2).
     """
     smooth = picture.astype(np.float32)
     coarse = find_quads(picture, smooth)
@@ -161,9 +162,9 @@ def _squares_of(
 def _further_tags(
     grey: NDArray[np.uint8], found: list[SquareOutline], names: set[str]
 ) -> list[SquareOutline]:
-    """Find tags that are too small for the working picture, of the dictionaries that are there.
+    """Find tags too small for the working picture, of the dictionaries that are present.
 
-    OpenCV's detector has to be told of a dictionary, and is, once other tags have named it.
+    OpenCV's detector needs the name of a dictionary, which other tags have given.
     """
     further: list[SquareOutline] = []
     tagged = [square for square in found if square.tag is not None]

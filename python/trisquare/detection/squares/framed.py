@@ -1,8 +1,8 @@
-"""Which curved quads are squares on a ground: solid ones, and frames of two outlines.
+"""Selection of the curved quads that are squares on a ground: solid ones, and frames.
 
-A figure stands alone on its ground: the ground surrounds it, beyond the corners too, where a
+A figure stands alone on its ground: the ground surrounds it, also beyond the corners, where a
 cell of a chessboard meets the next dark cell. Inside, it is either uniform or has exactly one
-concentric square of the ground's kind; or it is a tag, whose inside is read by others.
+concentric square of the ground's kind; or it is a tag, whose inside is decoded elsewhere.
 """
 
 from __future__ import annotations
@@ -20,70 +20,76 @@ from trisquare.detection.sampling import sample
 from trisquare.detection.squares.quads import Quads, in_box
 
 TagReader = Callable[[NDArray[np.intp]], Sequence[Tag | None]]
-"""Tells which of the quads with these indices, dark and standing alone, are tags."""
+"""Returns a tag or None for each quad with these indices, which are dark and stand alone."""
 
 CLEARANCE = 2.0
-"""Pixels from the outline at which the levels of figure and ground are told: most of the blur is
-passed there, and the narrow rim of a sheet seen from the side is not."""
+"""Distance from the outline, pixels, at which the levels of figure and ground are read: beyond most
+of the blur, but within the narrow rim of a sheet seen from the side."""
 
 MAX_CORNER_REACH = 9.0
-"""Pixels beyond an acute corner at most: the ground's margin may be narrow."""
+"""Maximum distance beyond an acute corner, pixels: the ground's margin may be narrow."""
 
 MIN_GROUND_SHARE = 0.97
-"""Of the points around the outline, those that must be on the ground's side; noise takes few."""
+"""Minimum fraction of the points around the outline on the ground's side; noise affects few."""
 
 MAX_HIDDEN = 0.35
-"""Share of one side beside which something else may lie: a quarter and the blur of its rim."""
+"""Maximum fraction of one side beside which something else lies: a quarter and the blur of its
+rim."""
 
 GROUND_LEVEL = 0.2
-"""Steps beyond the middle of figure and ground at which a point counts as ground."""
+"""Distance from the middle of figure and ground, over their step, beyond which a point is
+ground."""
 
 INTERIOR_GRID = 13
 INTERIOR_MARGIN = 0.1
-"""The grid that is looked at inside, and what it leaves out at the sides, of the square's width."""
+"""Points per side of the grid inside, and its margin at the sides, over the square's width."""
 
 MAX_UNEVENNESS = 0.2
 MAX_UNEVEN_SHARE = 0.03
-"""Share of the inside that may differ from its plane of light by this part of the step ..."""
+"""Deviation from the plane of light inside, over the step, beyond which a point is uneven; and the
+maximum fraction of such points ..."""
 
 UNEVEN_PER_HIDDEN = 0.35
-"""... and what may be added to it per part of a side without an edge of its own: a finger or glare
-over a quarter of a side covers up to 8 % of the inside."""
+"""... and its increase per fraction of a side without an edge of its own: a finger or glare over a
+quarter of a side covers up to 8 % of the inside."""
 
 MIN_RING_SHARE = 0.85
-"""Of the points around a frame's hole, those that must be on its ring, two sides in part hidden."""
+"""Minimum fraction of the points around a frame's hole on its ring, two sides being partly
+hidden."""
 
 FRAME_TOLERANCE = 0.03
 FRAME_TOLERANCE_PIXELS = 2.0
-"""How far a frame's inner corners may be from a concentric square, over the outer side, and in
-pixels on top: strong distortion moves them by 2 %, and acute corners are coarse by a pixel."""
+"""Maximum distance of a frame's inner corners from a concentric square, over the outer side, plus
+pixels: strong distortion moves them by 2 %, and acute corners are inaccurate by a pixel."""
 
 FRAME_SIZES = (0.15, 0.75)
-"""Inner over outer side of a frame. A thinner ring may as well be the rim of a sheet of paper,
-cut by hand; then the inner outline alone is the square, which is true of a thin frame too."""
+"""Range of inner over outer side of a frame. A thinner ring may as well be the rim of a sheet of
+paper, cut by hand; then the inner outline alone is the square, which is correct for a thin frame
+too."""
 
 MIN_RATIO = 0.5
-"""Of the areas of two outlines that lie right beside each other."""
+"""Minimum ratio of the areas of two outlines that lie right beside each other."""
 
 MIN_RELATIVE_SIDE = 0.4
-"""Of the third largest figure's mean side, when there are more than three. A smaller square adds
-next to nothing to the calibration, and most are cells of boards with their neighbours hidden,
-or clutter."""
+"""Minimum mean side over that of the third largest figure, if there are more than three. A smaller
+square adds next to nothing to the calibration, and most are cells of boards whose neighbours are
+hidden, or clutter."""
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-"""Corners of the square in which one quad within another is looked at."""
+"""Corners of the square to which a quad is mapped to compare another one with it."""
 
 MAX_LEVEL_DIFFERENCE = 0.15
-"""Steps between the ground inside a frame and around it. More means a square on a sheet of its
-own on some other ground, not a frame: the sheet's rim is cut by hand and no part of the figure."""
+"""Maximum difference of the ground inside a frame from that around it, over the step. A larger one
+means a square on a sheet of its own on some other ground, not a frame: the sheet's rim is cut by
+hand and is not part of the figure."""
 
 
 @dataclass(frozen=True, slots=True)
 class FramedSquare:
     """Indices of a square's outlines among the quads; `inner` is a frame's inner outline.
 
-    Right `beside` a square's outline there may be another, of a frame too thin for two or of the
-    sheet.
+    `beside` is another outline right beside the square's, if there is one: of a thin frame or of
+    the sheet.
     """
 
     outer: int
@@ -95,7 +101,7 @@ class FramedSquare:
 def find_framed_squares(
     picture: NDArray[np.float32], quads: Quads, read_tags: TagReader | None = None
 ) -> list[FramedSquare]:
-    """Tell squares, frames and tags from everything else that has four sides.
+    """Select the squares, frames and tags among quads.
 
     Parameters
     ----------
@@ -103,7 +109,7 @@ def find_framed_squares(
     quads : Quads
         Each outline once.
     read_tags : callable, optional
-        Without it no tags are looked for.
+        Without it tags are not searched for.
     """
     if len(quads) == 0:
         return []
@@ -112,7 +118,7 @@ def find_framed_squares(
     standing_alone = _standing_alone(picture, quads, ground, figure, on_ground)
     uniform = are_uniform(picture, quads)
     solid = standing_alone & uniform
-    # What comes over a frame's ring may end at a corner of the hole.
+    # Something that covers a frame's ring may end at a corner of the hole.
     hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     middles = quads.corners.mean(axis=1)
@@ -139,7 +145,7 @@ def find_framed_squares(
         candidates = np.flatnonzero(standing_alone & ~uniform & quads.dark_inside)
         read = zip(candidates.tolist(), read_tags(candidates), strict=True)
         tags = [FramedSquare(i, None, tag) for i, tag in read if tag is not None]
-    # Cells of a tag are no squares of their own.
+    # Cells of a tag are not squares of their own.
     figures = solids + frames
     cells = _held_by(quads, tags, figures)
     figures = _innermost(quads, areas, tags, [f for f in figures if f.outer not in cells])
@@ -148,7 +154,7 @@ def find_framed_squares(
 
 
 def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[str]:
-    """Say of each quad that `find_framed_squares` rejected what speaks against it.
+    """Return the reason for which `find_framed_squares` rejected each quad.
 
     Parameters
     ----------
@@ -180,7 +186,7 @@ def _standing_alone(
     figure: FloatArray,
     on_ground: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """Whether the ground surrounds each quad, but for what may lie over one side."""
+    """Return whether the ground surrounds each quad, except for what may lie over one side."""
     beyond_corners = _ground_beyond_corners(picture, quads, ground, figure)
     return _but_for_one_run(on_ground) & beyond_corners
 
@@ -188,28 +194,28 @@ def _standing_alone(
 def _levels_beside_sides(
     picture: NDArray[np.float32], quads: Quads
 ) -> tuple[FloatArray, FloatArray]:
-    """Grey levels just outside and just inside the sides, each (Q, 4, N), the ends left out."""
+    """Return grey levels just outside and inside the sides, each (Q, 4, N), without the ends."""
     step = CLEARANCE * quads.normals[:, :, None]
     points = quads.sides[:, :, 2:-2]
     return sample(picture, points + step), sample(picture, points - step)
 
 
 def _on_ground(quads: Quads, ground: FloatArray, figure: FloatArray) -> NDArray[np.bool_]:
-    """Which points beside the sides, (Q, 4, N), are on the ground's side of the middle."""
+    """Return which points beside the sides, (Q, 4, N), are on the ground's side of the middle."""
     sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None, None]
     middle = _middle(ground, figure)[..., None]
     return np.asarray(sign * (ground - middle) > GROUND_LEVEL * quads.contrasts[..., None])
 
 
 def _middle(ground: FloatArray, figure: FloatArray) -> FloatArray:
-    """Grey level between ground and figure for each side, (Q, 4)."""
+    """Return the grey level between ground and figure for each side, (Q, 4)."""
     return np.asarray(0.5 * (np.median(ground, axis=2) + np.median(figure, axis=2)))
 
 
 def _ground_beyond_corners(
     picture: NDArray[np.float32], quads: Quads, ground: FloatArray, figure: FloatArray
 ) -> NDArray[np.bool_]:
-    """Whether there is ground beyond the four corners of each quad."""
+    """Return whether there is ground beyond the four corners of each quad."""
     sign = np.where(quads.dark_inside, 1.0, -1.0)[:, None]
     middle = _middle(ground, figure)
     along = np.diff(quads.sides, axis=2)
@@ -227,7 +233,7 @@ def _ground_beyond_corners(
 
 
 def _but_for_one_run(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the points (Q, 4, N) are on the ground but for a few, and one run on one side."""
+    """Return whether points (Q, 4, N) are on the ground, except a few and one run on one side."""
     shares = on_ground.mean(axis=2)
     spoilt = np.take_along_axis(on_ground, shares.argmin(axis=1)[:, None, None], axis=1)[:, 0]
     count = on_ground.shape[2]
@@ -241,7 +247,7 @@ def _but_for_one_run(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _interior_grid() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weigh the corners at each point, (N, 4); planes there, (3, N), and what fits them, (N, 3)."""
+    """Return corner weights at each point, (N, 4), planes there, (3, N), and their fit, (N, 3)."""
     fractions = np.linspace(INTERIOR_MARGIN, 1.0 - INTERIOR_MARGIN, INTERIOR_GRID)
     u, v = (grid.ravel() for grid in np.meshgrid(fractions, fractions))
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v], axis=1)
@@ -253,7 +259,7 @@ _INTERIOR_WEIGHTS, _PLANES, _FIT_OF_PLANE = _interior_grid()
 
 
 def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]:
-    """Whether the inside of each quad is even but for a plane of light."""
+    """Return whether the inside of each quad is uniform, except for a plane of light."""
     values = sample(picture, np.einsum("nc,qci->qni", _INTERIOR_WEIGHTS, quads.corners))
     values -= (values @ _FIT_OF_PLANE) @ _PLANES
     values -= np.median(values, axis=1, keepdims=True)
@@ -264,7 +270,7 @@ def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]
 
 
 def _concentric_size(quads: Quads, outer: int, inner: int) -> float | None:
-    """Size of a quad over another's, if it is a concentric, parallel square in their plane."""
+    """Return a quad's size over another's, if both are concentric, parallel squares."""
     corners = quads.corners[outer]
     mapped = seen_in_square(quads.corners[inner], corners)
     mapped = np.roll(mapped, alignment(mapped, SQUARE), axis=0)
@@ -279,7 +285,7 @@ def _is_hole(size: float | None) -> bool:
 
 
 def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index: int) -> int | None:
-    """Return the outline, about a quad's or within it, at which a bar ends that begins there."""
+    """Return the other outline of a bar that begins at a quad's outline, around or within it."""
     ratios = areas / areas[index]
     near = (ratios > MIN_RATIO) & (ratios < 1.0 / MIN_RATIO)
     near &= quads.dark_inside != quads.dark_inside[index]
@@ -293,7 +299,7 @@ def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index:
 
 
 def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
-    """Where corners, shape (4, 2), lie if the quad `outer`, shape (4, 2), is seen as `SQUARE`."""
+    """Map corners, shape (4, 2), by the homography from the quad `outer`, (4, 2), to `SQUARE`."""
     square_from_image = cv2.getPerspectiveTransform(
         outer.astype(np.float32), SQUARE.astype(np.float32)
     )
@@ -301,13 +307,13 @@ def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
 
 
 def _same_ground(around: FloatArray, within: FloatArray, contrasts: FloatArray) -> bool:
-    """Whether the ground is the same around a frame and within it, sides averaged."""
+    """Return whether the ground is the same around a frame and within it, sides averaged."""
     difference = np.median(around, axis=1).mean() - np.median(within, axis=1).mean()
     return bool(abs(difference) < MAX_LEVEL_DIFFERENCE * contrasts.mean())
 
 
 def alignment(corners: FloatArray, reference: FloatArray) -> int:
-    """How many places to roll `corners` (4, 2) so that they go with `reference` (4, 2)."""
+    """Return how many places to roll `corners` (4, 2) to match `reference` (4, 2)."""
     distances = [np.sum((np.roll(corners, k, axis=0) - reference) ** 2) for k in range(4)]
     return int(np.argmin(distances))
 
@@ -315,7 +321,7 @@ def alignment(corners: FloatArray, reference: FloatArray) -> int:
 def _innermost(
     quads: Quads, areas: FloatArray, tags: list[FramedSquare], figures: list[FramedSquare]
 ) -> list[FramedSquare]:
-    """Drop figures that hold a tag or another figure: a sheet of paper is no square of its own."""
+    """Drop figures that contain a tag or another figure: a sheet of paper is not a square."""
     kept = list(tags)
     middles = quads.corners.mean(axis=1)
     is_kept = np.zeros(len(quads), dtype=bool)
@@ -330,7 +336,7 @@ def _innermost(
 def _held_by(
     quads: Quads, holders: Sequence[FramedSquare], figures: Sequence[FramedSquare]
 ) -> set[int]:
-    """Outer outlines of the figures whose middle lies in one of the holders."""
+    """Return the outer outlines of the figures whose middle lies in one of the holders."""
     middles = quads.corners.mean(axis=1)
     outers = [figure.outer for figure in figures]
     return {
@@ -342,19 +348,19 @@ def _held_by(
 
 
 def _holds_any(quads: Quads, figure: FramedSquare, points: FloatArray) -> bool:
-    """Whether one of some points, shape (N, 2), lies in a figure."""
+    """Return whether any of some points, shape (N, 2), lies in a figure."""
     outline = _outline(quads, figure)
     near = points[in_box(outline, points)].tolist()
     return any(cv2.pointPolygonTest(outline, point, False) >= 0 for point in near)
 
 
 def _outline(quads: Quads, figure: FramedSquare) -> NDArray[np.float32]:
-    """Points around a figure, shape (N, 2)."""
+    """Return points around a figure, shape (N, 2)."""
     return np.asarray(quads.sides[figure.outer].reshape(-1, 2), dtype=np.float32)
 
 
 def of_comparable_size(quads: Quads, indices: Sequence[int]) -> list[int]:
-    """Drop quads far smaller than the three largest of those with some indices."""
+    """Drop quads far smaller than the three largest of those with the given indices."""
     if len(indices) <= 3:
         return list(indices)
     # Sides rather than areas: a square seen from the side keeps its length.

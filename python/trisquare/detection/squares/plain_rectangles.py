@@ -1,7 +1,7 @@
 """Rectangles of a known or an unknown shape: sheets of paper, cards, screens.
 
-They lie on whatever there is and may bear anything, so that neither the ground nor the inside needs
-to be even. What tells them from other four-sided things is their shape.
+They lie on any ground and may carry any print, so that neither the ground nor the inside needs to
+be uniform. Their shape distinguishes them from other four-sided things.
 """
 
 from __future__ import annotations
@@ -26,27 +26,28 @@ from trisquare.detection.squares.rectangle_shape import RectangleShape
 from trisquare.detection.squares.rectified import seen_together
 
 MIN_INLIERS = (0.55, 0.4)
-"""Share of a side's points that must lie on its curve, and of the weakest side's: what lies beside
+"""Minimum fraction of a side's points on its curve, and that of the weakest side: what lies beside
 a sheet may be as light as the sheet."""
 
 DRAWING_BONUS = 0.1
-"""Deviation by which a drawing in the middle of its sheet may be worse than the sheet, whose shape
-with equal margins is nearly its own."""
+"""Excess of a drawing's deviation over its sheet's up to which the drawing is preferred: in the
+middle of a sheet with equal margins it has nearly the sheet's shape."""
 
 CORNER_ERROR = 2.0
-"""Pixels by which corners may be off here: small figures have the shape by chance."""
+"""Assumed error of the corners, pixels: small figures have the shape by chance."""
 
 MIN_DRAWING = 0.25
-"""Area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
+"""Minimum area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
 
 MIDDLE = 0.08
-"""How far the middle of a drawing may be from its sheet's, over half the sheet."""
+"""Maximum distance of a drawing's middle from its sheet's, over half the sheet."""
 
 
 def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
-    """Keep of quads that share a corner that with the most edge: one corner is one rectangle's.
+    """Keep, of quads that share a corner, the one with the most edge.
 
-    With a piece of something else for a side, three sides of a sheet make a quad, too.
+    A corner belongs to one rectangle only, but three sides of a sheet and a piece of something else
+    make a quad, too.
     """
     corners, sizes = quads.corners, np.sqrt(quads.areas)
     kept: list[int] = []
@@ -62,10 +63,10 @@ def find_rectangles(
 ) -> NDArray[np.intp]:
     """Return the indices of the quads that are figures of their own, none within another.
 
-    Of a sheet and what lies on it, that counts which is nearer to the shape that is looked for: a
-    drawing in the middle of its sheet, but not a label, nor a picture that is much smaller. Where
-    any shape will do, what is even and stands alone, as a drawing, comes first; of all others the
-    outermost counts, whatever it bears.
+    Of a sheet and what lies on it, the quad nearer to the given shape is kept: a drawing in the
+    middle of its sheet, but not a label, nor a picture that is much smaller. For any shape, quads
+    that are uniform and stand alone, as a drawing, come first; of all others the outermost is kept,
+    whatever it carries.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def find_rectangles(
     quads : Quads
         Each outline once.
     aspect : float, optional
-        The longer side over the shorter; with None any will do.
+        The longer side over the shorter; None for any.
     """
     solid = [figure.outer for figure in find_framed_squares(picture, quads)]
     if aspect is None:
@@ -93,7 +94,7 @@ def find_rectangles(
 
 
 def _is_drawing(quads: Quads, inner: int) -> bool:
-    """Tell whether a quad has equal opposite margins within another, much of which it fills."""
+    """Return whether a quad has equal opposite margins within another, of which it fills much."""
     is_sheet = quads.areas * MIN_DRAWING <= quads.areas[inner]
     is_sheet[inner] = False
     sheets = quads.corners[is_sheet]
@@ -101,7 +102,7 @@ def _is_drawing(quads: Quads, inner: int) -> bool:
 
 
 def _is_in_the_middle(inner: FloatArray, outer: FloatArray) -> bool:
-    """Tell whether the diagonals of one quad, corners (4, 2), have the middle of another's."""
+    """Return whether the diagonals of one quad, corners (4, 2), have the middle of another's."""
     mapped = seen_in_square(inner, outer)
     middles = 0.5 * (mapped[:2] + mapped[2:])
     return bool(np.abs(mapped).max() < 1.0 and np.abs(middles).max() < MIDDLE)
@@ -110,6 +111,6 @@ def _is_in_the_middle(inner: FloatArray, outer: FloatArray) -> bool:
 def turns_to_longer_side(
     corners: FloatArray, image_size: tuple[int, int], shape: RectangleShape
 ) -> NDArray[np.intp]:
-    """How far to roll the sides of each quad, corners (Q, 4, 2), so that the longer comes first."""
+    """Return how far to roll the sides of quads, corners (Q, 4, 2), to start with the longer."""
     _, longer = seen_together(corners, image_size, shape.aspect)
     return np.where(longer, 0, -1)

@@ -1,8 +1,8 @@
-"""Four-cornered contours of a picture, found at many grey levels: where squares may be.
+"""Four-cornered contours of a picture at many grey levels: where squares may be.
 
-A threshold between figure and ground turns a square into one connected region whatever its
-sides look like, so sides bent by the lens need no special care here. No single level suits a
-whole picture under uneven light; a figure is looked for at a dozen and taken from the level
+A threshold between figure and ground turns a square into one connected region whatever its sides
+look like, so that sides bent by the lens need no special treatment. No single level suits a whole
+picture under uneven light; figures are searched for at a dozen, and each is taken from the level
 nearest to the middle between its own inside and outside, where shading disturbs it least.
 """
 
@@ -25,43 +25,46 @@ from trisquare.detection.sampling import sample
 
 POINTS_PER_SIDE = 32
 FRACTIONS = np.linspace(0.0, 1.0, POINTS_PER_SIDE)
-"""Places along a side at which outlines are sampled, corner to corner; as many as in the core."""
+"""Number of points per side of an outline, as in the core, and their positions, corner to
+corner."""
 
 LEVELS = 14
-"""Thresholds over the picture's range: one every 18 grey levels or fewer, so that the lowest
-contrast looked for (60 before shading) still spans two or three."""
+"""Number of thresholds over the picture's range: one every 18 grey levels or fewer, so that the
+lowest contrast searched for (60 before shading) still spans two or three."""
 
 FLAT_STEP = 14
 """Grey levels over 4 pixels in a row or column, below which a pixel is flat; the blurred edge of
-a figure that is looked for is steeper, and light that varies is not."""
+a figure that is searched for is steeper, varying light is not."""
 
 MIN_PLATEAU = 16
-"""Flat pixels, of every second row, that may be a figure or its ground. The smallest square has
-12 pixels a side, 8 of which are out of the reach of its edges: 32 of every second row."""
+"""Minimum number of flat pixels, in every second row, that may be a figure or its ground. The
+smallest square has 12 pixels a side, 8 of which its edges do not reach: 32 in every second row."""
 
 LEVELS_BETWEEN_PLATEAUS = 3
-"""Levels kept of those that no plateau lies between: all of them cut the same figures out, and
-one in three is near enough to the middle of a figure's contrast."""
+"""Maximum number of levels kept of a run without a plateau between them: all of them separate the
+same figures, and one in three is near enough to the middle of a figure's contrast."""
 
 MIN_SIDE = 12.0
-"""Shortest side, in pixels of the searched picture: the ends of a side are lost to the corners'
+"""Minimum side, in pixels of the searched picture: the ends of a side are lost to the corners'
 blur, and a curve needs some ten pixels between them."""
 
 CLEARANCE = 3.5
-"""Pixels from a contour to where the edge's blur has ended; contours are up to 1.5 px off."""
+"""Distance from a contour, pixels, at which the edge's blur has ended; contours are up to 1.5 px
+off."""
 
 BORDER = 4
-"""Pixels of ground that a figure needs between itself and the picture's border."""
+"""Minimum ground between a figure and the picture's border, pixels."""
 
 MIN_EDGE_SHARE = 0.8
-"""Of the points tried on a contour, those that must show an edge of the contour's own sign."""
+"""Minimum fraction of the points tried on a contour that show an edge of the contour's own sign."""
 
 BOX_SLACK = 1.0
-"""Pixels around an outline that rounding does not reach."""
+"""Margin of the box around an outline, pixels: more than rounding errors."""
 
 SAME_QUAD_PIXELS = 2.5
 SAME_QUAD_FRACTION = 0.04
-"""Centres and sides this close, in pixels plus a fraction of the side, are one figure twice."""
+"""Maximum differences between two outlines of one figure, of centres and sizes: pixels plus a
+fraction of the side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +81,7 @@ class Quads:
     contrasts : ndarray of float64, shape (Q, 4)
         Step in grey levels across each side, positive.
     seen : ndarray of bool, shape (Q, 4, POINTS_PER_SIDE)
-        Where the side's edge is in sight; elsewhere something lies over it.
+        Where the side's edge is visible; elsewhere something covers it.
     """
 
     sides: FloatArray
@@ -103,7 +106,7 @@ class Quads:
 
     @classmethod
     def rough(cls, sides: FloatArray, dark_inside: NDArray[np.bool_]) -> Quads:
-        """Take sides whose contrasts are not known, all in sight."""
+        """Build quads from sides of unknown contrast, all points taken as visible."""
         sides = sides.reshape(-1, 4, POINTS_PER_SIDE, 2)
         return cls(
             sides, dark_inside, np.zeros((len(sides), 4)), np.ones(sides.shape[:3], dtype=bool)
@@ -151,7 +154,7 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
 
 
 def without_repeats(quads: Quads) -> Quads:
-    """Keep the first of all quads that show the same outline."""
+    """Keep the first of the quads that show the same outline."""
     sizes = np.sqrt(quads.areas)
     measures = np.column_stack([quads.corners.mean(axis=1), sizes]).T
     dark = quads.dark_inside
@@ -166,16 +169,16 @@ def without_repeats(quads: Quads) -> Quads:
 
 
 def is_among(quad: FloatArray, others: FloatArray) -> bool:
-    """Whether a quad's middle, shape (4, 2), lies in one of others, (N, 4, 2), or theirs in it."""
+    """Return whether a quad's middle, (4, 2), lies in one of others, (N, 4, 2), or theirs in it."""
     return bool(are_among(quad[None], others)[0])
 
 
 def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
-    """Of quads, shape (M, 4, 2), whether each one's middle lies in one of others, or theirs in it.
+    """Return whether each quad's middle, (M, 4, 2), lies in one of others, or theirs in it.
 
-    Few of many are near enough to be looked at.
+    Only quads near enough, of which there are few, are compared exactly.
     """
-    # Column by column: to compare pairs and to join them takes several times as long.
+    # Column by column: comparing and joining pairs takes several times as long.
     (left, top, right, bottom), (x, y) = _boxes(others), others.mean(axis=1).T
     among = np.zeros(len(quads), dtype=np.bool_)
     for i, (box, middle) in enumerate(zip(_boxes(quads).T, quads.mean(axis=1), strict=True)):
@@ -187,20 +190,20 @@ def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
 
 
 def _boxes(outlines: NDArray[np.floating[Any]]) -> FloatArray:
-    """Boxes of outlines, shape (N, M, 2), and beside: left, top, right and bottom, shape (4, N)."""
+    """Return boxes of outlines, (N, M, 2), with a margin: left, top, right and bottom, (4, N)."""
     low, high = outlines.min(axis=1) - BOX_SLACK, outlines.max(axis=1) + BOX_SLACK
     return np.concatenate([low, high], axis=1).T.copy()
 
 
 def in_box(outline: NDArray[np.floating[Any]], points: FloatArray) -> NDArray[np.bool_]:
-    """Which of some points, shape (N, 2), lie in the box of an outline, shape (M, 2), or beside."""
+    """Return which points, (N, 2), lie in the box of an outline, shape (M, 2), or in its margin."""
     left, top, right, bottom = _boxes(outline[None])[:, 0]
     x, y = points.T
     return np.asarray((left <= x) & (x <= right) & (top <= y) & (y <= bottom))
 
 
 def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
-    """Whether the middle of one of two quads, shape (4, 2), lies within the other."""
+    """Return whether the middle of one of two quads, shape (4, 2), lies within the other."""
     return any(
         cv2.pointPolygonTest(one.astype(np.float32), tuple(two.mean(axis=0)), False) >= 0.0
         for one, two in ((quad, other), (other, quad))
@@ -208,7 +211,7 @@ def one_in_other(quad: FloatArray, other: FloatArray) -> bool:
 
 
 def _levels(picture: NDArray[np.uint8]) -> list[int]:
-    """Thresholds over the picture's range that may cut different figures out."""
+    """Return thresholds over the picture's range that may separate different figures."""
     shares = 100.0 * _histogram(picture[::4]).cumsum() / picture[::4].size
     darkest, brightest = np.searchsorted(shares, RANGE_PERCENTILES)
     levels = darkest + (brightest - darkest) * (np.arange(LEVELS) + 0.5) / LEVELS
@@ -219,7 +222,7 @@ def _levels(picture: NDArray[np.uint8]) -> list[int]:
 
 
 def _flat_pixels(picture: NDArray[np.uint8]) -> FloatArray:
-    """Count the pixels of each grey level, in every second row, that no edge is at."""
+    """Count the flat pixels of each grey level, in every second row."""
     along = cv2.absdiff(picture[2:-2:2, 4:], picture[2:-2:2, :-4])
     across = cv2.absdiff(picture[4::2, 2:-2], picture[:-4:2, 2:-2])
     flat = cv2.threshold(cv2.max(along, across), FLAT_STEP - 1, 255, cv2.THRESH_BINARY_INV)[1]
@@ -233,7 +236,7 @@ def _histogram(picture: NDArray[np.uint8], mask: MatLike | None = None) -> Float
 
 
 def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
-    """At most `LEVELS_BETWEEN_PLATEAUS` of a run of levels, evenly spread over it."""
+    """Return at most `LEVELS_BETWEEN_PLATEAUS` of a run of levels, evenly spread over it."""
     kept = min(len(run), LEVELS_BETWEEN_PLATEAUS)
     return run[((np.arange(kept) + 0.5) * len(run) / kept).astype(np.intp)]
 

@@ -1,4 +1,4 @@
-"""The rectangles that are looked for: their names and aspects."""
+"""Names and aspects of the rectangles to search for."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ NAMED = {
 """Aspects by name: ISO 216, ANSI/ASME Y14.1, ISO/IEC 7810 ID-1, ITU-R BT.709."""
 
 MIN_TOLD = 1.2
-"""An aspect below this is too near that of a square to tell which way up a rectangle is."""
+"""Minimum aspect other than 1: below it, which way up a rectangle is cannot be seen."""
 
 MOST = 10.0
-"""Aspect of the longest rectangle: a strip says next to nothing across."""
+"""Maximum aspect: a longer strip gives next to no information across."""
 
 
 @dataclass(frozen=True, slots=True)
 class RectangleShape:
-    """The rectangles that are looked for: their longer side over the shorter, or None for any."""
+    """Shape of the rectangles to search for: longer side over shorter, or None for any."""
 
     aspect: float | None
 
@@ -30,12 +30,12 @@ class RectangleShape:
     def parse(cls, text: str) -> RectangleShape | None:
         """Read ``a4``, ``letter``, ``card``, ``16:9``, ``rectangle`` or ``rectangle:1.5``.
 
-        Returns None for the name of anything else.
+        Return None for the name of anything else.
 
         Raises
         ------
         ValueError
-            For an aspect that is none.
+            For an invalid aspect.
         """
         if text in NAMED:
             return cls(NAMED[text])

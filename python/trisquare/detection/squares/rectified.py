@@ -1,11 +1,11 @@
-"""Whether an outline can be one camera's view of a square, or of a rectangle of known shape.
+"""Test whether an outline can be one camera's view of a square, or of a rectangle of known shape.
 
-A homography from the unit square to rays has columns h1, h2 that are perpendicular, and of equal
-length if it is a square that is seen (Hartley & Zisserman, 2nd ed., section 8.5); of a rectangle,
-their lengths are as its sides. With the principal point near the picture's centre one focal length
-must do that for all the squares of a picture; other four-sided things seldom fit. Sides that are
-bent further than a pinhole's distortion bends them must be straight under a fisheye lens of that
-focal length.
+The columns h1, h2 of a homography from the unit square to rays are perpendicular, and of equal
+length for a square (Hartley & Zisserman, 2nd ed., section 8.5); for a rectangle, the ratio of their
+lengths is that of its sides. With the principal point near the picture's centre, one focal length
+must satisfy this for all the squares of a picture; other four-sided things seldom fit. Sides bent
+more than a pinhole's distortion bends them must be straight under a fisheye lens of that focal
+length.
 """
 
 from __future__ import annotations
@@ -25,24 +25,27 @@ from trisquare.detection.square_views import (
 from trisquare.detection.squares.quads import Quads
 
 FOCAL_LENGTHS = np.geomspace(0.35, 12.0, 24)
-"""Over the picture's longer side: from a wide angle of 110 degrees to a long telephoto lens."""
+"""Focal lengths over the picture's longer side: from a wide angle of 110 degrees to a long
+telephoto lens."""
 
 MAX_DEVIATION = 0.3
-"""Over 1,200 squares of simulated scenes the lens distorts this up to 0.17; of random convex
-quadrilaterals one in twenty is below 0.6. The rest is for a principal point off the centre."""
+"""Maximum deviation of a quad from a rectangle. In 1,200 squares of simulated scenes lens
+distortion raises it up to 0.17; of random convex quadrilaterals one in twenty is below 0.6. The
+rest is for a principal point off the centre."""
 
 MAX_BEND = 0.07
-"""Of a side under a distorted pinhole, over its chord: the strongest lens bends a long side by 4 %,
-a quarter circle by 21 %."""
+"""Maximum bend of a side under a distorted pinhole, over its chord: the strongest lens bends a long
+side by 4 %; a quarter circle is bent by 21 %."""
 
 MAX_BEND_LEFT = 0.025
-"""Of a side under a fisheye lens of another law than that which is assumed, over its chord."""
+"""Maximum remaining bend of a side, over its chord, under a fisheye lens of another projection than
+the assumed one."""
 
 
 def views_of_rectangles(
     quads: Quads, image_size: tuple[int, int], aspect: float | None = 1.0
 ) -> Quads:
-    """Keep the quads that some camera sees as rectangles.
+    """Keep the quads that some camera can see as rectangles.
 
     Parameters
     ----------
@@ -50,7 +53,7 @@ def views_of_rectangles(
     image_size : tuple of int
         Width and height.
     aspect : float, optional
-        The longer side over the shorter; with None any will do.
+        The longer side over the shorter; None for any.
     """
     sides = centred(quads.sides, image_size)
     views = bends(quads.sides) <= MAX_BEND
@@ -66,12 +69,12 @@ def views_of_rectangles(
 def seen_together(
     corners: FloatArray, image_size: tuple[int, int], aspect: float | None
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """See quads of corners (Q, 4, 2) with the one focal length that makes most rectangles of them.
+    """Compare quads, corners (Q, 4, 2), with rectangles, with the one focal length that fits most.
 
     Returns
     -------
     deviations : ndarray of float64, shape (Q,)
-        How far each is from a rectangle of the aspect.
+        Deviation of each from a rectangle of the aspect.
     is_longer : ndarray of bool, shape (Q,)
         Whether its side 0 is the longer.
     """
@@ -94,14 +97,14 @@ def _pinhole_rays(points: FloatArray) -> FloatArray:
 
 
 def _are_seen(rays: FloatArray, aspect: float | None) -> NDArray[np.bool_]:
-    """Whether rays through four corners, shape (F, Q, 4, 3), are a rectangle's, shape (F, Q)."""
+    """Return whether rays through four corners, (F, Q, 4, 3), are a rectangle's, shape (F, Q)."""
     return np.asarray(_deviations(*_shapes(rays), aspect) < MAX_DEVIATION)
 
 
 def _deviations(cosines: FloatArray, stretches: FloatArray, aspect: float | None) -> FloatArray:
-    """How far quads are from rectangles: the larger of cosine and error of the log of the aspect.
+    """Return deviations from rectangles: the larger of cosine and error of the aspect's logarithm.
 
-    Either way up; with the aspect None it is the cosine alone.
+    Either way up; the cosine alone if the aspect is None.
     """
     if aspect is None:
         return cosines
@@ -109,9 +112,9 @@ def _deviations(cosines: FloatArray, stretches: FloatArray, aspect: float | None
 
 
 def _shapes(rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cosine between sides 0 and 3 in space, and logarithm of their ratio; both (F, Q).
+    """Return cosines between sides 0 and 3 in space, and logarithms of their ratio; both (F, Q).
 
-    The cosine is infinite where corners are not ahead.
+    The cosine is infinite where corners are not in front of the camera.
     """
     columns, ahead = square_columns(rays)
     h1, h2 = columns[..., 0], columns[..., 1]

@@ -1,8 +1,8 @@
 """Smooth curved sides through rough quads, measured on the grey picture itself.
 
-Contour pixels lie up to a pixel beside the edge and jump with the noise. A cubic through the
-edge positions along a side removes both, and tells apart what only looks four-cornered at one
-threshold: its edge is not there, or has the wrong sign, or is no smooth curve.
+Contour pixels lie up to a pixel beside the edge and scatter with the noise. A cubic through the
+edge positions along a side removes both errors, and rejects what looks four-cornered at one
+threshold only: its edge is missing, has the wrong sign, or is not a smooth curve.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ import trisquare._core as _core
 from trisquare.detection.squares.quads import Quads, without_repeats
 
 MIN_INLIERS = 0.85
-"""Share of a side's points that must lie on its curve, with the side's own contrast ..."""
+"""Minimum fraction of a side's points on its curve, with the side's own contrast ..."""
 
 MIN_INLIERS_HIDDEN = 0.65
-"""... and of the one side, if any, that a finger, glare or a tear may hide a quarter of, with the
-blur at both ends."""
+"""... and that of the one side, if any, of which a finger, glare or a tear may hide a quarter, with
+the blur at both ends."""
 
 MAX_CORNER_COSINE = float(np.cos(np.deg2rad(25.0)))
-"""Corners between 25 and 155 degrees: beyond, the square is seen too flat to measure."""
+"""Maximum cosine of a corner's angle: between 25 and 155 degrees; beyond, the square is seen too
+flat to measure."""
 
 
 def fit_sides(
@@ -37,7 +38,7 @@ def fit_sides(
     quads : Quads
         Rough, within about a pixel and a half of the edge; in order of preference.
     least_inliers : (float, float)
-        Share of a side's points that must lie on its curve, and of the weakest side's.
+        Minimum fraction of a side's points on its curve, and that of the weakest side.
 
     Returns
     -------

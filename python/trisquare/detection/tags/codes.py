@@ -1,4 +1,4 @@
-"""The printed codes of ArUco and AprilTag dictionaries, and looking readings up in them."""
+"""The printed codes of ArUco and AprilTag dictionaries, and their look-up."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Bits = NDArray[np.bool_]
 Real = TypeVar("Real", np.float32, np.float64)
 
 BLOCK = 64
-"""Codes, and readings, that are multiplied at a time."""
+"""Number of codes, and of readings, that are multiplied at a time."""
 
 MIN_BITS_TO_CORRECT = 25
-"""One wrong bit is forgiven where codes have as many bits as this: those of 16 lie so close that
-chance would be believed five times as often."""
+"""Minimum number of bits of a code for one wrong bit to be accepted: codes of 16 bits are so close
+that chance matches would be accepted five times as often."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,20 +45,20 @@ class Dictionary:
 
     @property
     def correctable(self) -> int:
-        """Wrong bits that are forgiven."""
+        """Number of wrong bits that are accepted."""
         return int(self.side**2 >= MIN_BITS_TO_CORRECT)
 
     @property
     def chance(self) -> float:
-        """Probability that random bits pass for one of the codes, whichever way they are turned."""
+        """Probability that random bits match one of the codes in any orientation."""
         bits = self.side**2
         words = sum(math.comb(bits, wrong) for wrong in range(self.correctable + 1))
         return min(1.0, 4.0 * len(self.codes) * words / 2.0**bits)
 
     def look_up(self, read: Bits) -> list[tuple[int, int] | None]:
-        """Find readings, shape (Q, n, n): number and how often the code was turned left, or None.
+        """Look up readings, (Q, n, n): number and how often the code was turned left, or None.
 
-        Turned left once, a code's top left corner is the reading's bottom left one.
+        If it was turned left once, a code's top left corner is the reading's bottom left one.
         """
         signs = np.where(read.reshape(-1, self.side**2), np.float32(1.0), np.float32(-1.0))
         best, agreement = largest_products(signs, _turned_codes(self.name))
@@ -90,7 +90,7 @@ def opencv_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 @cache
 def _turned_codes(name: str) -> NDArray[np.float32]:
-    """Codes as +1 and -1 in the four ways they may be turned, as `largest_products` takes them."""
+    """Return codes as +1 and -1 in their four orientations, as `largest_products` takes them."""
     codes = dictionary(name).codes
     turned = np.concatenate([np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)])
     signs = np.where(turned.reshape(len(turned), -1), np.float32(1.0), np.float32(-1.0))
@@ -98,7 +98,7 @@ def _turned_codes(name: str) -> NDArray[np.float32]:
 
 
 def in_blocks(codes: NDArray[Real]) -> NDArray[Real]:
-    """Codes, shape (C, n), as `largest_products` takes them: the last one fills up a block."""
+    """Arrange codes, (C, n), for `largest_products`; the last one is repeated to fill a block."""
     filled = np.concatenate([codes, np.repeat(codes[-1:], -len(codes) % BLOCK, axis=0)])
     blocks = filled.reshape(-1, BLOCK, codes.shape[1])
     return np.ascontiguousarray(blocks.transpose(0, 2, 1))
@@ -107,9 +107,9 @@ def in_blocks(codes: NDArray[Real]) -> NDArray[Real]:
 def largest_products(
     rows: NDArray[Real], blocks: NDArray[Real]
 ) -> tuple[NDArray[np.intp], NDArray[Real]]:
-    """For each of some rows, shape (Q, n), the code in blocks of the largest scalar product.
+    """Find for each row, shape (Q, n), the code in blocks with the largest scalar product.
 
-    In small products, for which BLAS starts no threads: these take longer to start than all does.
+    The products are small, so that BLAS starts no threads, which would take longer than all of it.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Which dark quads are tags: their inside read as bits, and looked up in dictionaries.
+"""Decoding of dark quads as tags: their inside is read as bits, and looked up in dictionaries.
 
-Something in a picture may agree with a code by chance. How often it would is counted, and a
-dictionary is believed only if that many hits among that many readings are next to impossible by
-chance (a contrario reasoning: A. Desolneux, L. Moisan, J.-M. Morel, International Journal of
+Something in a picture may match a code by chance. The probability of that is computed, and a
+dictionary is accepted only if so many hits among so many readings are next to impossible by chance
+(a contrario reasoning: A. Desolneux, L. Moisan, J.-M. Morel, International Journal of
 Computer Vision 40 (2000) 7-23).
 """
 
@@ -24,45 +24,46 @@ from trisquare.detection.tags.codes import Bits, Dictionary, dictionary, in_bloc
 from trisquare.detection.tags.families import WIDE_BORDERED, TagSearch
 
 BORDER = 1
-"""Cells of black round a code."""
+"""Width of the black border round a code, in cells."""
 
 WIDE_BORDER = 2
-"""Of those of `WIDE_BORDERED`, that is."""
+"""Width of the wide border that tags of `WIDE_BORDERED` may have, in cells."""
 
 PROBES = np.array([0.3, 0.5, 0.7])
-"""Where a cell's shade is looked up, in cells: clear of its neighbours' blur."""
+"""Positions at which a cell's shade is sampled, in cells: clear of its neighbours' blur."""
 
 MIN_CLEARANCE = 0.2
-"""Over the step from black to white: a bit nearer to their middle is not readable."""
+"""Distance from the middle of black and white, over their step, below which a bit is not
+readable."""
 
 MIN_CLEAR_SHARE = 0.95
-"""Of a code's cells, those that must be readable; glare or dirt may spoil one."""
+"""Minimum fraction of a code's cells that are readable; glare or dirt may spoil one."""
 
 MIN_DARK_SHARE = 0.9
-"""Of the border's cells, those that must be black."""
+"""Minimum fraction of the border's cells that are black."""
 
 MIN_RELATIVE_STEP = 0.5
-"""Step from black to white inside, over the step across the outline."""
+"""Minimum step from black to white inside, over the step across the outline."""
 
 AT_ONCE = 256
-"""Quads whose shades are looked up together: the places of each take some 20 kB."""
+"""Number of quads whose shades are sampled together: the positions of each take some 20 kB."""
 
 MAX_FALSE_ALARMS = 1e-2
-"""Dictionaries that chance may make believed, per picture."""
+"""Maximum expected number of dictionaries accepted by chance, per picture."""
 
 
 def decode_tags(
     grey: NDArray[np.uint8], sides: FloatArray, steps: FloatArray, search: TagSearch
 ) -> list[Tag | None]:
-    """Tell which quads are tags.
+    """Find which quads are tags.
 
     Parameters
     ----------
     grey : ndarray of uint8, shape (H, W)
     sides : ndarray, shape (Q, 4, N, 2)
-        Of dark quads, clockwise on the screen, evenly spread over their chords, pixels.
+        Sides of dark quads, clockwise on the screen, evenly spread over their chords, pixels.
     steps : ndarray, shape (Q,)
-        Grey levels by which the ground is lighter.
+        Grey levels by which the ground is lighter than the quad.
     search : TagSearch
 
     Returns
@@ -137,7 +138,7 @@ class _Reading(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """How well the shades of quads' cells agree with a dictionary's codes."""
+    """Agreement of the shades of quads' cells with a dictionary's codes."""
 
     numbers: NDArray[np.intp]  # (Q,) of the codes that agree best
     turns: NDArray[np.intp]  # (Q,) as of `Tag`
@@ -153,8 +154,8 @@ def agreement(
 ) -> Agreement:
     """Compare quads, shape (Q, 4, 2), with all codes, or upright with those that are expected.
 
-    Nothing is cut into bits: the cells of a small tag are too blurred for that, one by one, when
-    all together still tell its code.
+    Cells are not thresholded to bits: the single cells of a small tag are too blurred for that,
+    while all of them together still determine its code.
     """
     book = dictionary(name)
     views = SquareViews.of(straight_sides(corners), _size(grey))
@@ -170,20 +171,20 @@ def agreement(
 
 @cache
 def _normalised_codes(name: str) -> FloatArray:
-    """Codes in the four ways they may be turned, as `largest_products` takes them."""
+    """Return codes in their four orientations, as `largest_products` takes them."""
     codes = dictionary(name).codes
     turned = [np.rot90(codes, turns, axes=(1, 2)) for turns in range(4)]
     return in_blocks(_normalised(np.concatenate(turned)))
 
 
 def _normalised(cells: FloatArray | Bits) -> FloatArray:
-    """Cells of each quad as a vector of unit length and zero sum, shape (Q, n * n)."""
+    """Return the cells of each quad as a vector of unit length and zero sum, shape (Q, n * n)."""
     flat = cells.reshape(len(cells), cells.shape[1] ** 2) - cells.mean(axis=(1, 2))[:, None]
     return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9))
 
 
 class _Hits(NamedTuple):
-    """What one dictionary says, and the logarithm of chance's probability to say as much."""
+    """Tags of one dictionary, and the logarithm of the probability of as many by chance."""
 
     tags: dict[int, Tag]
     log_chance: float
@@ -203,7 +204,7 @@ class _Hits(NamedTuple):
 
 
 def _log_binomial_tail(trials: int, hits: int, chance: float) -> float:
-    """Logarithm of the probability of so many hits or more."""
+    """Return the logarithm of the probability of so many hits or more."""
     if hits == 0:
         return 0.0
     odds = math.log(chance) if chance > 0.0 else -math.inf
@@ -221,7 +222,7 @@ def _size(grey: NDArray[np.uint8]) -> tuple[int, int]:
 
 
 def _cell_shades(grey: NDArray[np.uint8], views: SquareViews, cells: int) -> FloatArray:
-    """Mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
+    """Return the mean shade of each cell of quads cut into a grid, shape (Q, cells, cells)."""
     places = (np.arange(cells)[:, None] + PROBES).ravel() / cells
     u, v = np.meshgrid(places, places)
     probes = np.stack([u.ravel(), v.ravel()], axis=1)

@@ -1,4 +1,4 @@
-"""The dictionaries of tags that are known, by name."""
+"""The known dictionaries of tags, by name."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ SIZES = {
     "APRILTAG_36H10": 2320,
     "APRILTAG_36H11": 587,
 }
-"""Codes in each dictionary, which is OpenCV's without the leading ``DICT_``."""
+"""Number of codes in each dictionary, by OpenCV's name without the leading ``DICT_``."""
 
 DICTIONARIES = tuple(SIZES)
 APRILTAG = tuple(name for name in DICTIONARIES if name.startswith("APRILTAG"))
 ARUCO = tuple(name for name in DICTIONARIES if name not in APRILTAG)
 
 WIDE_BORDERED = "APRILTAG_36H11"
-"""Kalibr prints the border of AprilTags, of which this is the usual family, twice as wide."""
+"""Usual family of Kalibr's AprilTags, whose border it prints twice as wide."""
 
 LARGEST = tuple(name for name in DICTIONARIES if not name.endswith(("_50", "_100", "_250")))
-"""Without those that are the beginning of another one."""
+"""Dictionaries, without those that are the beginning of another one."""
 
 
 @dataclass(frozen=True, slots=True)
 class TagSearch:
-    """Which dictionaries to look tags up in, and whether those are known to be there."""
+    """Dictionaries in which to look tags up, and whether they are known to be present."""
 
     names: tuple[str, ...]
     stated: bool = False
 
 
 def dictionary_name(text: str) -> str:
-    """Return the one of `DICTIONARIES` that a text such as ``dict_6x6_250`` or ``36h11`` means.
+    """Return the name in `DICTIONARIES` for a text such as ``dict_6x6_250`` or ``36h11``.
 
     Raises
     ------
     ValueError
-        If it means none.
+        If there is none.
     """
     wanted = text.upper().removeprefix("DICT_")
     for name in (wanted, f"APRILTAG_{wanted.removeprefix('TAG')}", f"ARUCO_{wanted}"):

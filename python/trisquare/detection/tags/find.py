@@ -13,11 +13,11 @@ from trisquare.detection.tags.codes import opencv_dictionary
 from trisquare.detection.tags.decode import BORDER
 
 SMALLEST_SIDE = 10.0
-"""Pixels of a marker's shortest side: below it nothing is left between its corners' blur."""
+"""Minimum shortest side of a marker, pixels: below it nothing remains between its corners' blur."""
 
 
 class Marker(NamedTuple):
-    """A marker as OpenCV's detector saw it: corners clockwise from the code's top left."""
+    """A marker found by OpenCV's detector: corners clockwise from the code's top left."""
 
     number: int
     corners: FloatArray  # (4, 2)
@@ -27,12 +27,12 @@ class Marker(NamedTuple):
 def detect_markers(
     grey: NDArray[np.uint8], name: str, border: int = BORDER, longest_side: int | None = None
 ) -> tuple[list[Marker], list[FloatArray]]:
-    """Find the markers of a dictionary, and what else has four corners.
+    """Find the markers of a dictionary, and other outlines with four corners.
 
-    As large ones as in a picture of some longest side, of which this may be a part.
+    The minimum size is that in a picture of `longest_side`, of which this may be a part.
     """
     parameters = cv2.aruco.DetectorParameters()
-    # The detector states the smallest in parts of the longest side.
+    # The detector takes the minimum as a fraction of the longest side.
     parameters.minMarkerPerimeterRate *= (longest_side or max(grey.shape)) / max(grey.shape)
     parameters.markerBorderBits = border
     detector = cv2.aruco.ArucoDetector(opencv_dictionary(name), parameters)

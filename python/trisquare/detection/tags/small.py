@@ -1,8 +1,8 @@
-"""Tags that are too small for the picture that squares are searched in.
+"""Tags that are too small for the picture in which squares are searched for.
 
 In the working picture the sides of a tag of less than 40 pixels are too short to be fitted, but it
-shows as a dark quad with something in it. OpenCV's detector reads it in the photograph itself. That
-takes as long as a third of a search, so it is asked first where such quads are.
+shows as a dark quad with something inside. OpenCV's detector reads it in the photograph itself.
+That takes a third of the time of a search, so it is run first on the parts where such quads are.
 """
 
 from __future__ import annotations
@@ -23,28 +23,31 @@ from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 
 AROUND = 16
-"""Pixels of the photograph around a quad: the error of its outline, and the window that tells the
+"""Pixels of the photograph around a quad: the error of its outline, and the window of the
 detector's thresholds."""
 
 MAX_IN_PARTS = 0.25
-"""Of the photograph, what is searched in parts; if it is more, the whole takes no longer."""
+"""Maximum fraction of the photograph that is searched in parts; beyond, the whole takes no
+longer."""
 
 SETTLING_REACH = 2
-"""Pixels on either side of a corner: cells of the smallest tags that are read are as large."""
+"""Reach on either side of a corner, pixels: the size of the cells of the smallest tags that are
+read."""
 
 SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
-"""Iterations and pixels after which a corner is where it is."""
+"""Maximum number of iterations of the corner refinement, and step in pixels at which it stops."""
 
 Box: TypeAlias = tuple[int, int, int, int]
-"""Left, top, and right and bottom, which are not included."""
+"""Left, top, right and bottom; the last two are exclusive."""
 
 
 def dictionaries_of_small_tags(
     grey: NDArray[np.uint8], unread: Sequence[FloatArray], search: TagSearch
 ) -> set[str]:
-    """Name the dictionaries of tags that are read in the photograph itself.
+    """Return the dictionaries of tags that are read in the photograph itself.
 
-    Only if a code is among the quads that are `unread`, each of shape (4, 2).
+    It is searched whole only if a code is among the quads that are `unread`, each of shape (4, 2),
+    or if they cover much of it.
     """
     boxes = _boxes_around(unread, grey.shape)
     area = sum((right - left) * (bottom - top) for left, top, right, bottom in boxes)
@@ -59,7 +62,7 @@ def dictionaries_of_small_tags(
 
 
 def settled(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
-    """Move corners found by a threshold, if any, onto the corners next to them, shape (Q, 4, 2)."""
+    """Move corners found by a threshold, if any, onto the nearest image corners, (Q, 4, 2)."""
     if not len(quads):
         return np.zeros((0, 4, 2))
     corners = quads.astype(np.float32).reshape(-1, 1, 2)
@@ -69,10 +72,10 @@ def settled(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
 
 
 def _quads(grey: NDArray[np.uint8], search: TagSearch, box: Box) -> list[FloatArray]:
-    """Outlines in a part of the photograph that OpenCV's detector takes for tags' or tries."""
+    """Return outlines in a part of the photograph that OpenCV's detector accepts or tries."""
     left, top, right, bottom = box
     part = np.ascontiguousarray(grey[top:bottom, left:right])
-    # The detector gives the quads that it cannot read, too: it may be told of any dictionary.
+    # The detector returns the quads that it cannot read as well: any dictionary will do.
     markers, others = detect_markers(part, search.names[0], longest_side=max(grey.shape))
     corner = np.array([left, top])
     return [corner + quad for quad in [*(marker.corners for marker in markers), *others]]
@@ -83,7 +86,7 @@ def _read(grey: NDArray[np.uint8], corners: FloatArray, search: TagSearch) -> li
 
 
 def _boxes_around(quads: Sequence[FloatArray], shape: tuple[int, ...]) -> list[Box]:
-    """Boxes that hold quads with their surroundings and do not overlap."""
+    """Return boxes that contain quads with their surroundings and do not overlap."""
     height, width = shape
     boxes: list[Box] = []
     for quad in quads:

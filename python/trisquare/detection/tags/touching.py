@@ -1,7 +1,7 @@
 """Tags whose corners touch dark squares, as on Kalibr's AprilGrids: quads that decode as such.
 
-A threshold in the middle joins what touches; a lower one parts it, or a pixel taken off all that is
-dark. The corners, which are saddles, are then located without a threshold.
+A threshold in the middle joins what touches; a lower one separates it, and so does eroding the dark
+pixels by one. The corners, which are saddles, are then located without a threshold.
 """
 
 from __future__ import annotations
@@ -20,54 +20,54 @@ from trisquare.detection.tags.decode import BORDER, WIDE_BORDER, agreement
 from trisquare.detection.tags.find import SMALLEST_SIDE, shortest_sides
 
 MIN_CORRELATION = 0.8
-"""Between the cells of a quad and a code: chance reaches it once in 200 000 quads, for any of 587
-codes of 36 cells."""
+"""Minimum correlation between the cells of a quad and a code: chance reaches it once in 200 000
+quads, for any of 587 codes of 36 cells."""
 
 REACH = 1.0 / 40.0
 MIN_REACH = 15
-"""Over the picture's longest side, and in pixels: the darkest and the lightest pixel that are as
-near as this give the threshold. Seven times as large a tag still has white so near to
-its border."""
+"""Radius within which the darkest and the lightest pixel set the threshold, over the picture's
+longest side, and its minimum in pixels. A tag seven times as large still has white within this
+distance of its border."""
 
 COARSE = 3
-"""Pixels to one of the pictures of darkest and lightest: the threshold need not be finer."""
+"""Reduction of the pictures of darkest and lightest: the threshold need not be finer."""
 
 LARGEST_SEARCHED = 2000
-"""Pixels of the longest side of the picture in which outlines are followed: a larger picture is
-reduced, in which a photograph's grain has fewer outlines. Corners are located in the picture
+"""Maximum longest side, in pixels, of the picture in which outlines are followed: a larger picture
+is reduced, in which a photograph's grain has fewer outlines. Corners are located in the picture
 itself."""
 
 SAME = 3.0
-"""Pixels between the middles of a tag that is found twice."""
+"""Maximum distance between the middles of a tag that is found twice, pixels."""
 
 
 class Parting(NamedTuple):
-    """What parts dark corners that touch: the threshold is low, and what is dark is eroded."""
+    """A way to separate dark corners that touch: a low threshold, and erosion of dark pixels."""
 
-    level: float  # of the way from the darkest to the lightest around
+    level: float  # threshold, as a fraction of the way from the darkest to the lightest around
     eroded: int  # pixels
-    moved: float  # pixels by which corners are moved inward by both
+    moved: float  # pixels by which both together move corners inward
 
 
 PARTINGS = (Parting(0.25, 0, 0.7), Parting(0.4, 1, 1.8))
-"""Blunt corners of blurred tags part by the first, small tags by the second. That is tried where
-the first has shown a tag."""
+"""The first separates the blunt corners of blurred tags, the second small tags. The second is tried
+if the first has found a tag."""
 
 SADDLE_WINDOW = 0.12
-"""Half width over a tag's shortest side, of the pixels that tell where its corner is: less than a
+"""Half width of the window in which a corner is located, over a tag's shortest side: less than a
 border and than the gaps that are printed."""
 
 SADDLE_WINDOWS = (2, 8)
-"""Pixels: the least that shows a saddle, and the most that is of use."""
+"""Range of the same in pixels: the least that shows a saddle, and the most that is of use."""
 
 SADDLE_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
 
 MAX_CORNER_STEP = 0.2
-"""Of the shortest side: how far a corner may be from where it was expected."""
+"""Maximum distance of a corner from where it was expected, over the shortest side."""
 
 
 def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], FloatArray]:
-    """Find tags of wide border, whether or not something dark touches their corners.
+    """Find tags with wide borders, whether or not something dark touches their corners.
 
     Returns
     -------
@@ -85,11 +85,11 @@ def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], F
         quads = on_saddles(grey, outlines)
         numbers, turns, correlation = agreement(grey, quads, name, WIDE_BORDER)
         read = np.flatnonzero(correlation >= MIN_CORRELATION)
-        # Cells of a tag with another border may come near enough to a code as well.
+        # Cells of a tag with the usual border may also agree well enough with a code.
         usual = agreement(grey, quads[read], name, BORDER).correlation
         read = read[correlation[read] >= usual]
         own = [np.roll(quads[index], turns[index], axis=0) for index in read]
-        # A tag that both show is found once.
+        # A tag that both ways find is kept once.
         new = [
             not any(np.abs(quad.mean(axis=0) - one.mean(axis=0)).max() < SAME for one in corners)
             for quad in own
@@ -102,13 +102,13 @@ def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], F
 
 
 def on_saddles(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
-    """Move corners, shape (Q, 4, 2), onto the saddles that are next to them."""
+    """Move corners, shape (Q, 4, 2), onto the nearest saddles."""
     moved = quads.copy()
     limits = np.array(grey.shape[::-1]) - 1.0
     shortest = shortest_sides(quads)
     windows = np.clip(np.round(SADDLE_WINDOW * shortest), *SADDLE_WINDOWS).astype(int)
     is_inside = ((quads >= 0.0) & (quads <= limits)).all(axis=(1, 2))
-    # OpenCV takes as long for a call as for a corner.
+    # A call of OpenCV's function takes as long as one corner: call it once per window.
     for window in np.unique(windows[is_inside]).tolist():
         own = np.flatnonzero(is_inside & (windows == window))
         corners = quads[own].reshape(-1, 1, 2).astype(np.float32)
@@ -126,7 +126,7 @@ def _dark_quads(
     highest: NDArray[np.uint8],
     parting: Parting,
 ) -> FloatArray:
-    """Outlines of dark things that have four corners, clockwise, shape (Q, 4, 2)."""
+    """Return outlines of dark regions with four corners, clockwise, shape (Q, 4, 2)."""
     level = cv2.addWeighted(lowest, 1.0 - parting.level, highest, parting.level, 0.0)
     level[cv2.subtract(highest, lowest) < MIN_CONTRAST] = 0
     threshold = cv2.resize(level, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
@@ -140,11 +140,11 @@ def _dark_quads(
 
 
 def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return the darkest and the lightest around, `COARSE` pixels to one."""
+    """Return the darkest and the lightest level around, reduced by `COARSE`."""
     reach = max(MIN_REACH, round(REACH * max(grey.shape))) // COARSE
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    # Averaged, lest the noise of a plain ground look like a contrast: all means take less time than
-    # OpenCV needs for every third one.
+    # Averaged, so that the noise of a plain ground does not look like contrast; the means at all
+    # pixels take less time than OpenCV needs for those at every third one.
     height, width = (side // COARSE for side in grey.shape)
     middle = slice(COARSE // 2, None, COARSE)
     small = np.ascontiguousarray(cv2.blur(grey, (COARSE, COARSE))[middle, middle][:height, :width])
@@ -153,7 +153,7 @@ def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.ui
 
 
 def _reduced(grey: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
-    """Average over squares of `scale` x `scale` pixels; what is over at the rims is left out."""
+    """Average over squares of `scale` x `scale` pixels; pixels left over are dropped."""
     height, width = (max(side // scale, 1) for side in grey.shape)
     whole = grey[: height * scale, : width * scale]
     small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
