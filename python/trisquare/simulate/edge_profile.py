@@ -23,8 +23,8 @@ _NODES = (
 _CDF = np.array([0.5 * math.erfc(-x / math.sqrt(2.0)) for x in _NODES])
 _PDF = np.exp(-0.5 * _NODES**2) / math.sqrt(2.0 * math.pi)
 
-# Below this width (in blurs) of the box's narrow side, the second difference cancels worse
-# (4e-12) than two terms of the box's moment series are in error (1e-10).
+# Width (in blurs) of the box's narrow side below which two terms of the box's moment series replace
+# the second difference, which cancels. At this width the errors are 1e-10 and 4e-12.
 _NARROW_BOX = 0.02
 
 # Integrates a wedge blurred by 0.3 px over the pixel's unit side to 1e-6.
