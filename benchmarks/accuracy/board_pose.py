@@ -22,8 +22,8 @@ STIFFNESS = np.array([((i + j) / 2.0) ** 4 for i, j in ORDERS])
 the order."""
 
 HEIGHT = 0.01
-"""Prior standard deviation of the heights of paper, as a fraction of half its extent, for samples of
-1 pixel: some tens of samples share the errors of their line, of some tenths of a pixel."""
+"""Prior standard deviation of the heights of paper, as a fraction of half its extent, for samples
+of 1 pixel: some tens of samples share the errors of their line, of some tenths of a pixel."""
 
 GRADIENT_STEP = 0.01
 """Step, in pixels, for the gradient of a ray."""
