@@ -151,7 +151,7 @@ def test_floats_are_linear_by_default():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_lens_that_darkens_the_corners_biases_nothing(seed):
-    """By a quarter, as usual lenses do: light modelled as linear along sides left fx off by 0.1 %."""
+    """By a quarter, as usual lenses do: a model of light linear along sides gave 0.1 % in fx."""
     rng = np.random.default_rng([77, seed])
     scene = simulate.random_scene(rng)
     light = simulate.render(scene, rng, noise=0.0, blur=1.2, dtype=np.float32)

@@ -8,7 +8,7 @@ use trisquare::{
     Severity, calibrate,
 };
 
-/// Calibrates from squares: `squares[i][side]` holds the samples along one side, in pixels.
+/// `squares[i][side]` holds the samples along one side, in pixels.
 fn camera_of(squares: Vec<Vec<Vec<Vector2<f64>>>>) -> Result<Calibration, Error> {
     let edges: Result<Vec<_>, _> = squares.into_iter().map(PlaneEdges::square).collect();
     let size = ImageSize {
