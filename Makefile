@@ -49,7 +49,7 @@ demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
 # One process per processor; an idle one takes over tests of another. Many tests start further
-# processes: byte code is written even if the environment forbids it, or each would compile all again.
+# processes: byte code is written whatever the environment says, or each would compile all again.
 PYTEST = PYTHONDONTWRITEBYTECODE= $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
 
 # `make test ROOM=lens` runs the tests of one room: a folder of tests/, a module of the crate, or
@@ -128,8 +128,8 @@ docs: $(DOCS_READY)
 	@test -f docs/_build/html/rust/trisquare/index.html
 
 # Damaged files for every reader of files, then random bytes for every entry point; with cargo-fuzz
-# installed, guided by coverage as well. Without a sanitizer, which safe code does not need, it needs
-# no nightly compiler.
+# installed, guided by coverage as well. Without a sanitizer, which safe code does not need, no
+# nightly compiler is required.
 FUZZ_CASES ?= 1000000
 READER_CASES ?= 100000
 FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
@@ -159,8 +159,8 @@ $(VENV_PYTHON):
 	done; \
 	echo 'trisquare needs Python 3.10 or later with venv (python3-venv on Debian).' >&2; exit 1
 
-# The largest requirements of the package are fetched while the core compiles, because the first half
-# of compiling leaves a processor free. The last line installs the others.
+# The largest requirements of the package, fetched while the core compiles: the first half of that
+# leaves a processor free. The last line installs the others.
 LARGE_PACKAGES := matplotlib numpy opencv-python-headless reportlab
 
 $(READY): $(VENV_PYTHON) $(SOURCES)
