@@ -49,7 +49,7 @@ demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
 # One process per processor; an idle one takes over tests of another. Many tests start further
-# processes: byte code is written whatever the environment says, or each would compile all again.
+# processes: byte code is always written, or each would compile all again.
 PYTEST = PYTHONDONTWRITEBYTECODE= $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
 
 # `make test ROOM=lens` runs the tests of one room: a folder of tests/, a module of the crate, or

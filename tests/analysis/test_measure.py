@@ -76,7 +76,7 @@ def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
 
 @pytest.mark.slow
 def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
-    """The same without noise of the points, which are up to 0.9 sides from the square's centre."""
+    """The same without noise of the points, up to one side from the square's centre."""
     errors = []
     far = np.array([[-0.4, 0.9], [0.3, 0.4]])
     for seed in range(150):
@@ -424,7 +424,7 @@ def test_command_takes_the_plane_that_all_points_are_within(run, files, scene):
             place = tuple(float(number) for number in text.split(","))
             assert cv2.pointPolygonTest(corners, place, False) > 0
         assert members["warnings"] == []
-    # Of points in two squares, no square contains both, and the third square none.
+    # For points in two squares, no square contains both, and the third square none.
     apart = [seen(scene, 0.4 * TRIANGLE, target=target)[0] for target in (2, 1)]
     given = run("measure", photo, "--camera", camera, "--json", *as_points(apart))
     corners = np.float32(json.loads(given[1])["corners"])
