@@ -1,24 +1,24 @@
-# Needs make, a Python from 3.10 on with venv, cargo and a C linker; everything else is set up
-# here, in .venv and target.
+# Needs make, Python 3.10 or later with venv, cargo and a C linker; everything else is set up here,
+# in .venv and target.
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-all test-slow test-release bench bench-fast bench-compare experiments lint format docs fuzz build clean
 .NOTPARALLEL:
 SHELL := /bin/sh
 
-# rustup's usual place, for shells that have not been told of it.
+# rustup's default folder, for shells without it in their PATH.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 export VIRTUAL_ENV := $(CURDIR)/.venv
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# Python compiles what it loads; pip would compile all.
+# Python compiles the modules that it loads; pip would compile all.
 export PIP_NO_COMPILE := 1
 export PIP_QUIET := 1
 unexport PYTHONHOME
 unexport PYTHONPATH
 
 VENV_PYTHON := .venv/bin/python
-# The package as users have it; then what tests and lints need, what the pages need, and the core
-# as wheels have it.
+# Stamps of installations: the package as users have it; the requirements of tests and lints; those
+# of the pages; the core as in wheels.
 READY := .venv/.trisquare-ready
 DEV_READY := .venv/.trisquare-dev-ready
 DOCS_READY := .venv/.trisquare-docs-ready
@@ -48,12 +48,12 @@ help:
 demo: $(READY)
 	$(VENV_PYTHON) -m trisquare demo
 
-# One process per processor; one that is done takes over tests of another. Many of them start
-# further ones: byte code is kept whatever the environment says, or each would compile all again.
+# One process per processor; an idle one takes over tests of another. Many tests start further
+# processes: byte code is always written, or each would compile all again.
 PYTEST = PYTHONDONTWRITEBYTECODE= $(VENV_PYTHON) -m pytest -n auto --dist worksteal --durations=10
 
-# `make test ROOM=lens`: the tests of one room, which is a folder of tests/, or a module of the
-# crate, or both.
+# `make test ROOM=lens` runs the tests of one room: a folder of tests/, a module of the crate, or
+# both.
 ROOM ?=
 ROOMS := $(filter-out helpers,$(patsubst tests/%/,%,$(filter %/,$(wildcard tests/*/))))
 RUST_ROOMS := $(patsubst rust/trisquare/src/%/mod.rs,%,$(wildcard rust/trisquare/src/*/mod.rs)) \
@@ -64,7 +64,7 @@ ifeq ($(ROOM),)
 test: $(DEV_READY)
 	$(PYTEST) -m 'not slow'
 else ifneq ($(filter $(ROOM),$(ROOMS) $(RUST_ROOMS)),)
-# Rooms of the crate alone need no Python.
+# Rooms that are only in the crate need no Python.
 test: $(if $(filter $(ROOM),$(ROOMS)),$(DEV_READY))
 	$(if $(filter $(ROOM),$(RUST_ROOMS)),cargo test -p trisquare $(ROOM)::)
 	$(if $(filter $(ROOM),$(RUST_TESTS)),cargo test -p trisquare --test public $(ROOM)::)
@@ -74,7 +74,7 @@ test:
 	@echo 'no room "$(ROOM)"; Python: $(sort $(ROOMS)); Rust: $(sort $(RUST_ROOMS))' >&2; exit 2
 endif
 
-# In two parts, so that `make test` itself, which the README names, is run on the way.
+# In two parts, so that `make test`, the command in the README, is run as well.
 test-all: test test-slow
 
 test-slow: $(DEV_READY)
@@ -82,12 +82,12 @@ test-slow: $(DEV_READY)
 	cargo test -p trisquare --doc
 	$(PYTEST) -m slow
 
-# As wheels and users of the crate have it: optimised across crates.
+# The core as in wheels and for users of the crate: optimised across crates.
 test-release: $(BENCH_READY)
 	cargo test --release -p trisquare
 	$(PYTEST) -m 'not slow'
 
-# `make bench NAME=tags` runs one, or several: NAME="tags tone".
+# `make bench NAME=tags` runs one benchmark, NAME="tags tone" several.
 NAME ?=
 
 bench: $(BENCH_READY)
@@ -99,7 +99,7 @@ bench-fast: $(BENCH_READY)
 bench-compare: $(DEV_READY)
 	$(VENV_PYTHON) benchmarks/run.py --compare
 
-# They find the benchmarks' own modules.
+# The experiments import modules of benchmarks/.
 experiments: $(BENCH_READY)
 	PYTHONPATH=benchmarks $(VENV_PYTHON) -m experiments.run
 
@@ -119,7 +119,7 @@ format: $(DEV_READY)
 	$(VENV_PYTHON) -m ruff check --fix .
 	$(VENV_PYTHON) -m ruff format .
 
-# The crate's reference goes where the other pages link to it.
+# The crate's reference is copied to the folder to which the other pages link.
 docs: $(DOCS_READY)
 	rm -rf docs/_build docs/_generated target/doc
 	$(VENV_PYTHON) -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build/html
@@ -127,9 +127,9 @@ docs: $(DOCS_READY)
 	cp -R target/doc docs/_build/html/rust
 	@test -f docs/_build/html/rust/trisquare/index.html
 
-# Damaged files for every reader of files, then random bytes everywhere; where cargo-fuzz is
-# installed, guided by coverage as well. It needs no nightly compiler without a sanitizer, which
-# safe code can do without.
+# Damaged files for every reader of files, then random bytes for every entry point; with cargo-fuzz
+# installed, guided by coverage as well. Without a sanitizer, which safe code does not need, no
+# nightly compiler is required.
 FUZZ_CASES ?= 1000000
 READER_CASES ?= 100000
 FUZZ_TARGETS = $(basename $(notdir $(wildcard fuzz/fuzz_targets/*.rs)))
@@ -148,8 +148,8 @@ build: $(DEV_READY)
 clean:
 	rm -rf .venv target fuzz/target fuzz/found dist demo-output docs/_build docs/_generated
 
-# One sentence says what is missing. Of several Pythons the default one is taken if it will do,
-# else the newest.
+# Prints one sentence about what is missing. Uses the default Python if it is suitable, else the
+# newest.
 $(VENV_PYTHON):
 	@command -v cargo >/dev/null || { echo 'trisquare needs cargo (Rust): see https://rustup.rs' >&2; exit 1; }
 	@command -v cc >/dev/null || { echo 'trisquare needs cc, a C compiler, to link the Rust core.' >&2; exit 1; }
@@ -159,8 +159,8 @@ $(VENV_PYTHON):
 	done; \
 	echo 'trisquare needs Python 3.10 or later with venv (python3-venv on Debian).' >&2; exit 1
 
-# Of what the package needs, the largest: they are fetched while the core compiles, whose first half
-# leaves a processor free. The last line installs the rest.
+# The largest requirements of the package, fetched while the core compiles: the first half of that
+# leaves a processor free. The last line installs the others.
 LARGE_PACKAGES := matplotlib numpy opencv-python-headless reportlab
 
 $(READY): $(VENV_PYTHON) $(SOURCES)
@@ -171,7 +171,7 @@ $(READY): $(VENV_PYTHON) $(SOURCES)
 	$(VENV_PYTHON) -m maturin develop --profile quick --extras report,serve,target
 	@touch $@
 
-# The package is there already: these add what an extra names.
+# The package is already installed: these add the requirements of an extra.
 $(DEV_READY): $(READY)
 	$(VENV_PYTHON) -m pip install 'trisquare[dev]'
 	@touch $@

@@ -82,7 +82,7 @@ BENCHMARKS = (
     "speed.video",
 )
 
-# Ten minutes at most, together.
+# Together, these take at most ten minutes.
 FAST = (
     "exactness",
     "edge_bound",
@@ -97,7 +97,7 @@ FAST = (
     "many_pictures",
 )
 
-# One thread each: rivals are compared by the work they do. Read when numpy is first imported.
+# One thread each, so that rivals are compared by their work. Read when numpy is first imported.
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -129,7 +129,7 @@ def main(words: list[str]) -> int:
         for row in found:
             print(f"  {row.measured_on}: {row.measured} / must reach {row.must_reach}")
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
-        # At once: a run of an hour may be interrupted.
+        # Written at once, because a run of an hour may be interrupted.
         results_page.update(name, found, BENCHMARKS, conditions)
         results_file.update(name, found, BENCHMARKS, commit)
         rows += found
@@ -140,7 +140,7 @@ def main(words: list[str]) -> int:
 
 
 def _parsed(words: list[str]) -> argparse.Namespace:
-    """Return the options, and as `names` the modules of the benchmarks that are asked for."""
+    """Return the options, with the modules of the requested benchmarks as `names`."""
     parser = argparse.ArgumentParser(
         description=__doc__,
         epilog="The benchmarks: " + ", ".join(BENCHMARKS) + ".",

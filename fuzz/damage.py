@@ -1,4 +1,4 @@
-"""Faults of files: of their bytes, and of what a text says."""
+"""Faults of files, in their bytes and in the content of texts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import Any
 import yaml
 
 MAX_BYTES = 1_000_000
-"""Of a damaged file."""
+"""Maximum size of a damaged file."""
 
 MAX_YAML = 10_000
-"""Characters that are parsed as YAML, which takes long."""
+"""Maximum number of characters that are parsed as YAML, which is slow."""
 
 NUMBER = re.compile(rb"\d+(\.\d+)?")
 EXTREMES = (b"0", b"-1", b"1e308", b"1e999", b"9" * 400, b"1" * 30, b"nan", b"0x7f", b"1:1:1:1")
@@ -30,10 +30,11 @@ VALUES = (
     *(None, True, False, 0, -1, 3, 0.5, 2**31, 2**63, 10**30, 1e-320, 1e308, -1e308),
     *(float("nan"), float("inf"), "", "1", "nan", "\x1b[31m\n", "\ud800", [], {}, [[]], [None]),
 )
-"""Of other types and sizes than are expected."""
+"""Values of other types and sizes than expected."""
 
 VALUE = re.compile(r'<(\w+)\b[^<>]*>[^<>]*</\1>|<[^<>]*>|"[^"\n]*"|[^\s,:=\[\]{}<>"]+')
-"""In a text of any format: an element without others, a tag, a string, a word or a number."""
+"""A value in a text of any format: an element without child elements, a tag, a string, a word or a
+number."""
 
 MEMBER = re.compile(r'"[^"\n]*": *(?:"[^"\n]*"|[^\[\]{},]+)')
 TEXTS = (".json", ".jsonl", ".yaml", ".xml", ".txt", ".toml", ".csv", ".pto", ".cameramodel")
@@ -41,12 +42,12 @@ NESTINGS = (("[", "]"), ('{"a":', "}"), ("<a>", "</a>"), ("- ", ""), ("(", ")"))
 
 
 def damaged(whole: bytes, name: str, rng: random.Random) -> bytes:
-    """Return a file with faults: of a text, every second time, in what it says."""
+    """Return a file with faults; half of the texts are damaged in their content."""
     if PurePath(name).suffix not in TEXTS or rng.random() < 0.5:
         return _damaged_bytes(whole, rng)
     text = whole.decode()
     for _ in range(rng.randint(1, 3)):
-        with suppress(RecursionError):  # a text that is nested too deep stays as it is
+        with suppress(RecursionError):  # a text that is nested too deeply stays unchanged
             text = rng.choice((_other_tree, _other_tree, _other_value, _other_lines))(text, rng)
     return text.encode("utf-8", "surrogatepass")[:MAX_BYTES]
 
@@ -82,7 +83,7 @@ def _damaged_bytes(whole: bytes, rng: random.Random) -> bytes:
 
 
 def _other_tree(text: str, rng: random.Random) -> str:
-    """Change a JSON or YAML text, or a line of JSON, at one place of its tree."""
+    """Change a JSON or YAML text, or a line of JSON Lines, at one node of its tree."""
     before, after = "", ""
     try:
         is_yaml = text.startswith(("image", "cam")) and len(text) < MAX_YAML
@@ -116,13 +117,13 @@ def _other_tree(text: str, rng: random.Random) -> str:
         for number in range(_times(parent[key], rng)):
             parent[f"{key}{number}"] = parent[key]
     elif isinstance(parent[key], int | float):
-        with suppress(OverflowError):  # of an integer of many digits
+        with suppress(OverflowError):  # an integer of many digits
             parent[key] *= rng.choice((-1, 0, 1e-9, 1e9, 1e300))
     return before + json.dumps(tree)[:MAX_BYTES] + after
 
 
 def _times(value: Any, rng: random.Random) -> int:
-    """Return how often to repeat a value, so that the file does not grow too large."""
+    """Return a number of repetitions of a value that keeps the file small."""
     return int(2 ** rng.uniform(0, 14)) // (1 + len(str(value)) // 50)
 
 
@@ -162,7 +163,7 @@ def _other_value(text: str, rng: random.Random) -> str:
 
 
 def _other_lines(text: str, rng: random.Random) -> str:
-    """Drop, repeat or move lines."""
+    """Drop, repeat or move lines of a text."""
     lines = text.splitlines(keepends=True)
     start = rng.randrange(len(lines) + 1)
     moved = lines[start : start + int(2 ** rng.uniform(0, 4))]

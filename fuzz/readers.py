@@ -1,9 +1,9 @@
-"""Damage what every reader of files reads: none may hang, take memory, or fail without a reason.
+"""Damage the files of every reader: none may hang, exhaust memory, or fail without a reason.
 
     python fuzz/readers.py [--cases 100000] [--seed 1] [NAME...]
 
-Each reader works in a process of its own, which a hang or a crash cannot outlive. A file that is
-refused wrongly, too slowly or with too much memory is kept in ``fuzz/found``.
+Each reader runs in a process of its own, so that a hang or a crash ends only that process. A file
+that is rejected with the wrong error, too slowly or with too much memory is kept in ``fuzz/found``.
 """
 
 from __future__ import annotations
@@ -64,31 +64,31 @@ from trisquare.undistortion.video import undistort_video
 
 FOUND = Path(__file__).parent / "found"
 SLOWEST = 5.0
-"""Seconds of the processor, in all threads together, that a file may take."""
+"""Maximum processor time per file, in seconds, over all threads."""
 
 LARGEST = 500.0
-"""MB that a reader's process may have at its peak, Python and the libraries included."""
+"""Maximum peak memory of a reader's process, in MB, including Python and the libraries."""
 
 PATIENCE = 20.0
-"""Seconds by the clock after which a process is killed."""
+"""Wall-clock time, in seconds, after which a process is killed."""
 
 SIZE, SMALL = (640, 480), (64, 48)
-"""Of the cameras' pictures, and of those that are encoded."""
+"""Size of the cameras' pictures, and of encoded pictures."""
 
 PROCESSES = multiprocessing.get_context("spawn")
-"""A forked process would inherit the locks of threads that it does not have."""
+"""Not forked: a forked process would inherit locks held by threads that it does not have."""
 
 MAX_PIXELS = 50_000_000
-"""Of a picture. By default 500 million are allowed, which take 1.5 GB in colour: a service that
-reads strangers' pictures sets less."""
+"""Maximum number of pixels of a picture. The default, 500 million, takes 1.5 GB in colour; a
+service that reads strangers' pictures sets a lower limit."""
 
 LONGEST_REFUSAL = 2000
-"""Characters: a message may cite what a file holds, but not all of it."""
+"""Maximum number of characters of an error message, which may quote part of the file's content."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """What reads a file, by the file's name, and whole files of its kind."""
+    """A function that reads a file of a given name, with undamaged files of that kind."""
 
     name: str
     read: Callable[[Path], object]
@@ -96,7 +96,7 @@ class Reader:
 
 
 def readers() -> Iterator[Reader]:
-    """Yield every reader of files that strangers may hand in."""
+    """Yield a reader for every kind of file that strangers may provide."""
     result = _calibration()
     cameras = [result.camera, *_other_cameras()]
     for name, known in FILES.items():
@@ -151,7 +151,7 @@ def readers() -> Iterator[Reader]:
 
 
 def _run(*words: str | Path) -> None:
-    """Run the command; an error is a line that a terminal may be given."""
+    """Run the command and require that an error is one printable line."""
     out, err = io.StringIO(), io.StringIO()
     try:
         with redirect_stdout(out), redirect_stderr(err):
@@ -216,7 +216,7 @@ def _use_request(path: Path) -> None:
     os.chdir(path.parent)
     try:
         record = perform(Task("predict", (), options, {}), JobLimits.stated())[0]
-    except (TypeError, ValueError) as error:  # the status 400, whose text repeats what was sent
+    except (TypeError, ValueError) as error:  # the status 400, whose text repeats the request
         raise ValueError("refused") from error
     finally:
         os.chdir(before)
@@ -338,7 +338,7 @@ def _videos() -> dict[str, tuple[bytes, ...]]:
 
 @dataclass
 class Progress:
-    """What a reader's process tells of itself, in memory that both sides see."""
+    """State of a reader's process, in shared memory."""
 
     case: ctypes.c_long
     began: ctypes.c_double
@@ -347,12 +347,12 @@ class Progress:
 
     @classmethod
     def shared(cls) -> Progress:
-        """Return one that is at the first case."""
+        """Return the state before the first case."""
         return cls(*(PROCESSES.RawValue(kind) for kind in ("l", "d", "d", "d")))
 
 
 def _work(name: str, seed: int, first: int, cases: int, progress: Progress) -> None:
-    """Read damaged files; what libraries say on standard error, is not ours to read."""
+    """Read damaged files, with the standard error of the libraries discarded."""
     sys.stderr = os.fdopen(os.dup(2), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     os.environ["TRISQUARE_MAX_PIXELS"] = str(MAX_PIXELS)
@@ -383,13 +383,13 @@ def _work(name: str, seed: int, first: int, cases: int, progress: Progress) -> N
 
 
 def _fault(reader: Reader, path: Path) -> str | None:
-    """Read a file and say what is wrong with how that ends; None if it is read or refused."""
+    """Read a file and describe what is wrong; return None if it is read or properly refused."""
     try:
         reader.read(path)
     except (OSError, ts.TrisquareError, ts.LensModelError) as error:
         refusal: Exception = error
     except Exception as error:
-        if type(error) is not ValueError:  # a library's own kind of it says nothing to a user
+        if type(error) is not ValueError:  # a library's subclass means nothing to a user
             return f"{type(error).__name__}: {error}"
         refusal = error
     else:
@@ -411,7 +411,7 @@ def _keep(name: str, case: int, file: bytes, why: str) -> None:
 
 
 def _read_whole(reader: Reader, file: bytes) -> None:
-    """Read a file without damage: of one that is refused, damage would be never met."""
+    """Read an undamaged file, which must succeed: of a refused one, no damage would be tested."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / Path(reader.name).name
         path.write_bytes(file)
@@ -419,7 +419,7 @@ def _read_whole(reader: Reader, file: bytes) -> None:
 
 
 def run(reader: Reader, seed: int, cases: int) -> bool:
-    """Print a reader's row of the table; return whether all is well."""
+    """Print a reader's row of the table; return whether it had no faults."""
     for whole in reader.whole:
         _read_whole(reader, whole)
     progress = Progress.shared()
@@ -447,7 +447,7 @@ def run(reader: Reader, seed: int, cases: int) -> bool:
 
 
 def main() -> None:
-    """Run every reader, or those whose names begin as asked."""
+    """Run every reader, or those whose names have a given prefix."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="how the readers' names begin; by default all")
     parser.add_argument("--cases", type=int, default=100_000)

@@ -1,4 +1,4 @@
-"""Fixtures that several files share."""
+"""Fixtures shared by several files."""
 
 import os
 
@@ -21,8 +21,8 @@ def run(capfd):
     return run_command
 
 
-# What CI finds shall not depend on its luck; a run by hand explores. No test depends on how busy
-# the machine is.
+# Results in CI must not depend on chance; a local run explores. No test depends on the machine's
+# load.
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("by hand", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "by hand")

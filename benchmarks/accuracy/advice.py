@@ -1,6 +1,6 @@
-"""The advice of docs/photograph.md, as a table: `benchmarks/advice.py`.
+"""Print the table of the advice in docs/photograph.md: `benchmarks/accuracy/advice.py`.
 
-Predicted standard deviations for one ordinary camera, changed one thing at a time.
+Predicted standard deviations for one ordinary camera, with one property changed at a time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SPREADS = (40, 60, 80, 100)  # per cent of the usual distance from the centre
 COUNTS = (2, 3, 4, 5, 6)
 
 TILT, SIZE = 35.0, 0.36
-# Where so many squares stand, in parts of the picture.
+# Centres of the squares by their number, as fractions of the picture.
 PLACES = {
     2: ((0.27, 0.5), (0.73, 0.5)),
     3: ((0.23, 0.3), (0.77, 0.3), (0.5, 0.72)),
@@ -29,7 +29,7 @@ PLACES = {
     5: ((0.18, 0.25), (0.82, 0.25), (0.82, 0.75), (0.18, 0.75), (0.5, 0.5)),
     6: ((0.18, 0.27), (0.5, 0.27), (0.82, 0.27), (0.82, 0.73), (0.5, 0.73), (0.18, 0.73)),
 }
-# Directions for which a row is averaged: the table is to hold whatever way the squares lean.
+# Tilt directions over which a row is averaged, so that the table holds for any tilt directions.
 PHASES = np.arange(0.0, 120.0, 10.0)
 
 
@@ -59,7 +59,7 @@ def _row(name: str, **change: object) -> None:
         except ts.DegenerateGeometryError:
             continue
         except ValueError:
-            continue  # would not fit into the picture, leaning that way
+            continue  # does not fit into the picture with that tilt direction
         found.append([std[key] for key in NAMES])
     if len(found) < len(PHASES) / 2:
         print(f"| {name} | refused | | |")
@@ -80,7 +80,7 @@ def _std(
 ) -> dict[str, float]:
     K = [[FOCAL, 0.0, 0.5 * (WIDTH - 1)], [0.0, FOCAL, 0.5 * (HEIGHT - 1)], [0.0, 0.0, 1.0]]
     camera = ts.Camera(np.array(K), np.array([-0.15, 0.03, 0, 0, 0]), (WIDTH, HEIGHT))
-    # Two squares lean at right angles, more of them all round.
+    # Two squares tilt in directions 90 degrees apart, more squares in directions all round.
     step = 90.0 if count == 2 else 360.0 / count
     squares = []
     for number, place in enumerate(PLACES[count]):

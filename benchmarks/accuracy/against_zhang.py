@@ -26,9 +26,9 @@ BLUR_RANGE = (0.5, 1.2)  # pixels
 SOLID_TARGET = 1.05
 FRAMED_TARGET = 0.85
 
-# What a corner detector leaves for cornerSubPix to do, pixels.
+# Error of a corner detector before cornerSubPix, in pixels.
 DETECTED = 0.3
-# Half windows of cornerSubPix, pixels; OpenCV's own tutorial takes 11, and the row does.
+# Half windows of cornerSubPix, in pixels. OpenCV's tutorial uses 11, as does the row.
 WINDOWS = (5, 11, 17)
 TUTORIAL_WINDOW = 11
 SUBPIX_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001)
@@ -36,7 +36,7 @@ SAME_MODEL = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
 
 
 def measure() -> list[Row]:
-    """Print the rms errors over fx, fy, cx, cy and the ratios to Zhang's."""
+    """Print the rms errors over fx, fy, cx, cy and their ratios to those of Zhang's method."""
     collected: dict[str, list[Array]] = {"square": [], "frame": []}
     collected |= {_label(window): [] for window in WINDOWS}
     stages: Counter[str] = Counter()
@@ -85,7 +85,7 @@ def _label(window: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BoardPicture:
-    """A photographed chessboard, with the corners as a detector gives them."""
+    """A photographed chessboard, with corners as a detector gives them."""
 
     picture: Image
     detected: npt.NDArray[np.float32]
@@ -111,7 +111,7 @@ def photograph_boards(
 
 
 def _zhang(camera: TrueCamera, boards: list[BoardPicture], window: int) -> Array:
-    """Return the error of one chessboard session, shape (6,)."""
+    """Return the error of one chessboard calibration, shape (6,)."""
     K, distortion = zhang_camera(camera, boards, window)
     return camera_vector(K, distortion) - camera_vector(camera.K, camera.distortion)
 
@@ -119,7 +119,7 @@ def _zhang(camera: TrueCamera, boards: list[BoardPicture], window: int) -> Array
 def zhang_camera(
     camera: TrueCamera, boards: list[BoardPicture], window: int
 ) -> tuple[Array, Array]:
-    """Return camera matrix and distortion of one chessboard session, shapes (3, 3) and (5,)."""
+    """Return camera matrix and distortion of one chessboard calibration, shapes (3, 3) and (5,)."""
     half = (window, window)
     corners = [
         cv2.cornerSubPix(shot.picture, shot.detected.copy(), half, (-1, -1), SUBPIX_END)

@@ -1,4 +1,4 @@
-"""Where a board stands by its lines alone, for a known camera: as flat, or as bent paper."""
+"""Pose of a board from its lines alone, for a known camera: as a flat board, or as bent paper."""
 
 from __future__ import annotations
 
@@ -14,22 +14,25 @@ import trisquare as ts
 Array = npt.NDArray[np.float64]
 
 ORDERS = tuple((i, order - i) for order in (2, 3, 4) for i in range(order + 1))
-"""Of Legendre's polynomials in both directions: the heights of a sheet, but for its pose."""
+"""Orders of Legendre polynomials in both directions that describe the heights of a sheet. Lower
+orders belong to its pose."""
 
 STIFFNESS = np.array([((i + j) / 2.0) ** 4 for i, j in ORDERS])
-"""Sheets resist curvature, which grows with the square of the order."""
+"""Weights of the penalty on the heights. Curvature, which sheets resist, grows with the square of
+the order."""
 
 HEIGHT = 0.01
-"""Heights that are expected of paper, in parts of half its extent, where a sample is worth a pixel:
-some tens of them share the errors, of some tenths of a pixel, of their line."""
+"""Prior standard deviation of the heights of paper, as a fraction of half its extent, for samples
+of 1 pixel: some tens of samples share the errors of their line, of some tenths of a pixel."""
 
 GRADIENT_STEP = 0.01
-"""Pixels over which a ray's gradient is taken."""
+"""Step, in pixels, for the gradient of a ray."""
 
 POSE_STEP = 1e-6
 MAX_STEPS = 10
 LAST_STEP = 1e-7
-"""Radians, or cells: a millionth of a cell is some thousandths of a pixel at most."""
+"""Pose step, in radians or cells, that ends the iteration: a millionth of a cell is some
+thousandths of a pixel at most."""
 
 
 class Sight(NamedTuple):
@@ -50,7 +53,7 @@ class Sight(NamedTuple):
 
     @classmethod
     def of(cls, camera: ts.Camera, lines: Array, points: Sequence[Array]) -> Sight:
-        """Look at the samples of some lines of a board."""
+        """Take the samples of some lines of a board."""
         pixels = np.concatenate(points)
         x, y = (
             (camera.unproject(pixels + step) - camera.unproject(pixels - step))
@@ -61,12 +64,12 @@ class Sight(NamedTuple):
         return cls(each, camera.unproject(pixels), x, y)
 
     def distances(self, pose: Array) -> Array:
-        """Return the samples' distances from the images of their lines, pixels."""
+        """Return the samples' distances from the images of their lines, in pixels."""
         planes, gradients = self._planes(pose)
         return np.asarray((planes * self.rays).sum(axis=1) / gradients)
 
     def displacements(self, pose: Array, middle: Array, radius: float) -> Array:
-        """Return what each unit of height does to the distances, shape (N, terms)."""
+        """Return the change of the distances per unit of height, shape (N, terms)."""
         planes, gradients = self._planes(pose)
         rotation, shift = _matrix(pose), pose[3:]
         normal = rotation[:, 2]
@@ -74,12 +77,11 @@ class Sight(NamedTuple):
         points = ((self.rays * depths[:, None] - shift) @ rotation)[:, :2]
         x, y = (np.polynomial.legendre.legvander(own, 4) for own in (points - middle).T / radius)
         heights = np.column_stack([x[:, i] * y[:, j] for i, j in ORDERS]) * radius
-        # A point P + z n, on the ray x = (P + z n) / s, of a line through P has
-        # l . x = z (l . n) / s.
+        # A point P + z n on the ray x = (P + z n) / s, with P on a line, has l . x = z (l . n) / s.
         return np.asarray(heights * ((planes @ normal) / depths / gradients)[:, None])
 
     def _planes(self, pose: Array) -> tuple[Array, Array]:
-        """Return the planes through the camera and the lines, and how steeply distances grow."""
+        """Return the planes through the camera and the lines, and the distances' gradients."""
         homography = np.column_stack([_matrix(pose)[:, :2], pose[3:]])
         planes = self.lines @ np.linalg.inv(homography)
         x, y = ((planes * own).sum(axis=1) for own in (self.along_x, self.along_y))
@@ -87,7 +89,7 @@ class Sight(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """Where a board stands, and how it is bent."""
+    """Pose of a board, and its bend."""
 
     pose: Array  # rotation vector and translation
     heights: Array
@@ -95,7 +97,7 @@ class Stand(NamedTuple):
     radius: float
 
     def errors(self, sight: Sight) -> Array:
-        """Return how far samples are from where they are expected, pixels."""
+        """Return the samples' distances from their expected positions, in pixels."""
         distances = sight.distances(self.pose)
         if not self.heights.any():
             return distances
@@ -104,7 +106,7 @@ class Stand(NamedTuple):
 
 
 def stand(start: Array, sight: Sight, bent: bool) -> Stand:
-    """Fit a board's pose, and its heights if it may be bent, by least squares."""
+    """Fit a board's pose, and its heights if `bent`, by least squares."""
     reach = -sight.lines[:, 2]
     columns, rows = reach[sight.lines[:, 0] != 0.0], reach[sight.lines[:, 0] == 0.0]
     middle = 0.5 * np.array([columns.min() + columns.max(), rows.min() + rows.max()])

@@ -14,9 +14,9 @@ from trisquare_scenes.broken_assumptions import KINDS, Kind
 SCENES = 30
 SEED = 1206
 EVIDENT = 4.0
-"""An answer is wrong that is off by more standard deviations than that, ..."""
+"""Error in standard deviations beyond which an answer is wrong, if it also exceeds `NEGLIGIBLE`."""
 NEGLIGIBLE = 0.003
-"""... and by more than this part of the focal length."""
+"""Error, as a fraction of the focal length, up to which an answer is not wrong."""
 
 MAX_SILENT = 0.01
 MAX_SILENT_OF_A_KIND = 3
@@ -24,11 +24,11 @@ MAX_FALSE_ALARMS = 0.02
 MAX_WRONG_CAUSES = 2
 
 UNCERTAIN = ("correlated_residuals",)
-"""Warnings that leave the cause open."""
+"""Warnings that do not name a cause."""
 
 
 class Outcome(NamedTuple):
-    """What one case came to."""
+    """Outcome of one case."""
 
     refused: bool
     wrong: bool
@@ -36,7 +36,7 @@ class Outcome(NamedTuple):
 
 
 def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row]:
-    """Print for each kind how its pictures end, damaged and undamaged."""
+    """Print the outcomes of the pictures of each kind, damaged and undamaged."""
     silent, misnamed, warned, refused = {}, {}, 0, 0
     every_cause = {code for kind in KINDS.values() for code in kind.causes} - set(UNCERTAIN)
     for number, (name, kind) in enumerate(KINDS.items()):

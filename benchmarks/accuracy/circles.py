@@ -16,12 +16,12 @@ RADII = (0.5, 0.3)
 NOISE = 0.1  # pixels
 MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 
 
 def measure() -> list[Row]:
-    """Print the errors beside the edges' bound, and how often the intervals hold the truth."""
+    """Print the errors relative to the edges' bound, and the coverage of the intervals."""
     rows = []
     for radii, name in ((RADII, "known"), (None, "unknown")):
         ratio, share = _of_scenes(radii)

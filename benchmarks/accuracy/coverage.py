@@ -34,13 +34,14 @@ SHADING_RANGE = (0.0, 0.3)
 TONES = ("linear", "srgb", 1.8, 2.2)
 FRAMES_EVERY = 3
 JPEG_QUALITY = 85
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 EDGES_TARGET = (0.94, 0.96)
 PICTURES_TARGET = (0.92, 0.97)
 
 Trial = Callable[[np.random.Generator], Array]
-"""Draws a scene, and returns the errors of its calibration in stated standard deviations."""
+"""Function that draws a scene and returns the errors of its calibration in stated standard
+deviations."""
 
 
 def edge_trial(kind: Errors) -> Trial:
@@ -57,7 +58,7 @@ def edge_trial(kind: Errors) -> Trial:
 
 
 def picture_trial(*, tone_known: bool, jpeg_quality: int | None = None) -> Trial:
-    """Return the trial of a rendered picture whose tone curve is known, or estimated."""
+    """Return the trial of a rendered picture with a known or an estimated tone curve."""
 
     def trial(rng: np.random.Generator) -> Array:
         scene = simulate.random_scene(
@@ -81,9 +82,9 @@ def picture_trial(*, tone_known: bool, jpeg_quality: int | None = None) -> Trial
 
 
 def coverage(name: str, trial: Trial, trials: int) -> float:
-    """Print how often each parameter's interval holds the truth, and return the pooled share.
+    """Print the coverage of each parameter's interval, and return the pooled coverage.
 
-    What is refused states no interval and is counted apart.
+    Refused scenes state no interval and are counted separately.
     """
     deviations = []
     refusals: list[str] = []
@@ -105,7 +106,7 @@ def coverage(name: str, trial: Trial, trials: int) -> float:
 
 
 def measure() -> list[Row]:
-    """Return the shares under errors of every kind; targets are for white noise."""
+    """Return the coverages for errors of every kind; only those for white noise have targets."""
     jpeg = f"rendered trials as JPEG, quality {JPEG_QUALITY}"
     kinds = (
         ("trials from edge points", edge_trial(white), EDGE_TRIALS, EDGES_TARGET),

@@ -37,7 +37,7 @@ def measure() -> list[Row]:
 
 
 def _wrong(p1: float, p2: float, model: str) -> tuple[int, int]:
-    """Count the wrong answers, and those of them with warnings of low severity at most."""
+    """Count the wrong answers, and those among them without a warning above low severity."""
     wrong = silent = 0
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])

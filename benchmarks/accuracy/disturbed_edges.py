@@ -1,4 +1,4 @@
-"""Edge points whose errors are not what a calibration would like: drawn side by side."""
+"""Edge points whose errors violate the assumptions of a calibration, drawn one side at a time."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import trisquare as ts
 from trisquare.simulate.scene import Scene, SideSamples, sample_sides
 
 ORDERS = np.arange(6)
-"""Legendre polynomials that a smooth displacement is made of."""
+"""Orders of the Legendre polynomials of a smooth displacement."""
 
 CORRELATION = 0.3
-"""Of neighbouring samples."""
+"""Correlation of neighbouring samples."""
 
 ROUGHNESS = 5.0
-"""Noise of a rough plane over that of the others."""
+"""Ratio of the noise of a rough plane to that of the others."""
 
 Errors = Callable[[np.random.Generator, int, SideSamples], Array]
-"""Draws how far each sample of a side of a plane is off along its normal, in units of the noise."""
+"""Function that draws the displacement of each sample of a plane's side along its normal, in units
+of the noise."""
 
 
 def white(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
@@ -29,9 +30,9 @@ def white(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
 
 
 def displaced(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
-    """Draw independent errors and a smooth displacement of the side as large as they are.
+    """Draw independent errors and a smooth displacement of the side of the same size.
 
-    Its spectrum falls more steeply than the one that the estimate takes for granted.
+    Its spectrum falls more steeply than the estimate assumes.
     """
     deviations = np.sqrt(2.0 * ORDERS + 1.0) / (1.0 + (ORDERS / 2.0) ** 2) ** 0.75
     shapes = np.polynomial.legendre.legvander(_places(side), ORDERS[-1])
@@ -40,13 +41,13 @@ def displaced(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
 
 
 def bowed(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
-    """Draw independent errors and a parabola as high as they are, as curled paper shows it."""
+    """Draw independent errors and a parabola of the same height, as curled paper causes."""
     bow = rng.standard_normal() * (1.0 - _places(side) ** 2)
     return np.asarray(white(rng, plane, side) + bow)
 
 
 def correlated(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
-    """Draw errors of which neighbours share a part: a first-order autoregression."""
+    """Draw errors with correlated neighbours: a first-order autoregression."""
     error = white(rng, plane, side)
     for i in range(1, len(error)):
         error[i] = CORRELATION * error[i - 1] + np.sqrt(1.0 - CORRELATION**2) * error[i]
@@ -61,7 +62,7 @@ def rough(rng: np.random.Generator, plane: int, side: SideSamples) -> Array:
 def disturbed_edges(
     scene: Scene, rng: np.random.Generator, errors: Errors, noise: float, spacing: float
 ) -> list[ts.PlaneEdges]:
-    """Sample the sides of a scene of squares, `spacing` pixels apart, with errors of that noise."""
+    """Sample the sides of a scene's squares every `spacing` pixels, with errors of size `noise`."""
     edges = []
     for plane, target in enumerate(scene.targets):
         sides = sample_sides(scene.camera, target, spacing)
@@ -74,6 +75,6 @@ def disturbed_edges(
 
 
 def _places(side: SideSamples) -> Array:
-    """Place of each sample along its side, -1 to 1."""
+    """Return the position of each sample along its side, -1 to 1."""
     count = len(side.image)
     return np.asarray((2.0 * np.arange(count) + 1.0) / count - 1.0)

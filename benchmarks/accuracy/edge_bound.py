@@ -13,14 +13,14 @@ SCENES = 200
 SEED = 1
 NOISE_RANGE = (0.05, 0.5)  # pixels
 SPACING = 4.0  # pixels of edge per sample
-# Below the lower end an estimate would beat the bound, so the bound would be wrong.
+# An estimate below the lower end would beat the bound, so the bound would be wrong.
 TARGET = (0.93, 1.08)
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 
 
 def measure() -> list[Row]:
-    """Print error / bound for every parameter, and how often the intervals hold the truth."""
+    """Print error / bound for every parameter, and the coverage of the intervals."""
     ratios, covered = np.zeros((2, SCENES, len(NAMES)))
     for seed in range(SCENES):
         rng = np.random.default_rng([SEED, seed])

@@ -23,7 +23,7 @@ EXACT = 1e-8  # relative for lengths, absolute for the distortion's pure numbers
 def measure() -> list[Row]:
     """Print the worst error of either method over the scenes."""
     linear = [_error(seed, "none", "none", "linear") for seed in range(SCENES)]
-    # The distortion is free here and has to come out as zero.
+    # The distortion is free here and must be estimated as zero.
     freed = [_error(seed, "none", "radial2", "linear") for seed in range(SCENES)]
     refined = {
         model: max(_error(seed, model, model, "ml") for seed in range(SCENES)) for model in MODELS
@@ -41,7 +41,7 @@ def _row(name: str, worst: float) -> Row:
 
 
 def _error(seed: int, true_model: str, model: str, method: str) -> float:
-    """Return the worst parameter's error."""
+    """Return the error of the worst parameter."""
     rng = np.random.default_rng([SEED, seed])
     scene = simulate.random_scene(rng, camera=_camera(rng, true_model))
     edges = [ts.PlaneEdges.square(sides) for sides in simulate.edge_points(scene, rng, noise=0.0)]

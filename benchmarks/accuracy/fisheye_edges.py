@@ -20,14 +20,14 @@ NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
 MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
 MAX_COST = 1.5
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
-# Two searches that end this close, in standard deviations, have found the same optimum.
+# Distance, in standard deviations, below which two searches have found the same optimum.
 SAME = 1e-3
 
 
 def measure() -> list[Row]:
-    """Print error / bound and coverage of each field, and whether the optimum was reached."""
+    """Print error / bound and coverage by field of view, and how often the optimum is reached."""
     every_ratio, every_held, reached, beyond = [], [], 0, 0
     for field in FIELDS:
         ratios, held = np.zeros((2, SCENES, len(NAMES)))
@@ -93,9 +93,9 @@ def _edges(scene: simulate.Scene, rng: np.random.Generator) -> list[ts.PlaneEdge
 def _is_optimum(
     result: ts.Calibration, scene: simulate.Scene, edges: list[ts.PlaneEdges], std: Array
 ) -> bool:
-    """Whether no lower cost is found from the truth: its rms at the truth bounds what may be."""
-    # The camera held at the truth has the rms that a start there begins with; the optimum that it
-    # leads to is lower by what eight free parameters are worth.
+    """Return whether the cost is at most that at the truth, and the result is near the truth."""
+    # With the camera held at the truth, the rms is that at the start of a search from there. The
+    # optimum of that search would be lower by the effect of eight free parameters.
     fix = ("focal", "principal_point", "distortion")
     held = ts.calibrate_edges(
         edges, scene.camera.image_size, model="fisheye", fix=fix, initial=camera_of(scene)
@@ -110,7 +110,7 @@ def _reaches_behind(scene: simulate.Scene) -> bool:
 
 
 def _cost() -> float:
-    """Return the ratio of the times of two solves, taken in turns."""
+    """Return the ratio of the times of two calibrations, alternated."""
     times = {"fisheye": 0.0, "radial2": 0.0}
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, 1, number])

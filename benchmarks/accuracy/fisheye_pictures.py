@@ -14,7 +14,7 @@ from trisquare.simulate.render import Image
 SCENES = 60
 POOR_SCENES = 100
 CIRCLE_SCENES = 30
-CLUTTER = 20  # things that lie about
+CLUTTER = 20  # objects in the background
 SEED = 72
 FIELD_RANGE = (100.0, 190.0)  # degrees across the picture's width
 NOISE_RANGE = (1.0, 4.0)  # grey levels
@@ -23,13 +23,13 @@ CONTRAST = 175.0  # grey levels
 MIN_FOUND = 58
 MAX_OVER_BOUND = 1.15
 COVERAGE = (0.92, 0.98)
-# What is wrong without a warning: an error beyond both.
+# An answer is wrong where its error exceeds both limits.
 WRONG_STDS = 4.0
 WRONG_PART = 0.003
 
 
 def measure() -> list[Row]:
-    """Print what is found, and how the error compares with the bound and the stated intervals."""
+    """Print the number of squares found, and the errors relative to bounds and stated stds."""
     ratios, held = [], []
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])
@@ -77,7 +77,7 @@ def measure() -> list[Row]:
 
 
 def _photograph(rng: np.random.Generator) -> tuple[simulate.Scene, Image, float]:
-    """Return a scene, its picture, and the bound's standard deviation of an edge pixel."""
+    """Return a scene, its picture, and the bound on the standard deviation of an edge pixel."""
     camera = simulate.fisheye(rng.uniform(*FIELD_RANGE))
     scene = simulate.wide_scene(rng, camera)
     noise, blur = rng.uniform(*NOISE_RANGE), rng.uniform(*BLUR_RANGE)
@@ -88,7 +88,7 @@ def _photograph(rng: np.random.Generator) -> tuple[simulate.Scene, Image, float]
 def _of_all_squares(
     name: str, scene: simulate.Scene, picture: Image, tone: str | None = None
 ) -> ts.Calibration | None:
-    """Calibrate a fisheye; None, and a line that says why, unless all squares are used."""
+    """Calibrate a fisheye; print the reason and return None unless all squares are used."""
     try:
         result = ts.calibrate(picture, model="fisheye", tone=tone)
     except ts.TrisquareError as error:
@@ -115,7 +115,7 @@ def _in_circles() -> tuple[int, float]:
 
 
 def _with_brown() -> tuple[int, int]:
-    """Count answers that are wrong without a warning, and those that name the fisheye."""
+    """Count answers that are wrong without a warning, and those whose warnings name the fisheye."""
     silent = named = 0
     for number in range(POOR_SCENES):
         rng = np.random.default_rng([SEED, 1, number])

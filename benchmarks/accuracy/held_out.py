@@ -1,16 +1,16 @@
 """Real boards: what a camera fitted to two thirds of the rows and columns says of the rest.
 
-Ours is fitted to lines and OpenCV's, with k1 and k2 as ours, to another detector's corners of the
-same rows and columns: corners on a row or column that is held out are no part of OpenCV's. Both
-cameras are then asked for the same points that neither saw: held-out corners, after poses from the
-other corners, and samples of held-out lines, after poses from the other lines. Thirds are drawn
-several times over.
+Our camera is fitted to lines. OpenCV's, with k1 and k2 as ours, is fitted to another detector's
+corners of the same rows and columns, without corners on a held-out row or column. Both cameras are
+then tested on the same points, used by neither: held-out corners, with poses from the other
+corners, and samples of held-out lines, with poses from the other lines. Thirds are drawn several
+times.
 
-Poses are plain least squares of flat boards, which is what OpenCV's camera was fitted for. Ours was
-not: it leaves what bends the paper out of the lens, and a row that is held out lies between rows
-that are bent alike, so that a lens which has swallowed the bend foretells it. Therefore lines are
-also scored with boards that may bend, the same for both cameras; and the angles at which three
-planes are known to meet, which no fit has seen, say whose camera is the better one.
+Poses are least-squares poses of flat boards, for which OpenCV's camera was fitted. Ours was not: it
+keeps the bend of the paper out of the lens. A held-out row lies between rows that are bent in the
+same way, so that a lens that has absorbed the bend predicts it. Therefore lines are also tested
+with boards that may bend, the same for both cameras. The angles at which three planes are known to
+meet are used by no fit; they show which camera is better.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ Array = npt.NDArray[np.float64]
 
 DRAWS = 5  # of thirds
 FIELD = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST  # k1 and k2, as ours
-NOISE = 2.0  # standard deviations of the mean over the folds that are no difference
+NOISE = 2.0  # standard deviations of the mean over the folds up to which a difference is ignored
 KINDS = ("lines", "corners", "lines of boards that may bend")
 ISSUE = "no worse on any, better on most"
 
 
 class Score(NamedTuple):
-    """Root mean square errors of what was held out, pixels (of corners per coordinate)."""
+    """Root mean square errors of the held-out data, in pixels (of corners, per coordinate)."""
 
     lines: float
     corners: float
     bent: float
-    angles: float  # of the planes fitted with the camera from a right one, degrees
+    angles: float  # deviation from a right angle between the planes fitted with the camera, degrees
 
 
 class Fit(NamedTuple):
-    """A camera, and the boards' normals that were found with it."""
+    """A camera, and the boards' normals from the same fit."""
 
     camera: ts.Camera
     normals: list[Array]
 
 
 def measure() -> list[Row]:
-    """Print both cameras' errors by set, and on how many sets ours are no larger."""
+    """Print both cameras' errors by set, and the number of sets where ours are smaller."""
     if not DATA.exists():
         raise NotMeasurableError("no ../shared/data")
     ratios: dict[str, Array] = {}
@@ -87,10 +87,10 @@ def _summary(scores: Array) -> str:
 
 
 def _row(what: str, ratios: dict[str, Array], target: str = "") -> Row:
-    """Compare the mean of the folds with its own noise.
+    """Compare the mean over the folds with its standard deviation.
 
-    Folds share most of what they learn from: the variance of their mean is not `1 / n` of theirs
-    but `1 / n + 1 / (FOLDS - 1)` (C. Nadeau & Y. Bengio, Machine Learning 52 (2003) 239-281).
+    Folds share most of their training data: the variance of their mean is not `1 / n` of theirs but
+    `1 / n + 1 / (FOLDS - 1)` (C. Nadeau & Y. Bengio, Machine Learning 52 (2003) 239-281).
     """
     smaller, larger, clearly = 0, [], []
     for name, found in ratios.items():
@@ -141,7 +141,7 @@ def _all_scores(case: Case) -> Array:
 def _scores(
     size: tuple[int, int], boards: list[tuple[Board, Thirds]], fold: int
 ) -> tuple[Score, Score]:
-    """Fit both cameras without a fold, and ask them for it."""
+    """Fit both cameras without a fold, and test them on it."""
     ours, theirs = _our_fit(size, boards, fold), _their_fit(size, boards, fold)
     return _score(ours, boards, fold), _score(theirs, boards, fold)
 
@@ -168,7 +168,7 @@ def _their_fit(size: tuple[int, int], boards: list[tuple[Board, Thirds]], fold: 
 
 
 def _score(fit: Fit, boards: list[tuple[Board, Thirds]], fold: int) -> Score:
-    """Ask a camera for what was held out of every board."""
+    """Test a camera on the held-out part of every board."""
     camera = fit.camera
     lines, corners, bent = [], [], []
     for board, thirds in boards:
@@ -194,6 +194,6 @@ def _rms(errors: list[Array]) -> float:
 
 
 def _off_square(normals: list[Array]) -> float:
-    """Root mean square deviation of planes' angles from a right one, degrees."""
+    """Return the root mean square deviation of the planes' angles from a right one, in degrees."""
     sines = np.clip([a @ b for a, b in combinations(normals, 2)], -1.0, 1.0)
     return float(np.sqrt(np.mean(np.degrees(np.arcsin(sines)) ** 2)))

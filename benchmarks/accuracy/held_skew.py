@@ -20,7 +20,7 @@ TOLD = {"planes_contradict", "pixels_not_square"}
 
 
 def measure() -> list[Row]:
-    """Count the answers that a warning doubts, and the wrong ones that none does."""
+    """Count the answers with a warning of contradicting planes, and wrong answers without."""
     rows = []
     for count, name in ((3, "three"), (4, "four")):
         told, off = _outcomes(count)
@@ -41,7 +41,7 @@ def measure() -> list[Row]:
 
 
 def _outcomes(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the planes were said to contradict each other, and the errors in stds, by scene."""
+    """Return by scene whether planes contradict each other, and the errors in stds."""
     told, off = [], []
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])

@@ -22,7 +22,7 @@ TARGET = 1.30
 
 
 def measure() -> list[Row]:
-    """Print error / bound and error / stated deviation over boards of several sizes."""
+    """Print error / bound and error / stated standard deviation for boards of several sizes."""
     ratios, scores = [], []
     missed = 0
     for seed in range(SCENES):
@@ -58,7 +58,7 @@ def measure() -> list[Row]:
 def board_scene(
     rng: np.random.Generator, inner_corners: int, image_size: tuple[int, int] = (1280, 960)
 ) -> Scene:
-    """Draw a scene of three squares, each of them a chessboard."""
+    """Draw a scene of three squares, each a chessboard."""
     scene = simulate.random_scene(rng, image_size=image_size)
     boards = tuple(
         replace(

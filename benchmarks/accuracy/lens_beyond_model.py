@@ -34,7 +34,8 @@ BOARD_CODES = (
     "side_rejected",
 )
 WRONG_STD, WRONG_PART = 4.0, 0.003
-"""An answer is wrong where fx is off by so many standard deviations and by this part of it."""
+"""Limits of a wrong answer: the error of fx exceeds this number of standard deviations and this
+fraction of fx."""
 
 MAX_SILENT, MIN_RIGHT, MAX_WRONG_CAUSES = 3, 25, 2
 
@@ -44,18 +45,18 @@ Heights = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera of any law: from normalised pinhole coordinates, or angles, to distorted ones."""
+    """A camera with any law from camera coordinates to distorted normalised coordinates."""
 
     focal: Array
     centre: Array
     law: Law
 
     def project(self, points: Array) -> Array:
-        """Pixels of points in camera coordinates, shape (N, 3)."""
+        """Return the pixels of points in camera coordinates, shape (N, 3)."""
         return np.asarray(self.law(points) * self.focal + self.centre)
 
     def radii(self) -> tuple[Array, Array]:
-        """Return angles from the axis up to where the law turns back, and their radii."""
+        """Return angles from the axis up to where the radius stops growing, and their radii."""
         angles = np.linspace(0.0, WIDEST_ANGLE, 2000)
         zeros = np.zeros_like(angles)
         radii = self.law(np.column_stack([np.sin(angles), zeros, np.cos(angles)]))[:, 0]
@@ -65,7 +66,7 @@ class Lens:
 
 
 def brown(coefficients: Array) -> Law:
-    """Return the distorted pinhole with `k1, k2, p1, p2, k3, k4, k5, k6`, as OpenCV has it."""
+    """Return OpenCV's distortion law with `k1, k2, p1, p2, k3, k4, k5, k6`."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
 
     def law(points: Array) -> Array:
@@ -83,14 +84,14 @@ def brown(coefficients: Array) -> Law:
 
 
 def equidistant(points: Array) -> Array:
-    """Return what a fisheye sees: the radius is the angle."""
+    """Return the points as an equidistant fisheye maps them: the radius is the angle."""
     radius = np.linalg.norm(points[:, :2], axis=1)
     angle = np.arctan2(radius, points[:, 2])
     return np.asarray(points[:, :2] * (angle / np.maximum(radius, 1e-12))[:, None])
 
 
 def draw_lens(rng: np.random.Generator, kind: str) -> Lens:
-    """Draw a lens that does not turn back inside the picture."""
+    """Draw a lens whose distortion does not fold back inside the picture."""
     width, height = SIZE
     while True:
         centre = rng.normal([(width - 1) / 2, (height - 1) / 2], 0.01 * width)
@@ -120,13 +121,13 @@ def draw_lens(rng: np.random.Generator, kind: str) -> Lens:
 
 
 def is_monotonic(lens: Lens) -> bool:
-    """Whether the radius grows up to a tenth beyond the farthest corner."""
+    """Return whether the radius grows up to a tenth beyond the farthest corner."""
     farthest = 1.1 * np.linalg.norm(np.array(SIZE) / 2 / lens.focal) + 0.05
     return bool(lens.radii()[1][-1] > farthest)
 
 
 def draw_heights(rng: np.random.Generator, kind: str) -> Heights:
-    """Draw the shape of a sheet whose corners are at +-1, heights in half its extent."""
+    """Draw the heights of a sheet whose corners are at +-1, in units of half its extent."""
     size = 2.0 * rng.uniform(*RELIEF_RANGE) * rng.choice([-1.0, 1.0])
     turn = rng.uniform(0.0, np.pi)
     second = rng.normal(0.0, 1.0, 3) / np.sqrt(3.0)
@@ -180,7 +181,7 @@ def _figure(
     noise: float,
     image: int,
 ) -> ts.PlaneEdges:
-    """Draw a figure about a place of the picture until all of it is seen."""
+    """Draw figures around a place of the picture until one is completely visible."""
     place, direction, tilts, sizes = pose
     half = np.array(cells) / 2.0
     for _ in range(MAX_DRAWS):
@@ -223,7 +224,7 @@ def _pairs(outline: Array) -> list[tuple[Array, Array]]:
 
 
 def _ray(lens: Lens, pixel: Array) -> Array:
-    """Return the unit direction seen at a pixel, about: the law is inverted along its radius."""
+    """Return the approximate unit ray of a pixel: the law is inverted along its radius."""
     offset = (pixel - lens.centre) / lens.focal
     angles, radii = lens.radii()
     radius = np.linalg.norm(offset)
@@ -232,7 +233,7 @@ def _ray(lens: Lens, pixel: Array) -> Array:
 
 
 def _turned_to(ray: Array) -> Array:
-    """Return the rotation that turns the optical axis to a direction."""
+    """Return the rotation from the optical axis to a direction."""
     axis = np.cross([0.0, 0.0, 1.0], ray)
     sine, cosine = np.linalg.norm(axis), ray[2]
     if sine < 1e-9:
@@ -250,7 +251,7 @@ LAYOUTS = ("squares", "boards")
 
 @dataclass
 class Tally:
-    """What happened in one class."""
+    """Outcomes in one class."""
 
     answered: int = 0
     refused: int = 0
@@ -262,7 +263,7 @@ class Tally:
 
 
 def measure(scenes: int = SCENES, seed: int = SEED) -> list[Row]:
-    """Print a line for every class, and judge the worst of them."""
+    """Print a line for every class, and return the rows for the worst of them."""
     tallies = {(kind, layout): Tally() for kind in KINDS for layout in LAYOUTS}
     for (kind, layout), tally in tallies.items():
         for number in range(scenes):
@@ -303,7 +304,7 @@ def measure(scenes: int = SCENES, seed: int = SEED) -> list[Row]:
 
 
 def _scene(rng: np.random.Generator, kind: str, layout: str) -> tuple[Lens, list[ts.PlaneEdges]]:
-    """Draw lenses until the figures fit into the picture of one."""
+    """Draw lenses until the figures fit into the picture."""
     while True:
         lens = draw_lens(rng, kind if kind in LENSES else "clean")
         try:

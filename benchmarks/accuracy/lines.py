@@ -26,14 +26,14 @@ BENT = (2, 5, 9)
 SAGITTA_RANGE = (1.0, 5.0)  # pixels
 MAX_OVER_BOUND = 1.10
 COVERAGE = (0.93, 0.97)
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 CONFIDENT_WRONG = 4.0
-"""Standard deviations of an error that no sound calibration has."""
+"""Error, in standard deviations, that no sound calibration has."""
 
 
 class Found(NamedTuple):
-    """Errors and standard deviations of a calibration, over the bound, shape (6,)."""
+    """Errors and standard deviations of a calibration relative to the bound, shape (6,)."""
 
     error: Array
     std: Array
@@ -42,7 +42,7 @@ class Found(NamedTuple):
 
 
 def measure() -> list[Row]:
-    """Print what lines add to squares, and what becomes of cables among them."""
+    """Print the gain from lines beside squares, and the effect of cables among the lines."""
     runs: dict[str, list[Found]] = {"without": [], "with": [], "bent": []}
     for number in range(SCENES):
         for name, found in _of_scene(number).items():

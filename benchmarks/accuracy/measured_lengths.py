@@ -1,8 +1,8 @@
 """Lengths measured on planes: one photograph's own camera beside Zhang's from 13 chessboards.
 
-The paper's own test of a calibration. Both cameras measure in the same photographs, and both pose
-the plane from the same edges, so that they differ by nothing but the camera. Where the picture is
-real, the pose rests on the left part of a chessboard alone and the lengths are on the rest of it.
+The paper's own test of a calibration. Both cameras measure in the same photographs and pose the
+plane from the same edges, so that only the cameras differ. In real pictures, the pose is fitted to
+the left part of a chessboard only, and the lengths are on the rest of it.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ from trisquare.simulate.scene import Scene
 
 CAMERAS = 6
 PICTURES = 4
-"""Of three frames, per camera."""
+"""Number of pictures of three frames, per camera."""
 
 SEGMENTS = 6
-"""On each plane."""
+"""Number of segments on each plane."""
 
 REACH = 1.5
-"""Ends of segments are so many sides from the square's centre, at most."""
+"""Maximum distance of the ends of segments from the square's centre, in sides."""
 
 SEED = 31
 CORNER_STD = 0.1
-"""Pixels: of cornerSubPix on the real boards, from `chess_partitions`."""
+"""Standard deviation, in pixels, of cornerSubPix on the real boards, from `chess_partitions`."""
 
 TRIPLES = 6
 POSED_COLUMNS = 4
-"""Of a board's nine: the pose rests on these."""
+"""Number of a board's nine columns to which the pose is fitted."""
 
 CAMERA_NAMES = {
     "trisquare": "the photographs' own camera",
     "Zhang": f"Zhang's, of {BOARDS} chessboards",
     "true camera": "the true camera, where only the pose errs",
 }
-"""What the table calls them."""
+"""Names of the cameras in the table."""
 
 HELD = ("focal", "principal_point", "distortion")
 
 
 def measure() -> list[Row]:
-    """Print rms errors of lengths, relative, and how often two standard deviations hold them."""
+    """Print relative rms errors of lengths, and the coverage of two standard deviations."""
     if not CHESS.exists():
         raise NotMeasurableError("no ../shared/data")
     return [*_simulated(), *_real()]
@@ -90,7 +90,7 @@ def _simulated() -> list[Row]:
 def segments(
     scene: Scene, plane: ts.Plane, camera: ts.Camera, rng: np.random.Generator
 ) -> Iterable[tuple[Array, float]]:
-    """Draw segments on the target that a plane shows: their pixels, and their length in sides."""
+    """Draw segments in the plane of a target: their pixels, and their lengths in sides."""
     distances = [
         np.linalg.norm(plane.corners.mean(axis=0) - scene.image_points(i, np.zeros((1, 2)))[0])
         for i in range(len(scene.targets))
@@ -165,7 +165,7 @@ def _board_lengths(
     """Measure along rows and columns of a board's far part: lengths, their stds, and the truth."""
     lens = camera.camera if isinstance(camera, ts.Calibration) else camera
     whole = ts.calibrate_edges([figure], size, model=lens.model, fix=HELD, initial=lens).planes[0]
-    at = np.rint(onto_plane(corners, lens, whole) * 2) / 2  # half cells: where each corner is
+    at = np.rint(onto_plane(corners, lens, whole) * 2) / 2  # each corner's position, to half a cell
     low = at[:, 0].min()
     posed = _left_of(figure, low + POSED_COLUMNS - 0.5, lens, whole)
     plane = ts.calibrate_edges([posed], size, model=lens.model, fix=HELD, initial=lens).planes[0]
@@ -179,7 +179,7 @@ def _board_lengths(
 
 
 def _far_pairs(at: Array, low: float) -> Iterable[tuple[int, int]]:
-    """Pair the ends of each row and each column of the part that the pose does not rest on."""
+    """Pair the ends of each row and column of the part to which the pose is not fitted."""
     far = np.flatnonzero(at[:, 0] > low + POSED_COLUMNS - 0.5)
     for axis in (0, 1):
         for value in np.unique(at[far, axis]):

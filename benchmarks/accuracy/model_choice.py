@@ -26,11 +26,11 @@ KINDS = [model for model, coefficients in LENS_MODELS.items() if coefficients ==
 COUNT = dict(zip(KINDS, (0, 1, 2, 3, 5), strict=True))
 FISHEYE_FIELD_RANGE = (80.0, 200.0)  # degrees across the picture's width
 MAX_WRONG_FAMILY = 0.03
-# A coefficient this many standard deviations from zero is there to be found.
+# A coefficient this many standard deviations from zero is detectable.
 DETECTABLE = 4.0
 MAX_WRONGLY_RICHER = 0.03
 MIN_FOUND = 0.97
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 COVERAGE = (0.93, 0.97)
 COVERAGE_TEXT = f"{100 * COVERAGE[0]:.0f}-{100 * COVERAGE[1]:.0f} %"
@@ -38,19 +38,20 @@ COVERAGE_TEXT = f"{100 * COVERAGE[0]:.0f}-{100 * COVERAGE[1]:.0f} %"
 
 @dataclass
 class Tally:
-    """What happened to the scenes of one kind of lens."""
+    """Outcomes for the scenes of one kind of lens."""
 
     chosen: Counter[str] = field(default_factory=Counter)
     richer: int = 0
     detectable: int = 0
     found: int = 0
-    # Errors of fx over the bound for radial2, and whether its 95 % interval held it: auto, radial2.
+    # Of the models auto and radial2: error of fx over the bound for radial2, and whether the 95 %
+    # interval contains the truth.
     errors: list[tuple[float, float]] = field(default_factory=list)
     held: list[tuple[bool, bool]] = field(default_factory=list)
 
 
 def measure() -> list[Row]:
-    """Print the confusion table; lenses of design section 6 but for their coefficients."""
+    """Print the confusion table; lenses are of design section 6 except for their coefficients."""
     tallies = {kind: _tally(kind) for kind in KINDS}
     outside = _outside()
     missed, held_fisheye = _fisheyes()
@@ -112,7 +113,7 @@ def measure() -> list[Row]:
 
 
 def _fisheyes() -> tuple[int, float]:
-    """Count fisheyes that are wrongly taken for something else; and how often intervals hold."""
+    """Count fisheyes for which another family is wrongly chosen; also return the coverage."""
     missed, held = 0, []
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, len(KINDS) + 1, number])
@@ -136,7 +137,7 @@ def _tally(kind: str) -> Tally:
         try:
             auto = ts.calibrate_edges(edges, SIZE, model="auto")
             usual = ts.calibrate_edges(edges, SIZE)
-        except ts.DegenerateGeometryError:  # a weak scene, refused as it should be
+        except ts.DegenerateGeometryError:  # a weak scene, rightly refused
             continue
         model = auto.camera.model
         tally.chosen[model] += 1
@@ -154,7 +155,7 @@ def _tally(kind: str) -> Tally:
 
 
 def _outside() -> Counter[str]:
-    """Count the models chosen for division lenses, which none of them describes."""
+    """Count the models chosen for division lenses, which are outside all models."""
     chosen: Counter[str] = Counter()
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, len(KINDS), number])
@@ -169,10 +170,10 @@ def _outside() -> Counter[str]:
 
 
 def _divided(points: Array, camera: TrueCamera, strength: float) -> Array:
-    """Bend a pinhole's pixels by `r_u = r_d / (1 + strength r_d^2)`."""
+    """Distort a pinhole's pixels by `r_u = r_d / (1 + strength r_d^2)`."""
     offset = (points - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     ideal = np.linalg.norm(offset, axis=1, keepdims=True)
-    # The smaller root of strength r_u r_d^2 - r_d + r_u = 0, in the form that does not cancel.
+    # The smaller root of strength r_u r_d^2 - r_d + r_u = 0, in a form without cancellation.
     observed = 2.0 * ideal / (1.0 + np.sqrt(1.0 - 4.0 * strength * ideal**2))
     bent = offset * (observed / ideal) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     return np.asarray(bent)
@@ -184,7 +185,7 @@ def _edges(scene: Scene, rng: np.random.Generator, noise: float) -> list[ts.Plan
 
 
 def _scene(rng: np.random.Generator, lens: Callable[[np.random.Generator], Array]) -> Scene:
-    """Three squares before a camera of the design's kind with coefficients of `lens`."""
+    """Draw three squares and a camera of design section 6 with coefficients from `lens`."""
     width, height = SIZE
     while True:
         fx = width * rng.uniform(0.65, 1.3)
@@ -199,7 +200,7 @@ def _scene(rng: np.random.Generator, lens: Callable[[np.random.Generator], Array
 
 
 def _coefficients(rng: np.random.Generator, kind: str) -> Array:
-    """Draw ``k1, k2, p1, p2, k3`` of a kind of lens."""
+    """Draw ``k1, k2, p1, p2, k3`` for a kind of lens."""
     k1 = rng.uniform(-0.32, 0.12) if kind != "none" else 0.0
     k2 = abs(k1) * rng.uniform(0.0, 0.35) if COUNT[kind] > 1 else 0.0
     k3 = 0.0
@@ -210,7 +211,7 @@ def _coefficients(rng: np.random.Generator, kind: str) -> Array:
 
 
 def _is_detectable(scene: Scene, noise: float, kind: str) -> bool:
-    """Whether the coefficients that only this kind has are far from zero, by the bound."""
+    """Return whether a coefficient that only this kind has is far from zero, by the bound."""
     if kind == "none":
         return False
     free = ("fx", "fy", "cx", "cy", *COEFFICIENTS[: COUNT[kind]])

@@ -15,7 +15,7 @@ WORST_TARGET = 0.08
 
 
 def measure() -> list[Row]:
-    """Print median and worst error of fx, and the pictures that were missed."""
+    """Print median and worst error of fx, and the pictures whose targets were missed."""
     percents, deviations, missed = [], [], 0
     for seed in range(SCENES):
         picture, scene, settings = simulate.photo_like(np.random.default_rng([SEED, seed]))

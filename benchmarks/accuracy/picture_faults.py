@@ -62,7 +62,7 @@ def _thresholded(rng: Generator, index: int) -> PictureFault:
 
 
 def _chromatic(rng: Generator, index: int) -> PictureFault:
-    # Red and blue mostly go opposite ways, by different amounts.
+    # Red and blue are mostly scaled in opposite directions, by different amounts.
     error = COLOUR_ERRORS[index % 4] * (1 if index % 8 < 4 else -1)
     return PictureFault(colour_scales=(1.0 - error * rng.uniform(0.4, 1.0), 1.0, 1.0 + error))
 
@@ -85,7 +85,7 @@ def _styled(rng: Generator, index: int) -> PictureFault:
 
 
 def _interlaced(rng: Generator, index: int) -> PictureFault:
-    # Lines out of step, or what moved between the fields.
+    # Horizontal displacement of one field, or motion between the fields.
     down = rng.uniform(-1.0, 1.0) if index % 2 else 0.0
     across = rng.uniform(1.0, 3.0) * rng.choice([-1.0, 1.0])
     return PictureFault(second_field=(across, down))
@@ -97,7 +97,7 @@ def _moved(rng: Generator, index: int) -> PictureFault:
 
 @dataclass(frozen=True, slots=True)
 class FaultClass:
-    """A fault, the codes of warnings that name it, and what is done to the scene itself."""
+    """A fault, the codes of warnings that name it, and the relief of the targets."""
 
     draw: DrawFault
     codes: frozenset[str] = frozenset()
@@ -132,7 +132,7 @@ CLASSES = {
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the pictures of one class."""
+    """Outcomes of the pictures of one class."""
 
     deviations: list[float] = field(default_factory=list)
     shares: list[float] = field(default_factory=list)
@@ -158,7 +158,7 @@ class Tally:
         self.silent += wrong and not told & codes
 
     def described(self) -> str:
-        """Return what is printed."""
+        """Return the line that is printed."""
         spread = float(np.sqrt(np.mean(np.square(self.deviations)))) if self.deviations else 0.0
         median = 100.0 * float(np.median(self.shares)) if self.shares else 0.0
         codes = ", ".join(f"{code} {count}" for code, count in self.codes.most_common())
@@ -183,7 +183,7 @@ def pictures(name: str, seed: int = SEED) -> Iterator[tuple[np.ndarray, Scene]]:
 
 
 def measure() -> list[Row]:
-    """Print what became of each class; silent are wrong cameras that no warning explains."""
+    """Print the outcomes of each class; silent answers are wrong ones that no warning explains."""
     rows = []
     for name, kind in CLASSES.items():
         tally = Tally()

@@ -21,7 +21,8 @@ EDGES_TARGET = 1.25
 def measure() -> list[Row]:
     """Print error / bound of the whole pipeline, and of its edge samples alone.
 
-    Tone is linear here, because the bound takes one contrast and one noise for dark and light.
+    The tone curve is linear here, because the bound assumes one contrast and one noise for dark and
+    light.
     """
     whole, edges_alone = np.zeros((2, SCENES, len(NAMES)))
     stages = set()

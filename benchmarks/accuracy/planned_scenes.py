@@ -1,4 +1,4 @@
-"""Scenes that the usual distribution does not hold: planes alike in direction, small squares."""
+"""Scenes outside the usual distribution: planes of similar directions, small squares."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ def alike_scene(
     apart: float = 0.0,
     scale: float = 1.0,
 ) -> simulate.Scene:
-    """Draw three squares whose planes share one tilt but for `apart` degrees between any two.
+    """Draw three squares on planes whose normals differ pairwise by `apart` degrees.
 
     Their sizes, positions and in-plane rotations differ; all are wholly in the picture.
     """
-    # Normals at this angle from the common one, 120 degrees round it, are `apart` from each other.
+    # Normals at this angle from the common one, 120 degrees apart around it, are `apart` from each
+    # other.
     opening = np.degrees(np.arcsin(np.sin(np.radians(apart / 2.0)) / np.sin(np.radians(60.0))))
     for _ in range(MAX_DRAWS):
         camera = simulate.random_camera(rng)
@@ -47,7 +48,7 @@ def alike_scene(
 
 
 def is_seen_whole(scene: simulate.Scene) -> bool:
-    """Whether all squares are inside the picture, their curved sides included."""
+    """Return whether all squares, with their curved sides, are inside the picture."""
     camera = scene.camera
     high = np.array(camera.image_size) - 1.0 - MARGIN
     outline = np.concatenate(

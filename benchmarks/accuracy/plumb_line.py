@@ -33,21 +33,22 @@ SETS = (
 )
 """Pictures and the reference lens that straightens them.
 
-The cube is seen by a telephoto lens, of which k2 means nothing (its README): references with k2, k3
-or tangential terms differ by .4 to 1.2 px in the mean from what the lines of all 24 pictures say
-together, of which the two halves agree to .01 px; k1 alone differs by .2 px.
+The cube is seen by a telephoto lens, for which k2 has no meaning (its README). References with k2,
+k3 or tangential terms differ by .4 to 1.2 px in the mean from the joint result of the lines of all
+24 pictures, whose two halves agree to .01 px; k1 alone differs by .2 px.
 """
 CORNERS = ("left_calib.jpg", "right_calib.jpg")
 
 COEFFICIENTS = (-0.28, -0.2, -0.12, -0.05, 0.03, 0.08)
 FOCAL = 0.9
-"""Focal length over the width, which the coefficients are for."""
+"""Focal length over the width, for which the coefficients hold."""
 MEAN, WORST = 0.5, 2.5
-"""Displacement left, pixels, and"""
+"""Targets for the mean and the largest remaining displacement, in pixels."""
 AIM_MEAN, AIM_WORST = 0.1, 0.5
 GOOD_PART = 0.8
 RIM = (0.8, 0.9)
-"""Half diagonals from the middle where errors are compared with their standard deviations."""
+"""Range of distances from the middle, in half diagonals, where errors are compared with their
+standard deviations."""
 
 MAP_STEP = 20.0
 STEPS = 6
@@ -56,7 +57,7 @@ SECTIONS = 30
 
 
 def measure() -> list[Row]:
-    """Print what is left of known lenses, and the residuals of lines that were held out."""
+    """Print the remaining displacement of known lenses, and the residuals of held-out lines."""
     if not DATA.exists():
         raise NotMeasurableError("no ../shared/data")
     return [*_known_lenses(), *_held_out()]
@@ -118,7 +119,7 @@ def _reference_camera(path: Path, name: str) -> ts.Camera:
 
 
 def _lens(k1: float, size: tuple[int, int]) -> ts.Camera:
-    """Return a lens with its centre in the picture's middle."""
+    """Return a lens with its centre in the middle of the picture."""
     focal = FOCAL * size[0]
     cx, cy = (np.array(size) - 1) / 2
     K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1]])
@@ -126,7 +127,7 @@ def _lens(k1: float, size: tuple[int, int]) -> ts.Camera:
 
 
 def _distorted(picture: Image, lens: ts.Camera) -> Image:
-    """See a picture through a lens, enlarged so that it fills the frame."""
+    """Distort a picture with a lens, enlarged so that it fills the frame."""
     width, height = lens.image_size
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
     ideal = lens.undistort_points(pixels.reshape(-1, 2).astype(np.float64))
@@ -137,10 +138,11 @@ def _distorted(picture: Image, lens: ts.Camera) -> Image:
 
 
 def _left(camera: ts.UnscaledCamera, lens: ts.Camera) -> tuple[Array, Array, float]:
-    """Return how far the displacement that was found is off, pixels.
+    """Return the errors of an estimated displacement, in pixels.
 
-    At each point of a map; the same beyond the homography of the straightened picture that explains
-    most of it, which no straight line tells; the median near the corners over its stated deviation.
+    The errors at each point of a map; the same without the homography of the straightened picture
+    that explains most of them, which straight lines do not determine; the median near the corners
+    over the median stated standard deviation.
     """
     found = camera.displacement_map(MAP_STEP)
     ideal = lens.undistort_points(found.points)
@@ -153,7 +155,7 @@ def _left(camera: ts.UnscaledCamera, lens: ts.Camera) -> tuple[Array, Array, flo
 
 
 def _beyond_a_homography(places: Array, wanted: Array) -> Array:
-    """Residuals of the homography between places that fits best in the least squares of pixels."""
+    """Return the residuals of the homography that fits best by least squares in pixels."""
     middle, size = wanted.mean(axis=0), np.abs(wanted - wanted.mean(axis=0)).max()
     wanted = (wanted - middle) / size
     homography, seen = np.eye(3), (places - middle) / size
@@ -172,7 +174,7 @@ def _beyond_a_homography(places: Array, wanted: Array) -> Array:
 
 
 def _held_out() -> list[Row]:
-    """Compare with one parameter on lines that neither fit has seen."""
+    """Compare with a model of one parameter on lines that neither fit used."""
     rows = []
     for folder, pattern, _, _ in SETS:
         fits = [_fitted(path) for path in sorted((DATA / folder).glob(pattern))]
@@ -208,7 +210,7 @@ def _fitted(path: Path) -> tuple[Problem, Fit]:
 
 
 def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
-    """Return the long lines that a picture's own fit has used."""
+    """Return the long lines that a picture's own fit used."""
     problem, fit = fitted
     pairs = zip(fit.lines(), are_straight(problem, fit), strict=True)
     lines = [line for line, is_straight in pairs if is_straight]
@@ -216,7 +218,7 @@ def _long_lines(fitted: tuple[Problem, Fit]) -> list[Array]:
 
 
 def _one_parameter(problem: Problem, bundle: Bundle) -> CentredLens:
-    """Fit one division coefficient about the picture's middle, by the same robust cost."""
+    """Fit one division coefficient about the middle of the picture, with the same robust cost."""
     scale = ROUND_SCALES[-1] * problem.pixel
 
     def lens(first: float) -> CentredLens:

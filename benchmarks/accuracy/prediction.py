@@ -20,7 +20,8 @@ PICTURE_BLUR = 0.7  # pixels
 CONTRAST = 175.0  # grey levels
 TARGET = 0.10
 
-# Plans as they might be typed: centre and side in parts of the picture, tilt, its axis' direction.
+# Plans as a user might type them: centre and side as fractions of the picture, tilt, and the
+# direction of its axis.
 PLANS = {
     "three squares": (
         (0.23, 0.3, 0.36, 35, 0),
@@ -46,7 +47,7 @@ CAMERA = simulate.TrueCamera(
 
 
 def measure() -> list[Row]:
-    """Print predicted over observed standard deviations, plan by plan."""
+    """Print predicted over observed standard deviations for each plan."""
     worst: list[float] = []
     for name, plan in PLANS.items():
         worst.append(_edges(name, plan))
@@ -69,7 +70,7 @@ def measure() -> list[Row]:
 
 
 def planned(plan: tuple[tuple[float, ...], ...], inner: float | None) -> list[ts.PlannedSquare]:
-    """Place a plan's squares before the camera."""
+    """Place a plan's squares in front of the camera."""
     width, height = CAMERA.image_size
     return [
         ts.PlannedSquare.at(
@@ -114,7 +115,7 @@ def _edges(name: str, plan: tuple[tuple[float, ...], ...]) -> float:
 
 
 def _pictures() -> float:
-    """Compare `pixel_sigma`'s prediction with the errors of whole pictures."""
+    """Compare the prediction from `pixel_sigma` with the errors of whole pictures."""
     squares = planned(PLANS["three squares"], None)
     sigma = simulate.pixel_sigma(PICTURE_NOISE, CONTRAST, PICTURE_BLUR)
     expected = ts.predict(camera_of(CAMERA), squares, sigma)

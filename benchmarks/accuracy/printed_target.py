@@ -1,7 +1,7 @@
 """The printed corners: what they promise, what their photographs give, what paper costs.
 
-Photographs are rendered from within 15 degrees of the corner's diagonal; paper errs as printers
-do, by sides that are off and by one direction that is stretched.
+Photographs are rendered from within 15 degrees of the corner's diagonal. Printing errors are those
+of printers: wrong side lengths, and a stretch in one direction.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from trisquare.simulate.scene import Scene, Target, TrueCamera
 from trisquare_scenes.printed_photograph import printed_photograph
 
 PICTURES = 60
-BOARD_PICTURES = 20  # of the corner of chessboards, which takes longer to render
+BOARD_PICTURES = 20  # of the corner with chessboards, which are slower to render
 SEED = 41_000
 NAMES = ("fx", "fy", "cx", "cy")
 SIDE = 84.0  # mm, of A4's corner
 
-# The camera of the README's advice, and what it says of noise.
+# The camera of the README's advice, with its noise.
 CAMERA = TrueCamera(1100.0, 1100.0, 639.5, 479.5, np.array([-0.15, 0.03, 0.0, 0.0, 0.0]))
 SIGMA = 0.02  # pixels per pixel of edge: noise 2 of contrast 175, blur 0.7 px
 VIEWS = 40
@@ -33,12 +33,12 @@ LAYOUTS = ((0.06, 0.6), (0.12, 0.4), (0.12, 0.6), (0.12, 0.8), (0.2, 0.6))  # ma
 
 PAPER_SCENES = 100
 SIDE_ERROR = 0.05  # mm; the dots of a printer with 600 to the inch are 0.04 mm apart
-STRETCH = 0.001  # of one direction: a roller that is a little worn
+STRETCH = 0.001  # of one direction: a slightly worn roller
 NOISE, SPACING = 0.05, 4.0  # pixels, of an edge sample
 
 
 def measure() -> list[Row]:
-    """Return the rows about the printed corners."""
+    """Return the rows of the printed corners."""
     (frames,), (boards,) = (ts.printed_target(kind).pages for kind in ("corner", "boards"))
     return [
         _promised(frames),
@@ -52,7 +52,7 @@ def measure() -> list[Row]:
 
 
 def promised_std(page: TargetPage) -> dict[str, float]:
-    """Root mean square of the predicted standard deviations over views of a corner."""
+    """Return the root mean square of the predicted stds over views of a corner."""
     camera = camera_of(CAMERA)
     squares: dict[str, float] = {}
     for view in range(VIEWS):
@@ -63,7 +63,7 @@ def promised_std(page: TargetPage) -> dict[str, float]:
 
 
 def _print_layouts(page: TargetPage) -> None:
-    """Print what other holes and margins would promise."""
+    """Print the predictions for other holes and margins."""
     for margin, inner in LAYOUTS:
         side = page.face / (1.0 + 2.0 * margin)
         frames = tuple(replace(frame, side=side, inner=inner) for frame in page.frames)
@@ -87,7 +87,7 @@ def _promised(page: TargetPage) -> Row:
 def _photographed(
     name: str, page: TargetPage, pictures: int, image_size: tuple[int, int] = (1280, 960)
 ) -> list[Row]:
-    """Calibrate rendered photographs with no options."""
+    """Calibrate rendered photographs without options."""
     right, silent, errors, ratios = 0, 0, [], []
     for seed in range(SEED + 1000, SEED + 1000 + pictures):
         rng = np.random.default_rng(seed)
@@ -130,7 +130,7 @@ def _photographed(
 
 
 def _on_paper() -> list[Row]:
-    """Calibrate corners that are not printed truly, from edge points."""
+    """Calibrate corners with printing errors, from edge points."""
     rng = np.random.default_rng(SEED + 5000)
     errors, held = [], []
     for _ in range(PAPER_SCENES):
@@ -161,7 +161,7 @@ def _on_paper() -> list[Row]:
 def _fx_error(
     scene: Scene, rng: np.random.Generator, spoilt: Callable[[Target], Target]
 ) -> tuple[float, float]:
-    """Relative error of fx, and its error in stated standard deviations."""
+    """Return the relative error of fx, and its error in stated standard deviations."""
     printed = Scene(scene.camera, tuple(spoilt(target) for target in scene.targets))
     edges = edges_of(printed, rng, NOISE, SPACING)
     result = ts.calibrate_edges(edges, image_size=scene.camera.image_size)

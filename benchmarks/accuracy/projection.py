@@ -15,12 +15,12 @@ SEED = 7
 NOISE = 0.2  # pixels
 SPACING = 6.0  # pixels of edge per sample
 GRID = (5, 4)
-# A root mean square of two coordinates over 400 draws is known to 2.5-3.5 %.
+# A root mean square of two coordinates over 400 draws has a standard deviation of 2.5-3.5 %.
 TARGET = 0.10
 
 
 def measure() -> list[Row]:
-    """Print stated / scattered at the worst grid point of every scene."""
+    """Print stated / observed at the worst grid point of every scene."""
     ratios = np.array([_ratios(scene) for scene in range(SCENES)])
     for scene, ratio in enumerate(ratios):
         print(f"  scene {scene}: stated / scatter {ratio.min():.3f} to {ratio.max():.3f}")
@@ -42,7 +42,7 @@ def measure() -> list[Row]:
 
 
 def _ratios(number: int) -> Array:
-    """Stated over observed rms displacement at every grid point of one scene."""
+    """Return stated over observed rms displacement at every grid point of one scene."""
     scene = simulate.random_scene(np.random.default_rng([SEED, number]))
     truth = ts.Camera(scene.camera.K, scene.camera.distortion, scene.camera.image_size, "brown")
     width, height = truth.image_size

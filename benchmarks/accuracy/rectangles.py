@@ -19,27 +19,27 @@ SCENES = 60
 EDGE_SCENES = 200
 SEED = 73
 ASPECT_RANGE = (1.0, 2.0)
-# Lines along Y and along X of a facade.
+# Number of lines along Y and along X of a facade.
 FACADE = (4, 3)
 NOISE = 0.1  # pixels
 SPACING = 4.0  # pixels of edge per sample
 MIN_FOUND = 55
 MAX_ERROR = 0.0002
 MAX_OVER_BOUND = 1.10
-# What is wrong without a warning: an error beyond both.
+# An answer is wrong where its error exceeds both limits.
 WRONG_STDS = 4.0
 WRONG_PART = 0.003
-# A 95 % interval of a normal distribution.
+# Half width of a 95 % interval of a normal distribution, in standard deviations.
 HALF_WIDTH = 1.959964
 COVERAGE = (0.93, 0.97)
 
 Photograph: TypeAlias = tuple[Image, simulate.Scene, dict[str, Any]]
-# A scene, the edges of its targets, and the aspect that is to be found.
+# A scene, the edges of its targets, and the true aspect.
 Measured: TypeAlias = tuple[simulate.Scene, list[ts.PlaneEdges], float]
 
 
 def measure() -> list[Row]:
-    """Print what is found of sheets of paper, and the errors beside the edges' bound."""
+    """Print how many sheets of paper are found, and the errors relative to the edges' bound."""
     found, error, silent = _sheets(_on_paper)
     bare_found, bare_error, bare_silent = _sheets(simulate.photo_of_sheets)
     ratio, share = _over_bound(_rectangles, any_aspect=True)
@@ -131,7 +131,7 @@ def _box_corners(rng: np.random.Generator, camera: simulate.TrueCamera) -> Measu
 
 
 def _facades(rng: np.random.Generator, camera: simulate.TrueCamera) -> Measured:
-    """Sample three facades, whose lines are the inner ones of boards."""
+    """Sample three facades, whose lines are the inner lines of boards."""
     across, down = FACADE
     squares = simulate.random_scene(rng, camera=camera)
     scene = with_boards(squares, FACADE, max(FACADE) - 1)
@@ -146,7 +146,7 @@ def _over_bound(
     orthogonal: Sequence[tuple[int, int]] = (),
     **unknown: bool,
 ) -> tuple[float, float]:
-    """Return error / bound of what is free, and the coverage of that and of the aspects."""
+    """Return error / bound of the free parameters, and the coverage of these and of the aspects."""
     centre = () if "principal_point" in fix else ("cx", "cy")
     names = ("f", *centre, "k1", "k2")
     ratios, held = [], []

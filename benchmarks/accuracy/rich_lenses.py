@@ -22,7 +22,7 @@ BOARDS = 3
 NOISE = 0.05  # pixels
 WRONG_STDS = 4.0
 LARGEST_RATIO = 1.2  # of errors to stated standard deviations, root mean square
-MAX_LEFT = 1.1  # residuals, as a part of the noise
+MAX_LEFT = 1.1  # maximum residuals, relative to the noise
 
 
 def measure() -> list[Row]:
@@ -73,7 +73,7 @@ def measure() -> list[Row]:
 
 
 def _lens(rng: np.random.Generator, model: str) -> Lens:
-    """Draw a wide lens that does not turn back inside the picture."""
+    """Draw a wide lens whose distortion does not fold back inside the picture."""
     while True:
         focal = SIZE[0] * rng.uniform(0.42, 0.52) * np.array([1.0, rng.uniform(0.998, 1.002)])
         centre = rng.normal(np.array(SIZE) / 2, 0.01 * SIZE[0])

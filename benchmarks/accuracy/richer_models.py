@@ -21,23 +21,23 @@ PICTURES = (1, 2, 6)  # of one camera, of three squares each
 KINDS = ("radial2", "radial3", "outside")
 RICHER = ("radial3", "brown")
 LARGEST_RATIO = 1.3
-"""Of errors to stated standard deviations, root mean square: chance alone makes 1.1 of 120."""
-# Residuals weigh as in the fit: Tukey's biweight, in units of the poorer model's noise.
+"""Maximum rms of errors in stated standard deviations: chance alone makes 1.1 of 120."""
+# Residuals are weighted as in the fit: Tukey's biweight, in units of the poorer model's noise.
 TUKEY_LIMIT = 7.041
-ROUNDING = 1e-3  # of the cost: outliers and weights may differ a little
+ROUNDING = 1e-3  # of the cost: outliers and weights may differ slightly
 
 
 @dataclass
 class Tally:
-    """What happened to one model."""
+    """Outcomes of one model."""
 
-    ratios: list[float] = field(default_factory=list)  # errors of fx over the stated deviation
+    ratios: list[float] = field(default_factory=list)  # errors of fx in stated std
     worse: int = 0
     refused: int = 0
 
 
 def measure() -> list[Row]:
-    """Print, lens by lens, what the richer models say; f is 0.35-0.5 of the width."""
+    """Print the results of the richer models for each kind of lens; f is 0.35-0.5 of the width."""
     tallies = {(kind, model): Tally() for kind in KINDS for model in ("radial2", *RICHER)}
     for kind in KINDS:
         for number in range(SCENES):
@@ -81,7 +81,7 @@ def _add(kind: str, number: int, tallies: dict[tuple[str, str], Tally]) -> None:
             edges.append(ts.PlaneEdges.square(noisy, image=image))
     try:
         poorer = ts.calibrate_edges(edges, SIZE)
-    except ts.TrisquareError:  # a weak scene, refused as it should be
+    except ts.TrisquareError:  # a weak scene, rightly refused
         return
     for model in ("radial2", *RICHER):
         tally = tallies[kind, model]
@@ -102,7 +102,7 @@ def _cost(result: ts.Calibration, scale: float) -> float:
 
 
 def _lens(rng: np.random.Generator, kind: str) -> tuple[TrueCamera, float]:
-    """Draw a lens without folds, and how much of `tan(bend theta) / bend` it has."""
+    """Draw a lens without folds, and its `bend` in `tan(bend theta) / bend`."""
     width, height = SIZE
     while True:
         fx = width * rng.uniform(0.35, 0.5)
@@ -118,7 +118,7 @@ def _lens(rng: np.random.Generator, kind: str) -> tuple[TrueCamera, float]:
 
 
 def _bent(points: Array, camera: TrueCamera, bend: float) -> Array:
-    """Return what a lens between pinhole and stereographic sees of a pinhole's pixels."""
+    """Return a pinhole's pixels as seen by a lens between pinhole and stereographic."""
     if bend == 0.0:
         return points
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
@@ -132,5 +132,5 @@ def _scene(rng: np.random.Generator, camera: TrueCamera) -> Scene:
     while True:
         try:
             return simulate.random_scene(rng, camera=camera)
-        except ValueError:  # no three squares fit this time
+        except ValueError:  # no three squares fit
             continue

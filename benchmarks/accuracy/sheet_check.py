@@ -1,6 +1,6 @@
 """The check of a printed corner: how often a good sheet is called not ok, and faults are seen.
 
-Photographs are rendered from within 15 degrees of the corner's diagonal, of sheets that are good,
+Photographs are rendered from within 15 degrees of the corner's diagonal. The sheets are good,
 folded wrongly, bent, or stretched in print.
 """
 
@@ -21,10 +21,10 @@ from trisquare_scenes.spoilt_corner import folded_off, stretched, with_bent_face
 
 SEED = 77_000
 GOOD = 40
-SIZE = (960, 720)  # pixels, less than any camera's
-GOOD_BOARDS = 5  # which take longer to render
+SIZE = (960, 720)  # pixels, smaller than any camera's pictures
+GOOD_BOARDS = 5  # which are slower to render
 SPOILT = 15
-FOLD_OFF = (3.0, 10.0)  # degrees, either way
+FOLD_OFF = (3.0, 10.0)  # degrees, in either direction
 BOW = (0.002, 0.01)  # of the side
 STRETCH = (0.005, 0.01)
 
@@ -32,7 +32,7 @@ Spoil = Callable[[Scene, TargetPage, np.random.Generator], tuple[Scene, float]]
 
 
 def measure() -> list[Row]:
-    """Return how the checks of all sheets end."""
+    """Return the results of the checks of all sheets."""
     rows = [
         _good("corner", GOOD),
         _good("boards", GOOD_BOARDS),
@@ -88,7 +88,7 @@ def _spoilt(name: str, looked_at: str, spoil: Spoil) -> list[Row]:
 
 
 def _checked(kind: str, seed: int, spoil: Spoil | None) -> tuple[SheetCheck | None, float]:
-    """Check a rendered sheet with its ruler read right; None if the picture does not calibrate."""
+    """Check a rendered sheet with a correct ruler; return None if the calibration fails."""
     (page,) = ts.printed_target("boards" if kind == "boards" else "corner").pages
     rng = np.random.default_rng(seed)
     scene, true = simulate.corner_scene(rng, page=page, image_size=SIZE), 0.0

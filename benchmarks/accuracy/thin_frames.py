@@ -12,7 +12,7 @@ from trisquare import simulate
 SCENES = 20
 SEED = 9
 INNER = (0.93, 0.95, 0.965)
-"""Sides of the holes, over the frames': bars of 4 to 13 pixels."""
+"""Sides of the holes over those of the frames: bars of 4 to 13 pixels."""
 
 BLURS = (0.6, 1.2)  # pixels
 SIGMAS = 4.0

@@ -52,7 +52,7 @@ PHONE = simulate.TrueCamera(1500.0, 1500.0, 1005.0, 745.0, (0.08, -0.15, 0, 0, 0
 
 
 def measure() -> list[Row]:
-    """Print for each curve the bias of fx, and its spread beside that of the known curve."""
+    """Print the bias of fx for each curve, and its spread relative to that with a known curve."""
     biases, ratios, error_ratios, covered = [], [], [], []
     for tone in TONES:
         scores, known_scores, ratio, inside = _scores(tone)
@@ -95,7 +95,7 @@ def measure() -> list[Row]:
 
 
 def _untold_rows() -> list[Row]:
-    """Calibrate pictures of several depths and curves without any option."""
+    """Calibrate pictures of several depths and curves without options."""
     rows = []
     for name, kind in UNTOLD.items():
         ratios, percents = [], []
@@ -123,7 +123,7 @@ def _untold_rows() -> list[Row]:
 
 
 def _resized_rows() -> list[Row]:
-    """Calibrate sRGB pictures that were made smaller after they were coded."""
+    """Calibrate sRGB pictures that were reduced in size after coding."""
     rows = []
     for factor in RESIZED_FACTORS:
         ratios = []
@@ -146,7 +146,7 @@ def _resized_rows() -> list[Row]:
 
 
 def _rolled_off_rows() -> list[Row]:
-    """Calibrate pictures whose curve has a shoulder, which no curve of the family has."""
+    """Calibrate pictures whose curve has a shoulder, which is outside the family of curves."""
     rows = []
     for quality in ROLLED_OFF_QUALITIES:
         fault = PictureFault(on_light=[rolled_off(KNEE, STEEPNESS)], jpeg_quality=quality)
@@ -159,7 +159,7 @@ def _rolled_off_rows() -> list[Row]:
 
 
 def _phone_row() -> Row:
-    """Calibrate colour pictures of the folded corner as a phone writes them, without any option."""
+    """Calibrate colour pictures of the folded corner, as a phone writes them, without options."""
     ratios = []
     for seed in range(PHONE_SCENES):
         rng = np.random.default_rng([PHONE_SEED, seed])
@@ -176,7 +176,7 @@ def _phone_row() -> Row:
 
 
 def _worst_parameter_row(name: str, ratios: list[np.ndarray], target: float) -> Row:
-    """Return the row of pictures calibrated without options: their errors in stated std."""
+    """Return the row of the errors, in stated stds, of pictures calibrated without options."""
     each = np.sqrt(np.mean(np.square(ratios), axis=0))
     shown = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(NAMES, each, strict=True))
     return Row(

@@ -23,7 +23,7 @@ POINT_TARGET = 1e-9  # pixels
 
 # OpenCV 5 merged the two functions.
 ITERATE = getattr(cv2, "undistortPointsIter", None) or cv2.undistortPoints
-# What its inverse needs to be exact: iterated until nothing changes.
+# Termination criteria for OpenCV's inverse to be exact: iterated until nothing changes.
 EXACT = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 1000, 1e-15)
 
 
@@ -38,7 +38,7 @@ def measure() -> list[Row]:
 
 
 def random_camera(rng: np.random.Generator, size: tuple[int, int]) -> ts.Camera:
-    """Any lens from a long one to 50 degrees off the axis, bending strongly in the corners."""
+    """Draw a lens of up to 50 degrees off the axis, with strong distortion in the corners."""
     fx, aspect = rng.uniform(0.5, 2.0) * size[0], rng.uniform(0.8, 1.25)
     cx, cy = rng.normal(np.array(size) / 2, 0.05 * np.array(size))
     reach = np.hypot(*size) / 2 / fx
@@ -49,7 +49,7 @@ def random_camera(rng: np.random.Generator, size: tuple[int, int]) -> ts.Camera:
 
 
 def _agreement() -> list[Row]:
-    """Largest difference of noise pictures undistorted by both, within the valid radius."""
+    """Return the largest difference of undistorted noise pictures within the valid radius."""
     rng = np.random.default_rng(SEED)
     worst, black = 0.0, 0
     for number in range(CAMERAS):
@@ -76,7 +76,7 @@ def _agreement() -> list[Row]:
 
 
 def _within(camera: ts.Camera, view: ts.Camera) -> Array:
-    """Which pixels of a view are within the valid radius; OpenCV folds back what is beyond."""
+    """Return which pixels of a view are within the valid radius; OpenCV folds others back."""
     y, x = np.indices(view.image_size[::-1])
     radius = np.hypot((x - view.cx) / view.fx, (y - view.cy) / view.fy)
     limit = np.inf if camera.valid_radius is None else camera.valid_radius
@@ -84,7 +84,7 @@ def _within(camera: ts.Camera, view: ts.Camera) -> Array:
 
 
 def _inverse() -> list[Row]:
-    """Largest error of pixels undistorted and distorted again."""
+    """Return the largest error of pixels undistorted and distorted again."""
     rng = np.random.default_rng(SEED + 1)
     worst, count = 0.0, 0
     for _ in range(10 * CAMERAS):
@@ -108,7 +108,7 @@ def _inverse() -> list[Row]:
 
 
 def _frame_time() -> list[Row]:
-    """Compare a frame of a video, and the maps that its first one needs."""
+    """Compare the times of a video frame, and of the maps made for the first frame."""
     camera = _usual_camera(FRAME_SIZE)
     rng = np.random.default_rng(SEED + 2)
     frame = rng.integers(0, 256, (FRAME_SIZE[1], FRAME_SIZE[0], 3), dtype=np.uint8)
@@ -141,7 +141,7 @@ def _frame_time() -> list[Row]:
 
 
 def _point_time() -> list[Row]:
-    """Compare points with OpenCV's few iterations and with enough of them."""
+    """Compare the times of points with OpenCV's few iterations and with sufficiently many."""
     camera = _usual_camera(FRAME_SIZE)
     points = np.random.default_rng(SEED + 3).uniform(0, np.array(FRAME_SIZE) - 1, (POINTS, 2))
     K, bend = camera.K.copy(), camera.distortion.copy()
@@ -181,7 +181,7 @@ def _point_time() -> list[Row]:
 
 
 def _usual_camera(size: tuple[int, int]) -> ts.Camera:
-    """Return a wide lens as videos are taken with."""
+    """Return a wide lens as used for videos."""
     f = 0.7 * size[0]
     K = np.array([[f, 0.0, 0.51 * size[0]], [0.0, f, 0.49 * size[1]], [0.0, 0.0, 1.0]])
     return ts.Camera(K, [-0.28, 0.08, 0.001, -0.0005, -0.01], size, "brown")

@@ -13,10 +13,10 @@ SCENES = 40
 SEED = 91
 NOISE = 1.0  # grey levels
 BLURS = ((0.6, 0.6), (0.6, 0.85), (0.6, 1.2), (1.0, 2.0))
-"""In the middle and in the corners, pixels."""
+"""Standard deviation of the blur in the middle and in the corners, in pixels."""
 DISC_BLUR = 0.6
 DISCS = ((0.8, None), (1.6, None), (2.4, None), (1.6, 95), (1.6, 88))
-"""Radii of the disc over which a lens out of focus spreads light, pixels; quality of JPEG."""
+"""Radius, in pixels, of the disc over which a defocused lens spreads light; JPEG quality."""
 MAX_STDS = 1.3
 MAX_ERROR = 0.01  # percent
 

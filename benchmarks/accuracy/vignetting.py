@@ -12,7 +12,7 @@ from trisquare_scenes.picture_faults import PictureFault, darkened
 SCENES = 40
 SEED = 77
 PARTS = (0.0, 0.25, 0.45)
-"""Of the light, taken away in the corners."""
+"""Fraction of the light that is missing in the corners."""
 
 NOISE, BLUR = 2.0, 1.2
 MAX_STDS = 1.2

@@ -1,4 +1,4 @@
-"""Make the demo's photograph and its truth: ``python benchmarks/make_demo.py``.
+"""Make the demo's photograph and its truth: ``python benchmarks/assets/make_demo.py``.
 
 Equal seeds give equal pixels, so that running it again must not change the files.
 """
@@ -20,7 +20,7 @@ DATA = Path(__file__).parents[2] / "python" / "trisquare" / "data"
 SCENE_SEED = 14
 PICTURE_SEED = 14
 IMAGE_SIZE = (1280, 960)
-# A wide lens whose barrel distortion shows to the eye: 250 px in the corners.
+# A wide lens with a clearly visible barrel distortion: 250 px in the corners.
 TRUTH = simulate.TrueCamera(
     902.4, 899.8, 651.7, 470.2, np.array([-0.286, 0.078, 0.0, 0.0, 0.0]), IMAGE_SIZE
 )

@@ -1,6 +1,9 @@
-"""Make the picture of the target's documentation: ``python benchmarks/make_target_picture.py``.
+"""Make the target's picture for the documentation.
 
-The corner's sheet as pdftoppm prints it, and a rendered photograph of it, folded.
+    python benchmarks/assets/make_target_picture.py
+
+The picture shows the corner's sheet as rendered by pdftoppm, and a rendered photograph of it,
+folded.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ PICTURE = Path(__file__).parents[2] / "docs" / "target.jpg"
 SEED = 41
 HEIGHT = 560  # pixels
 DPI = 240.0
-GAP, GREY = 20, 225  # pixels and grey level between the two
+GAP, GREY = 20, 225  # pixels and grey level between the two pictures
 
 
 def main() -> None:

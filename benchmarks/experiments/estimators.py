@@ -1,4 +1,4 @@
-"""The estimators that are set side by side, each from one simulated scene to a camera's error."""
+"""The compared estimators, each from one simulated scene to the error of a camera."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from trisquare.simulate.scene import Scene, TrueCamera
 
 BLUR = 0.8  # pixels
 CONTRAST = 175.0  # grey levels
-DETECTED = 0.3  # pixels: what a corner detector leaves for cornerSubPix to do
+DETECTED = 0.3  # pixels: error of a corner detector before cornerSubPix
 CORNER_WINDOW = 5
 """Half window of cornerSubPix for the corners of squares, pixels."""
 
 BOARD_WINDOW = 11
-"""The same for boards: that of OpenCV's tutorial, and the better one in `printed_corner`."""
+"""Half window for boards: that of OpenCV's tutorial, and the better one in `printed_corner`."""
 
 LABELS = {
     "linear": "linear steps",
@@ -30,14 +30,14 @@ LABELS = {
     "corners": "Zhang, corners of the same squares",
     "boards": "Zhang, 13 photographs of a board",
 }
-"""What tables and plots call the estimators."""
+"""Names of the estimators in tables and plots."""
 
 Error = list[float] | None
 """Estimate minus truth of fx, fy, cx, cy and k1; None where the estimator gives no camera."""
 
 
 def error_of(estimate: Callable[[], Any], truth: TrueCamera) -> Error:
-    """Return the error of what is estimated: a calibration, or a camera matrix and a distortion."""
+    """Return the error of an estimate: a calibration, or a camera matrix and a distortion."""
     try:
         found = estimate()
     except (ts.TrisquareError, cv2.error):
@@ -79,5 +79,5 @@ def zhang_corners(picture: Image, scene: Scene, rng: np.random.Generator) -> tup
 def zhang_boards(
     camera: TrueCamera, rng: np.random.Generator, photo: dict[str, float]
 ) -> tuple[Array, Array]:
-    """Calibrate by OpenCV from 13 photographs of a chessboard; returns as `zhang_corners`."""
+    """Calibrate with OpenCV from 13 photographs of a chessboard; return as `zhang_corners` does."""
     return zhang_camera(camera, photograph_boards(camera, rng, photo), BOARD_WINDOW)

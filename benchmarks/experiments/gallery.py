@@ -1,4 +1,4 @@
-"""Real photographs as trisquare measures them: outlines alone, none of their pixels."""
+"""Real photographs as measured by trisquare: outlines only, without pixels."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from trisquare.analysis.residuals import measured_sides
 from trisquare.report.plot_style import FAINT, INK, plane_colour, plotting
 
 POINTS = 5
-"""Of each line's image that are drawn: enough for its bend, and the file stays small."""
+"""Number of points drawn of each line's image: enough for its bend, few enough for a small file."""
 
 
 class Exhibit(NamedTuple):
-    """One photograph, and what is known of its camera from elsewhere."""
+    """One photograph, and the focal length of its camera from another source."""
 
     title: str
     calibrate: Callable[[], ts.Calibration]
     reference: float  # fx, pixels
-    known: str  # where the reference is from
+    known: str  # source of the reference
 
 
 EXHIBITS = (
@@ -57,7 +57,7 @@ EXHIBITS = (
 
 
 def draw(folder: Path) -> list[dict[str, Any]]:
-    """Write ``gallery.svg`` and return its numbers; nothing where the photographs are absent."""
+    """Write ``gallery.svg`` and return its numbers; an empty list without the photographs."""
     if not DATA.exists():
         return []
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def draw(folder: Path) -> list[dict[str, Any]]:
 
 
 def _three_squares() -> ts.Calibration:
-    """Calibrate from the edge points that stand for a photograph which cannot be passed on."""
+    """Calibrate from edge points instead of the photograph, which cannot be published."""
     record = json.loads((DATA / "three-squares" / "edges.json").read_text(encoding="utf-8"))
     edges = [
         ts.PlaneEdges.square([np.array(side) for side in square]) for square in record["squares"]

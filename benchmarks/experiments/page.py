@@ -1,4 +1,4 @@
-"""The page of the experiments: every number of it is one of results.json."""
+"""The page of the experiments, with every number taken from results.json."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _sweep(sweep: Sweep, levels: list[Results]) -> str:
 
 
 def _over_range(sweep: Sweep, levels: list[Results]) -> str:
-    """Say how maximum likelihood changes over the levels, and how the others stand to it."""
+    """Describe the change of maximum likelihood over the levels, and its ratio to the others."""
     shown = [level for level in levels if is_shown(level["edges"])]
     if not shown:
         return "Too few scenes have an answer."
@@ -127,7 +127,7 @@ def _over_range(sweep: Sweep, levels: list[Results]) -> str:
 
 
 def _at_noise(levels: list[Results]) -> str:
-    """Say how large the errors are at the most noise that a picture has."""
+    """Describe the errors at the largest noise of pictures."""
     level = max((level for level in levels if "pixels" in level), key=lambda level: level["at"])
     errors = ", ".join(
         f"{_px(level[name])} ({label})"
@@ -144,7 +144,7 @@ def _at_noise(levels: list[Results]) -> str:
 
 
 def _against_boards(levels: list[Results]) -> str:
-    """Say how one photograph of squares stands to 13 of a board."""
+    """Compare one photograph of squares with 13 of a board."""
     ratios = _ratios(levels, "pixels", "boards")
     if not ratios:
         return ""
@@ -152,7 +152,7 @@ def _against_boards(levels: list[Results]) -> str:
 
 
 def _ratios(levels: list[Results], name: str, other: str) -> str:
-    """Give the range of one estimator's error over another's; nothing where none has both."""
+    """Return the range of one estimator's error over another's; empty where no level has both."""
     ratios = [
         pixel_rms(level[name]) / pixel_rms(level[other])
         for level in levels
@@ -165,7 +165,7 @@ def _ratios(levels: list[Results], name: str, other: str) -> str:
 
 
 def pixel_rms(point: Results) -> float:
-    """Return the rms over fx, fy, cx and cy, pixels."""
+    """Return the rms over fx, fy, cx and cy, in pixels."""
     return float(np.sqrt(np.mean([point[name]["rms"] ** 2 for name in PIXELS])))
 
 
@@ -174,7 +174,7 @@ def _px(point: Results) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two digits, without an exponent."""
+    """Format a value with two digits, without an exponent."""
     rounded = float(f"{value:.2g}")
     return f"{rounded:.0f}" if rounded >= 100.0 else f"{rounded:g}"
 

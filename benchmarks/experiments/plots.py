@@ -1,4 +1,4 @@
-"""The plots, as SVG that follows light and dark: each from the numbers of results.json."""
+"""The plots, as SVG in the reader's light or dark colours, from the numbers of results.json."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ANSWERED = 0.9
-"""Share of scenes that an estimator must give a camera for, or its point is left out."""
+"""Minimum fraction of scenes with a camera from an estimator; otherwise its point is left out."""
 
 ORDER = tuple(LABELS)
 MARKERS = dict(zip(ORDER, "so^Dv", strict=True))
@@ -27,7 +27,7 @@ COLOURS = {name: plane_colour(number) for number, name in enumerate(ORDER)}
 UNITS = {name: "% of it" if name == "k1" else "px" for name in PARAMETERS}
 WIDTH, HEIGHT = 9.0, 5.4  # inches of 72 points
 BAND = 0.18  # opacity
-ROUND = 8  # points, of the ground's corners
+ROUND = 8  # points: radius of the corners of the background
 
 NEEDLESS = (
     r"\s*<!--.*?-->",
@@ -37,7 +37,7 @@ NEEDLESS = (
     r"; stroke-line(join: miter|cap: square)",
     r"xlink:(?=href)",
 )
-"""Of matplotlib's SVG: comments, indents, turns by nothing, names that nobody calls, defaults."""
+"""Needless parts of matplotlib's SVG: comments, indents, zero rotations, unused ids, defaults."""
 
 FOLLOWING = """<style>
 {palette}
@@ -48,7 +48,7 @@ text {{ font-family: system-ui, "DejaVu Sans", sans-serif; }}
 
 
 def drawn(found: Results) -> dict[str, str]:
-    """Return the plots by the names of their files, without the ending."""
+    """Return the plots by file name without extension."""
     with plotting():
         figures = {sweep.name: _sweep(sweep, found["sweeps"]) for sweep in SWEEPS}
         figures["corner"] = _corner(found["corner"])
@@ -57,16 +57,16 @@ def drawn(found: Results) -> dict[str, str]:
 
 
 def standalone(figure: Figure, name: str) -> str:
-    """Return a figure as a picture with its own ground and colours; within `plotting`.
+    """Return a figure as a picture with its own background and colours; call within `plotting`.
 
-    The colours are those of the report, for light and dark as the reader's system says. The ground
-    belongs to them, so that the picture can be read on any page.
+    The colours are those of the report, light or dark as the reader's system prefers. The
+    background is one of them, so that the picture is readable on any page.
     """
     css = (resources.files("trisquare") / "report" / "report.css").read_text(encoding="utf-8")
     palette = css[: css.index("/* Paper")].strip()
     ground = FOLLOWING.format(palette=palette, round=ROUND)
     svg = inline_svg(figure, name).replace(' aria-hidden="true"', "", 1)
-    # A tenth of a point is nothing to see, and what is not needed makes half of the file.
+    # A tenth of a point is invisible, and the needless parts are half of the file.
     svg = re.sub(r"\d+\.\d{3,}(?=[^<>]*>)", lambda number: f"{float(number[0]):.1f}", svg)
     for needless in NEEDLESS:
         svg = re.sub(needless, "", svg)
@@ -86,7 +86,7 @@ def _figure(rows: int, columns: int, height: float = HEIGHT) -> tuple[Figure, li
 
 
 def _sweep(sweep: Sweep, sweeps: Results) -> Figure:
-    """Draw the rms error of every parameter over the levels, with its band, by estimator."""
+    """Draw the rms error of every parameter over the levels, with its interval, by estimator."""
     figure, panels = _figure(2, 3)
     legend = panels.pop(2)
     for axes in panels[1:4]:  # of the four in pixels
@@ -126,7 +126,7 @@ def _plain_log(axes: Axes, name: Literal["x", "y"]) -> None:
 
 
 def is_shown(point: Results | None) -> bool:
-    """Whether an estimator answered for enough of a level's scenes."""
+    """Return whether an estimator answered for enough of a level's scenes."""
     return bool(point) and point["answered"] >= ANSWERED * point["scenes"]
 
 
@@ -146,7 +146,7 @@ def _curve(axes: Axes, name: str, at: np.ndarray, points: list[Results]) -> None
 
 
 def _level_line(axes: Axes, point: Results) -> None:
-    """Draw what does not change with the level, as it is at the sweeps' common noise."""
+    """Draw a result that does not depend on the level, at the common noise of the sweeps."""
     colour = COLOURS["boards"]
     axes.axhspan(point["low"], point["high"], color=colour, alpha=BAND, linewidth=0.0)
     axes.axhline(point["rms"], color=colour, linewidth=1.4, linestyle="--", label=LABELS["boards"])

@@ -1,4 +1,4 @@
-"""One photograph of a printed corner beside 13 of a chessboard, and what other sheets promise."""
+"""One photograph of a printed corner beside 13 of a chessboard; predictions for other sheets."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ TARGET = 0.6
 SIGMA = 0.02  # pixels per pixel of edge
 
 NESTED = ((1.0, 0.6), (1.0, 0.8, 0.6, 0.4), (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3))
-"""Sides of squares one in another that a face could carry; the first is the frame's."""
+"""Sides of nested squares that a face could carry; the first is the frame's."""
 
 CELLS = (8, 12, 18)
-"""Of a chessboard's side; the last is the printed one's."""
+"""Number of cells along a chessboard's side; the last is that of the printed one."""
 
 SHEETS = ("frames", "boards")
 """Printed corners of three frames, and of three chessboards."""
@@ -34,17 +34,17 @@ SHEETS = ("frames", "boards")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NestedSquares(Target):
-    """Squares one in another, of sides that are known."""
+    """Nested squares with known sides."""
 
     scales: tuple[float, ...] = (1.0,)
 
     def sides(self) -> list[Side]:
-        """Sides of all squares."""
+        """Return the sides of all squares."""
         return [side for scale in self.scales for side in sides_of(scale * rectangle(0.5, 0.5))]
 
 
 def errors_of(number: int) -> dict[str, Error]:
-    """Return the errors of one camera, by its corners, and by the half window for 13 boards."""
+    """Return the errors of one camera, by sheet and, for 13 boards, by half window."""
     rng = np.random.default_rng([SEED, number])
     camera = simulate.random_camera(rng)
     photo = {"noise": rng.uniform(*NOISE_RANGE), "blur": rng.uniform(*BLUR_RANGE)}
@@ -64,7 +64,7 @@ def errors_of(number: int) -> dict[str, Error]:
 
 
 def promised(number: int) -> dict[str, float]:
-    """Return the rms of the least standard deviations of fx, fy, cx, cy, by what a sheet has."""
+    """Return the rms of the lower bounds on the stds of fx, fy, cx, cy, by sheet."""
     rng = np.random.default_rng([SEED, number])
     scene = simulate.corner_scene(rng, camera=simulate.random_camera(rng))
     found = {}
@@ -75,7 +75,7 @@ def promised(number: int) -> dict[str, float]:
 
 
 def _sheets(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """Give the sheet's faces other figures; the boards are as large as the printed ones."""
+    """Replace the figures on the sheet's faces; the boards are as large as the printed ones."""
     for scales in NESTED:
         targets = tuple(
             NestedSquares(target.rotation, target.translation, scales=scales)

@@ -1,4 +1,4 @@
-"""The numbers of all experiments, and the file that they are kept in."""
+"""The numbers of all experiments, and their file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Results = dict[str, Any]
 def summary(errors: Sequence[Sequence[float] | None], scale: Sequence[float]) -> Results:
     """Return the rms error of each parameter in units of `scale`, with an interval.
 
-    The interval of 95 % is a bootstrap's: of rms errors of scenes drawn anew from these.
+    The 95 % interval is a bootstrap interval: of rms errors over resampled scenes.
     """
     given = [error for error in errors if error is not None]
     found: Results = {"scenes": len(errors), "answered": len(given)}
@@ -38,12 +38,12 @@ def summary(errors: Sequence[Sequence[float] | None], scale: Sequence[float]) ->
 
 
 def rms_of_scenes(squares: Array) -> Results:
-    """Return the root of the mean of each scene's square, shape (N,), and its interval of 95 %."""
+    """Return the root of the mean of the scenes' squares, shape (N,), and its 95 % interval."""
     return ratio_of_scenes(squares, np.ones(len(squares)))
 
 
 def ratio_of_scenes(squares: Array, others: Array) -> Results:
-    """Return the ratio of two rms errors over the same scenes, and its interval of 95 %."""
+    """Return the ratio of two rms errors over the same scenes, and its 95 % interval."""
     shape = (RESAMPLES, len(squares))
     drawn = np.random.default_rng(BOOTSTRAP_SEED).integers(0, len(squares), shape)
     ratios = np.sqrt(squares[drawn].mean(axis=1) / others[drawn].mean(axis=1))
@@ -53,7 +53,7 @@ def ratio_of_scenes(squares: Array, others: Array) -> Results:
 
 
 def by_name(found: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Collect what several dicts hold by the names of their members."""
+    """Collect the values of several dicts by key."""
     collected: dict[str, list[Any]] = {}
     for one in found:
         for name, value in one.items():
@@ -74,7 +74,7 @@ def read(folder: Path = FOLDER) -> Results:
 
 
 def _rounded(value: Any) -> Any:
-    """Leave so many digits of every number that is not a count."""
+    """Round every number that is not a count to `DIGITS` digits."""
     if isinstance(value, dict):
         return {name: _rounded(member) for name, member in value.items()}
     if isinstance(value, (list, tuple)):

@@ -2,8 +2,8 @@
 
 In `benchmarks`, ``python -m experiments.run [--quick] [--into FOLDER]`` writes ``experiments.md``
 and, in the folder ``experiments`` beside it, the plots and ``results.json``. All draws are seeded.
-``--quick`` takes a few scenes, to try the code. ``--draw`` measures nothing: it draws and writes
-again what results.json holds.
+``--quick`` uses a few scenes, to try the code. ``--draw`` measures nothing: it draws the plots and
+writes the page again from results.json.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Found = TypeVar("Found")
 
 
 class Scenes(NamedTuple):
-    """How many scenes each experiment draws."""
+    """Number of scenes of each experiment."""
 
     edges: int = 200  # of each level of a sweep
     pictures: int = 30
@@ -44,7 +44,7 @@ QUICK = Scenes(edges=2, pictures=1, boards=0, corners=1, cameras=1)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run all, or draw again what was measured."""
+    """Run all experiments, or draw their plots again from the saved results."""
     parser = argparse.ArgumentParser(prog="experiments.run", description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="take a few scenes")
     parser.add_argument("--draw", action="store_true", help="draw what results.json holds")
@@ -63,8 +63,9 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def measure(scenes: Scenes) -> results.Results:
-    """Run all experiments but the gallery."""
-    # One thread each: the scenes are shared out to processes. Read when they import numpy.
+    """Run all experiments except the gallery."""
+    # One thread each, because the scenes are distributed over processes, which read this when they
+    # import numpy.
     os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
@@ -117,7 +118,7 @@ def _jobs(sweep: int, level: int, scenes: Scenes) -> list[sweeps.Job]:
 
 
 def _level(sweep: sweeps.Sweep, level: int, found: list[dict[str, Any]]) -> results.Results:
-    """Summarise a level: errors in pixels, that of k1 in per cent of it."""
+    """Summarise a level: errors in pixels, that of k1 in per cent of k1."""
     scale = [1.0] * 4 + [abs(sweeps.true_k1(sweep.setting(level))) / 100.0]
     summaries = {
         name: results.summary(errors, scale) for name, errors in results.by_name(found).items()
@@ -126,7 +127,7 @@ def _level(sweep: sweeps.Sweep, level: int, found: list[dict[str, Any]]) -> resu
 
 
 def _corner(found: list[dict[str, Any]]) -> results.Results:
-    """Compare the mean squares of the errors of fx, fy, cx, cy, over scenes that all answer."""
+    """Compare the mean squared errors of fx, fy, cx, cy over the scenes with answers by all."""
     given = [errors for errors in found if None not in errors.values()]
     squares = {
         name: np.array([np.mean(np.square(error[:4])) for error in errors])
@@ -148,7 +149,7 @@ def _corner(found: list[dict[str, Any]]) -> results.Results:
 
 
 def _sheets(found: list[dict[str, float]]) -> dict[str, float]:
-    """Return the rms of what each sheet promises, in units of today's."""
+    """Return the rms of each sheet's predictions, in units of the current sheet's."""
     promised = {
         name: float(np.sqrt(np.mean(np.square(own))))
         for name, own in results.by_name(found).items()
@@ -160,7 +161,7 @@ def _sheets(found: list[dict[str, float]]) -> dict[str, float]:
 def _lengths(found: list[dict[str, list[float]]]) -> results.Results:
     """Return the rms of relative errors in units of 1e-4, by camera; each dict is of one group.
 
-    What the bootstrap draws anew are the groups: lengths of one photograph err together.
+    The bootstrap resamples groups, because errors of lengths in one photograph are correlated.
     """
     return {
         name: {

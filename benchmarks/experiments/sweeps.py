@@ -1,4 +1,4 @@
-"""Simulated scenes of which one property changes at a time, and every estimator's error there."""
+"""Simulated scenes with one property varied at a time, and every estimator's error."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ from trisquare.simulate.scene import TrueCamera
 from trisquare.simulate.scenes import PRINCIPAL_POINT_STD
 
 SEED = 16
-SPACING = 4.0  # pixels of edge to an edge point
+SPACING = 4.0  # pixels of edge per edge point
 IMAGE_SIZE = (1280, 960)
-FOCAL = 1100.0  # pixels, of all sweeps but that of the field of view
+FOCAL = 1100.0  # pixels, of all sweeps except that of the field of view
 K1, K2 = -0.15, 0.03  # at that focal length
-FIELD = 60.4  # degrees, its horizontal field of view
+FIELD = 60.4  # degrees, the horizontal field of view at that focal length
 
 MAX_GREY = 21.0
-"""Grey levels of noise: with more, pictures of that contrast would be clipped."""
+"""Maximum noise in grey levels: with more, pictures of that contrast would be clipped."""
 
 
 class Setting(NamedTuple):
     """One kind of scene.
 
-    `noise` is that of an edge point, pixels; `side` is of the picture's height and `tilt` in
-    degrees, where they are not drawn as usual; `field` is the horizontal field of view, degrees.
+    `noise` is that of an edge point, in pixels. `side`, as a fraction of the picture's height, and
+    `tilt`, in degrees, are drawn as usual where absent. `field` is the horizontal field of view, in
+    degrees.
     """
 
     noise: float = 0.01
@@ -48,7 +49,7 @@ class Setting(NamedTuple):
 
     @property
     def grey(self) -> float:
-        """Noise of the picture whose pixels know an edge as well as the edge points do, levels."""
+        """Noise of a picture that determines an edge as well as the edge points, in grey levels."""
         of_one_level = simulate.pixel_sigma(1.0, CONTRAST, BLUR)
         return self.noise * np.sqrt(SPACING) / of_one_level
 
@@ -58,17 +59,17 @@ BASE = Setting()
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A property of scenes and the levels that it takes."""
+    """A property of scenes and its levels."""
 
-    name: str  # of the member of `Setting`
+    name: str  # of the field of `Setting`
     axis: str
     levels: tuple[float, ...]
     base: Setting = BASE
     logarithmic: bool = False
-    boards: bool = False  # whether the boards' photographs change with it
+    boards: bool = False  # whether the boards' photographs vary with it
 
     def setting(self, level: int) -> Setting:
-        """Return the kind of scene of a level, by its number."""
+        """Return the kind of scene of a level, by its index."""
         return self.base._replace(**{self.name: self.levels[level]})
 
 
@@ -93,7 +94,7 @@ SWEEPS = (
 
 
 class Job(NamedTuple):
-    """One scene, and what of it is measured."""
+    """One scene, and which estimators are measured on it."""
 
     sweep: int
     level: int
@@ -105,8 +106,8 @@ class Job(NamedTuple):
 def errors_of(job: Job) -> dict[str, Error]:
     """Return the error of every estimator on one scene.
 
-    Scenes of one number have the same draws at every level, so that levels differ by the property
-    alone as far as can be.
+    Scenes with the same number have the same draws at every level, so that levels differ, as far as
+    possible, by the property only.
     """
     setting = SWEEPS[job.sweep].setting(job.level)
     rng = np.random.default_rng([SEED, job.number])
@@ -133,9 +134,9 @@ def errors_of(job: Job) -> dict[str, Error]:
 
 
 def true_camera(rng: np.random.Generator, field: float) -> TrueCamera:
-    """Draw a camera with a horizontal field of view, degrees; only its principal point is drawn.
+    """Draw the principal point of a camera with a horizontal field of view in degrees.
 
-    The distortion bends the picture alike at every field of view: k1 and k2 change with the focal
+    The distortion bends the picture equally at every field of view: k1 and k2 change with the focal
     length.
     """
     width, height = IMAGE_SIZE
@@ -147,5 +148,5 @@ def true_camera(rng: np.random.Generator, field: float) -> TrueCamera:
 
 
 def true_k1(setting: Setting) -> float:
-    """Return k1 of the cameras of a kind of scene."""
+    """Return k1 of the cameras for a kind of scene."""
     return float(true_camera(np.random.default_rng(0), setting.field).distortion[0])

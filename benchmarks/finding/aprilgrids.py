@@ -25,7 +25,7 @@ NOISE_RANGE = (1.0, 4.0)  # grey levels
 BLUR_RANGE = (0.5, 1.2)  # pixels
 JPEG_QUALITY = 85
 NEAR = 2.0
-"""Pixels between a tag's corner and the crossing that was found there."""
+"""Maximum distance, in pixels, between a tag's corner and a crossing found at it."""
 
 READ_TARGET = 0.95
 BOUND_TARGET = 1.3
@@ -76,7 +76,7 @@ def measure() -> list[Row]:
 
 
 def _tags(scene: Scene) -> list[Array]:
-    """Corners of all tags in the picture, each shape (4, 2)."""
+    """Return the corners of all tags in the picture, each of shape (4, 2)."""
     return [
         scene.camera.project(target.to_camera(middle + rectangle(0.5, 0.5)))
         for target in scene.targets
@@ -86,7 +86,7 @@ def _tags(scene: Scene) -> list[Array]:
 
 
 def _read(picture: Array, tags: list[Array]) -> int:
-    """Count the tags all of whose corners are crossings of a grid that was found."""
+    """Count the tags whose corners are all crossings of a grid that was found."""
     found = search(picture, TargetKinds.parse("auto")).targets
     boards = [one.lattice for one in found if isinstance(one, Board) and one.kind == "sheet"]
     crossings = [lattice.crossings[lattice.present] for lattice in boards]

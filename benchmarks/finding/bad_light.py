@@ -21,11 +21,12 @@ SEED = 61
 FOUND_TARGET = 0.98
 COVERAGE_TARGET = 0.93
 WRONG_STDS, WRONG_SHARE = 4.0, 0.01
-"""A focal length off by more than both, without a warning, is wrong silently."""
+"""Errors of a focal length, in standard deviations and as a fraction, beyond which it counts as
+wrong. Without a warning, it is silently wrong."""
 WITHIN_STDS = 3.0
 
 MODERATE = {"blur": (0.5, 1.2), "noise": (1.0, 4.0), "contrast": (175.0, 175.0)}
-"""What a condition does not say is drawn as in section 6 of the design."""
+"""Ranges of the properties that a condition does not state, from section 6 of the design."""
 
 CONDITIONS: Mapping[str, Mapping[str, Any]] = {
     "moderate": {},
@@ -53,20 +54,20 @@ CONDITIONS: Mapping[str, Mapping[str, Any]] = {
     "contrast 30, noise 8": {"contrast": 30.0, "noise": 8.0},
     "contrast 30, noise 8, defocus 4": {"contrast": 30.0, "noise": 8.0, "blur": 4.0},
 }
-"""Each alone as far as the issue asks, and together."""
+"""Each condition alone, up to the limits of the issue, and combinations."""
 
 BEYOND = ("contrast 30, noise 8, defocus 4",)
-"""A pixel of edge there knows its place to 1 px only, and the coarse search sees little."""
+"""Here a pixel of edge determines its position to 1 px only, and the coarse search finds little."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What became of one picture.
+    """Outcome of one picture.
 
     Attributes
     ----------
     result : Calibration or None
-        None where it was refused; `reason` says why.
+        None where the calibration was refused; `reason` is the error.
     all_found : bool
         Whether the planes are the three targets and nothing else.
     deviations : ndarray of float64, shape (4,)
@@ -84,14 +85,14 @@ class Case:
 
     @property
     def silently_wrong(self) -> bool:
-        """Whether fx is off by far more than stated, and nothing says so."""
+        """Return whether fx is off by far more than stated, without a warning."""
         if self.result is None or self.result.warnings:
             return False
         return abs(self.deviations[0]) > WRONG_STDS and self.relative > WRONG_SHARE
 
 
 def shot(condition: str, index: int, seed: int = SEED) -> tuple[Image, Scene, float]:
-    """Photograph a scene; also tell what one pixel of edge knows of its place, pixels."""
+    """Photograph a scene; also return the std of the position from one pixel of edge, in pixels."""
     number = list(CONDITIONS).index(condition)
     rng = np.random.default_rng([seed, number, index])
     kind = "frame" if rng.random() < 0.5 else "square"
@@ -127,7 +128,7 @@ def run_case(condition: str, index: int, seed: int = SEED) -> Case:
 
 
 def summary(cases: list[Case]) -> str:
-    """Return what became of the cases, in a line."""
+    """Return the outcomes of the cases in a line."""
     found = sum(case.all_found for case in cases)
     refused = sum(case.result is None for case in cases)
     wrong = sum(case.silently_wrong for case in cases)
@@ -148,7 +149,7 @@ def summary(cases: list[Case]) -> str:
 
 
 def measure() -> list[Row]:
-    """Print a line per condition, and judge each that the issue names, alone."""
+    """Print a line per condition, and return a row for each that the issue names."""
     rows = []
     for condition in CONDITIONS:
         cases = [run_case(condition, index) for index in range(SCENES)]

@@ -22,25 +22,25 @@ from trisquare_scenes.photo_like import FIGURES, KINDS, real_picture
 
 SEED = 43
 PICTURES = 54
-"""Of real scenes: as many of each kind that has boards."""
+"""Number of pictures of real scenes: the same number of each kind that has boards."""
 
 BOARD_KINDS = tuple(kind for kind in KINDS if kind not in FIGURES or kind == "charuco box")
 
 SINGLE = 24
-"""Pictures of one board of known size, which OpenCV can look for as well."""
+"""Number of pictures of one board of known size, which OpenCV can also search for."""
 
 CLUTTERED = 12
-"""Pictures of each kind of clutter."""
+"""Number of pictures of each kind of clutter."""
 
 NEAR = 2.0
-"""Pixels to the true place within which a crossing is that crossing."""
+"""Maximum distance, in pixels, of a crossing found from its true position."""
 
 WHOLE = 0.9
-"""Share of a board's crossings in sight that one lattice must have."""
+"""Minimum fraction of a board's visible crossings in one lattice."""
 
 FOUND_TARGET = 0.95
 SPLIT_TARGET = 0.02
-"""Of the boards."""
+"""Maximum fraction of boards that are split."""
 
 Picture = np.ndarray
 Points = np.ndarray
@@ -52,16 +52,16 @@ if find_with_calib_targets is not None:
 
 @dataclass(frozen=True, slots=True)
 class Boards:
-    """What became of the boards of one picture or of many.
+    """Outcomes for the boards of one or more pictures.
 
     Attributes
     ----------
     boards, found, split : int
-        Boards in sight; those of which one lattice has nearly all crossings and no others; those
-        that more than one lattice lies on.
+        Number of visible boards; of those with one lattice that has nearly all their crossings and
+        no others; of those with more than one lattice.
     aliens, crossings, false : int
-        Crossings of lattices that are not of their board; all crossings found; lattices that are
-        on no board.
+        Number of crossings of lattices that are not on the lattice's board; of all crossings
+        found; of lattices that are on no board.
     """
 
     boards: int = 0
@@ -80,7 +80,7 @@ def judge(scene: Scene, lattices: list[Lattice], in_sight: Callable[[Points], Po
     """Compare lattices with a scene's boards."""
     boards = [i for i, target in enumerate(scene.targets) if target.is_board]
     crossings = [scene.image_points(i, scene.targets[i].board_corners()) for i in boards]
-    # Where boards touch, the crossings of the outermost grid lines are in sight, too.
+    # Where boards touch, the crossings of the outermost grid lines are visible, too.
     grids = [scene.image_points(i, _all_grid_points(scene.targets[i])) for i in boards]
     owned: dict[int, list[tuple[Points, int]]] = defaultdict(list)
     total = Boards()
@@ -116,7 +116,7 @@ def _all_grid_points(target: simulate.Target) -> Points:
 
 
 def measure() -> list[Row]:
-    """Print what is found of each kind of scene, and in each kind of clutter."""
+    """Print the results for each kind of scene, and for each kind of clutter."""
     if find_with_calib_targets is None:
         print("  calib-targets is not installed: no comparison with it")
     return [*_real_scenes(), _single_boards(), _clutter()]
@@ -154,7 +154,7 @@ def _real_scenes() -> Iterator[Row]:
 
 
 def _single_boards() -> Row:
-    """One board of known size a picture, which OpenCV's finder can be told of."""
+    """Compare on pictures of one board of known size, which is passed to OpenCV's finder."""
     whole: dict[str, int] = defaultdict(int)
     gaps: dict[str, list[Points]] = defaultdict(list)
     times: dict[str, list[float]] = defaultdict(list)
@@ -194,9 +194,9 @@ def _single_boards() -> Row:
 
 
 def _single_board(rng: np.random.Generator) -> tuple[Picture, Points, tuple[int, int]]:
-    """Draw a picture of one board, its crossings, and how many columns and rows it has of them."""
+    """Draw a picture of one board; return its crossings and their numbers of columns and rows."""
     rows, columns = sorted(rng.integers(3, 12, 2).tolist())
-    size = (columns, rows)  # a wide picture holds the longer side across
+    size = (columns, rows)  # the longer side is horizontal, because the picture is wide
     scene = simulate.chessboard_scene(rng, simulate.random_camera(rng), inner_corners=size)
     picture = simulate.render(
         scene,
@@ -242,7 +242,7 @@ def _ground(rng: np.random.Generator) -> Picture:
 
 
 def _grille(rng: np.random.Generator) -> Picture:
-    """Bars in two directions: every gap between four crossings looks alike."""
+    """Draw bars in two directions: every gap between four crossings looks the same."""
     pitch = float(rng.uniform(10.0, 60.0))
     ys, xs = np.mgrid[0 : SIZE[1], 0 : SIZE[0]].astype(np.float64)
     share = rng.uniform(0.3, 0.7, 2)
@@ -251,7 +251,7 @@ def _grille(rng: np.random.Generator) -> Picture:
 
 
 def _keyboard(rng: np.random.Generator) -> Picture:
-    """Keys in rows that are shifted, and in a block that is not."""
+    """Draw keys in shifted rows, or in an unshifted block."""
     level, keys = rng.permutation([40, 190]).tolist()
     canvas = np.full(SIZE[::-1], level, np.uint8)
     pitch = int(rng.integers(24, 80))
@@ -270,7 +270,7 @@ def _keyboard(rng: np.random.Generator) -> Picture:
 
 
 def _mosaic(rng: np.random.Generator) -> Picture:
-    """Tiles of random shades, of two or of many."""
+    """Draw tiles of random shades, of two or of many."""
     tile = int(rng.integers(12, 70))
     shape = (SIZE[1] // tile + 1, SIZE[0] // tile + 1)
     two = rng.random() < 0.5
@@ -299,7 +299,7 @@ CLUTTER = {
 
 
 def _tilted(canvas: Picture, rng: np.random.Generator) -> Picture:
-    """See a flat thing from aslant."""
+    """Warp a flat picture as seen obliquely."""
     width, height = SIZE
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     moved = corners + rng.uniform(-0.2, 0.2, (4, 2)) * SIZE

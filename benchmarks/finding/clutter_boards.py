@@ -1,7 +1,7 @@
 """Things that look like boards, none of which is one: woven chairs, tiles, windows, cartons.
 
-Every lattice that is found in them is a false board. A chequered floor is not among them: it is a
-chessboard for all that a picture tells.
+Every lattice found in them is a false board. A chequered floor is not among them, because in a
+picture it is the same as a chessboard.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from trisquare.measurement.find import search
 
 SEED = 83
 EACH = 6
-"""Pictures of each of ten textures."""
+"""Number of pictures of each of ten textures."""
 
 SIZE = (1280, 960)
 MARGIN = 1.5
-"""How much larger than the picture a texture is drawn, lest its rim be seen."""
+"""Size of a texture over that of the picture, so that its border is not visible."""
 
 NOISE_RANGE = (1.0, 5.0)  # grey levels
 BLUR_RANGE = (0.5, 2.0)  # pixels
 TILT = 0.25
-"""Over the picture's size, by which its corners are moved."""
+"""Maximum displacement of the picture's corners, as a fraction of its size."""
 
 Picture = NDArray[np.uint8]
 Drawing = Callable[[np.random.Generator, NDArray[np.float64], NDArray[np.float64]], Picture]
 
 
 def measure() -> list[Row]:
-    """Print how many false boards each texture gives."""
+    """Print the number of false boards for each texture."""
     pictures = false = 0
     for name in TEXTURES:
         sizes = []
@@ -58,7 +58,7 @@ def measure() -> list[Row]:
 
 
 def texture(name: str, rng: np.random.Generator) -> Picture:
-    """Draw one of `TEXTURES` as a camera sees it, from aslant."""
+    """Draw one of `TEXTURES` as a camera sees it obliquely."""
     x, y = np.meshgrid(*(np.arange(MARGIN * side) for side in SIZE))
     canvas = TEXTURES[name](rng, x, y)
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * SIZE
@@ -138,7 +138,7 @@ def _windows(rng: np.random.Generator, x: NDArray[np.float64], y: NDArray[np.flo
 
 
 def _carton(rng: np.random.Generator, x: NDArray[np.float64], y: NDArray[np.float64]) -> Picture:
-    """Draw a carton: bars, code blocks of random cells, signs in rows and columns."""
+    """Draw a carton: bars, code blocks of random cells, and characters in rows and columns."""
     canvas = np.full(x.shape, 170, np.uint8)
     for _ in range(40):
         left, top = (int(rng.uniform(0, side)) for side in canvas.shape[::-1])

@@ -17,35 +17,35 @@ from trisquare_scenes.distractors import MixedScene, mixed_scene, photograph
 SEED = 31
 RECTANGLES = 10
 CASES = {0: 20, 1: 20, 2: 30, 3: 100, 4: 20, 6: 20}
-"""How many pictures with how many true squares."""
+"""Number of pictures by number of true squares."""
 
 SIGMAS = 4.0
 PART = 0.01
-"""A focal length is wrong if it is off by more than both, in its own std and as a part of it."""
+"""A focal length is wrong if its error exceeds both limits, in its own std and as a fraction."""
 
 UNCERTAIN = ("choice", "contradict", "disagree", "rejected")
-"""Words of warnings that tell of planes that may be false; that of larger things rejected, which
-is there in most of these pictures, is not counted."""
+"""Words of warnings about planes that may be false. A warning about larger rejected objects, which
+most of these pictures cause, is not counted."""
 
 RIGHT_TARGET = 0.95
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What became of one picture.
+    """Outcome of one picture.
 
     Attributes
     ----------
     found, false_found : int
-        True squares and rectangles that the search found.
+        Number of true squares and of rectangles that the search found.
     kept, false_kept : int
-        Those that the calibration used.
+        Number of those that the calibration used.
     error : float
-        Of fx, as a part of it; NaN where the calibration was refused.
+        Error of fx, as a fraction; NaN where the calibration was refused.
     sigmas : float
-        The same in stated standard deviations.
+        The same error in stated standard deviations.
     warned, told : bool
-        Whether a warning tells of doubt about the planes, or at least that something was left out.
+        Whether a warning doubts the planes, and whether there is any warning.
     """
 
     found: int
@@ -61,12 +61,12 @@ class Case:
 
     @property
     def refused(self) -> bool:
-        """Whether there was an error in place of an answer."""
+        """Return whether there was an error instead of an answer."""
         return bool(self.refusal)
 
     @property
     def wrong(self) -> bool:
-        """Whether there was an answer, and it was wrong."""
+        """Return whether there was a wrong answer."""
         return not self.refused and self.sigmas > SIGMAS and self.error > PART
 
 
@@ -105,7 +105,7 @@ def run_case(squares: int, index: int, seed: int = SEED) -> Case:
 
 
 def _target(mixed: MixedScene, middle: np.typing.NDArray[np.float64]) -> int:
-    """Return which target is seen at a place."""
+    """Return the index of the target at a position."""
     middles = [
         mixed.scene.image_points(i, np.zeros((1, 2)))[0] for i in range(len(mixed.is_square))
     ]
@@ -119,7 +119,7 @@ def _count(mixed: MixedScene, targets: list[int]) -> tuple[int, int]:
 
 
 def measure() -> list[Row]:
-    """Print what became of the pictures, by the number of true squares."""
+    """Print the outcomes of the pictures by number of true squares."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

@@ -14,24 +14,24 @@ from trisquare_scenes.gapped_boards import gapped_scene
 SEED = 67
 PICTURES = 200
 GAPS = (-2.0, 3.0)
-"""Pixels between dark cells; negative where they overlap."""
+"""Range of the gap between dark cells, in pixels; negative where they overlap."""
 
 NEAR = 2.0
-"""Pixels to the true place within which a crossing is that crossing."""
+"""Maximum distance, in pixels, of a crossing found from its true position."""
 WHOLE = 0.9
-"""Share of a board's crossings that its lattice must have."""
+"""Minimum fraction of a board's crossings in its lattice."""
 FOUND_TARGET = 0.97
 
 CAMERAS = 60
-"""Each calibrated from three boards of one kind."""
+"""Number of cameras, each calibrated from three boards of one kind."""
 LARGE_CELLS = (30.0, 90.0)
-"""Pixels; three boards of smaller ones hardly tell a camera."""
+"""Range of cell sizes, in pixels; three boards with smaller cells hardly determine a camera."""
 MAX_SIGMAS = 4.0
 RMS_RANGE = (0.7, 1.3)
 
 
 def is_found(scene: Scene, lattices: list[Lattice]) -> bool:
-    """Whether one lattice has nearly all crossings of a scene's only board, and nothing else."""
+    """Return whether the only lattice has nearly all crossings of the only board, and no others."""
     if len(lattices) != 1:
         return False
     truth = scene.image_points(0, scene.targets[0].board_corners())
@@ -41,7 +41,7 @@ def is_found(scene: Scene, lattices: list[Lattice]) -> bool:
 
 
 def measure() -> list[Row]:
-    """Print which boards are missed, and how far off cameras are that such boards calibrate."""
+    """Print the missed boards, and the errors of cameras calibrated from such boards."""
     return [_found(), _calibrated()]
 
 

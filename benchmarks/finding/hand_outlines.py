@@ -15,12 +15,12 @@ from trisquare.simulate.scene import Scene
 SEED = 55
 SCENES = 50  # of each kind
 OFF = 5.0  # pixels
-SAME = 0.1  # standard deviations between the two results, at most
+SAME = 0.1  # maximum difference between the two results, in standard deviations
 TARGET = 0.98
 
 
 def measure() -> list[Row]:
-    """Count the scenes whose camera is the same from drawn outlines as from found ones."""
+    """Count the scenes with the same camera from drawn outlines as from found ones."""
     return [_row("srgb", ", their tone curve stated"), _row("auto", "")]
 
 
@@ -57,7 +57,7 @@ def _plain(rng: np.random.Generator) -> tuple[Image, Scene]:
 
 
 def _drawn(scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
-    """Return all outlines with each corner uniformly in a disc about its place."""
+    """Return all outlines, with each corner drawn uniformly from a disc around its position."""
     squares = []
     for number, target in enumerate(scene.targets):
         outlines = []
@@ -70,7 +70,7 @@ def _drawn(scene: Scene, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _gap(picture: Image, drawn: dict[str, Any], searched: ts.Calibration, tone: str) -> float:
-    """Return how far the two cameras are apart, in standard deviations; infinite without one."""
+    """Return the difference of the two cameras in standard deviations; infinite without one."""
     try:
         found = ts.calibrate(picture, outlines=drawn, tone=tone)
     except ts.TrisquareError:

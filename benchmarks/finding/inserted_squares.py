@@ -1,7 +1,8 @@
 """Three squares rendered into each of 50 real photographs: found, and calibrated.
 
-The photographs show boards, which another camera saw than drew the squares: one side has to be
-rejected. The answer is the squares' camera, or the photograph's own where it shows three boards.
+The photographs show boards, seen by another camera than the squares': either boards or squares must
+be rejected. The correct result is the squares' camera, or the photograph's own where it shows three
+boards.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ SEED = 11
 CONTRAST_RANGE = (60.0, 200.0)  # grey levels
 JPEG_QUALITY = 85
 
-RIGHT_PERCENT = 0.5  # of fx: tells a calibrated camera from a wrong one
+RIGHT_PERCENT = 0.5  # of fx: distinguishes a calibrated camera from a wrong one
 SIGMAS = 4.0
 
 OWN_BOARDS = 3
-OWN_FOCAL = 5145.0  # pixels, of the photographs of charuco-cube, which alone show three boards
+OWN_FOCAL = 5145.0  # pixels, of the photographs of charuco-cube, the only ones with three boards
 
 
 @dataclass(frozen=True, slots=True)
 class Inserted:
-    """A photograph with three squares in it, and the camera that they were drawn with."""
+    """A photograph with three squares rendered into it, and their camera."""
 
     photograph: Path
     picture: Image
@@ -46,7 +47,7 @@ def inserted_squares(count: int) -> Iterator[Inserted]:
     """Yield `count` pictures: all photographs in turn, then again with other squares."""
     paths = photographs()
     for index in range(count):
-        # Neighbours in the list are alike: step through it so that a few already differ.
+        # Neighbours in the list are similar: step through it so that even a few pictures differ.
         path = paths[index * 17 % len(paths)]
         rng = np.random.default_rng([SEED, index])
         yield _insert(path, rng)
@@ -70,7 +71,7 @@ def _insert(path: Path, rng: np.random.Generator) -> Inserted:
 
 
 def is_own_camera(case: Inserted, result: ts.Calibration) -> bool:
-    """Whether an answer is the photograph's own camera, by three boards of it."""
+    """Return whether the result is the photograph's own camera, from three of its boards."""
     boards = sum(plane.kind == "chessboard" for plane in result.planes)
     off = abs(result.camera.fx - OWN_FOCAL)
     return (
@@ -81,12 +82,12 @@ def is_own_camera(case: Inserted, result: ts.Calibration) -> bool:
 
 
 def says_so(result: ts.Calibration) -> bool:
-    """Whether a result names what it does not use: among the rejected, or in a warning."""
+    """Return whether a result names what it does not use: among the rejected, or in a warning."""
     return bool(result.rejected) or any("rejected" in text for text in result.warnings)
 
 
 def measure() -> list[Row]:
-    """Print how many pictures were calibrated from one side, and how well."""
+    """Print how many pictures were calibrated from squares or boards only, and the errors."""
     name = f"three squares in each of {PICTURES} real photographs"
     must_reach = "all found and calibrated"
     if not photographs():

@@ -1,8 +1,8 @@
 """A thousand squares in one picture, alone and with false ones among them: time, and what is wrong.
 
-The squares are 12 to 20 pixels wide in the picture that is searched, each tilted in its own way, so
-that a single one tells little of the camera, and nearly any parallelogram could be one. The choice
-is tried on edges as well, where no search has left out a part of the false ones.
+The squares are 12 to 20 pixels wide in the picture that is searched, and each is tilted
+differently, so that a single one hardly determines the camera, and nearly any parallelogram could
+be one. The choice is also tested on edges, where no search has removed some of the false ones.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ SEED = 14
 SQUARES = 1000
 FALSE = 200
 PICTURES = 2
-"""Pictures of each kind, of which the median time counts; rendering takes most of the time."""
+"""Number of pictures of each kind. Their median time counts; rendering takes most of the time."""
 
 SCENES = 20
 EDGE_SQUARES = 250
 EDGE_FALSE = 50
-"""Scenes with false squares, from edges: fewer, since the choice among a thousand takes minutes
-where no search has left out the worst."""
+"""Number of scenes with false squares, from edges. It is smaller, because the choice among a
+thousand takes minutes where no search has removed the worst."""
 
 NOISE = 0.06
-"""Of edge points 4 px apart, pixels: that of a noise of 2 grey levels."""
+"""Noise of edge points 4 px apart, in pixels: that of a picture with a noise of 2 grey levels."""
 
 SIGMAS = 4.0
 PART = 0.003
-"""A focal length is wrong if it is off by more than both, in its own std and as a part of it."""
+"""A focal length is wrong if its error exceeds both limits, in its own std and as a fraction."""
 
 SECONDS_TARGET = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What became of one scene."""
+    """Outcome of one scene."""
 
     seconds: float
     kept: int = 0
@@ -73,16 +73,16 @@ class Case:
 
     @property
     def wrong(self) -> bool:
-        """Whether there was an answer, and it was wrong."""
+        """Return whether there was a wrong answer."""
         return not self.refusal and self.sigmas > SIGMAS and self.error > PART
 
     @property
     def told(self) -> bool:
-        """Whether a warning of more than low severity says that something may be amiss."""
+        """Return whether there is a warning above low severity."""
         return bool(self.warnings)
 
     def __str__(self) -> str:
-        """Return it in a line."""
+        """Return the outcome in a line."""
         codes = ", ".join(self.warnings)
         return (
             f"{self.seconds:.2f} s, {self.kept} kept, fx off by {100 * self.error:.3f} %, "
@@ -91,7 +91,7 @@ class Case:
 
 
 def drawn(count: int, false: int, index: int) -> tuple[MixedScene, np.random.Generator]:
-    """Draw one scene; return also what draws its noise."""
+    """Draw one scene; also return the generator for its noise."""
     rng = np.random.default_rng([SEED, false, index])
     return many_squares(rng, count, false=false), rng
 
@@ -130,7 +130,7 @@ def from_edges(many: MixedScene, rng: np.random.Generator) -> Case:
 
 
 def measure() -> list[Row]:
-    """Print what became of the scenes."""
+    """Print the outcomes of the scenes."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

@@ -1,8 +1,8 @@
 """A hundred pictures of boards, squares among rectangles, and tags: found and right.
 
-`benchmarks/real_scenes.py SEED` draws other pictures than those of the table.
+`benchmarks/finding/real_scenes.py SEED` draws other pictures than those of the table.
 
-Whoever adds a kind of scene adds it to `SUITE`: anything that draws a `Case` from a generator.
+To add a kind of scene, add to `SUITE` a function that draws a `Case` from a generator.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ PICTURES = 100
 SEED = 41
 WITHIN_STDS = 4.0
 WITHIN_SHARE = 0.01
-"""A parameter is right within so many of its own stds, or this part of fx, fy or the width."""
+"""A parameter is right within this number of its own stds, or this fraction of fx, fy or the width.
+"""
 
 FOUND_TARGET = 98
 BOUND_TARGET = 1.3
@@ -42,10 +43,10 @@ class Case(Protocol):
 
     @property
     def scene(self) -> Scene:
-        """What it shows."""
+        """The scene in the photograph."""
 
     def bound(self) -> dict[str, float]:
-        """Smallest standard deviations that its pixels along edges in sight allow."""
+        """Return the least stds that the pixels along visible edges allow."""
 
 
 SUITE: Mapping[str, Callable[[np.random.Generator], Case]] = {
@@ -55,7 +56,7 @@ SUITE: Mapping[str, Callable[[np.random.Generator], Case]] = {
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one picture.
+    """Outcome of one picture.
 
     Attributes
     ----------
@@ -63,9 +64,9 @@ class Outcome:
         ``"right"``, ``"warned"`` (wrong, with a warning), ``"silent"`` (wrong without) or
         ``"refused"``.
     error, own : float
-        Error of fx in units of the bound and of its stated std; NaN where there is no answer.
+        Error of fx in units of the bound and of its stated std; NaN without an answer.
     planes, targets : int
-        Planes of the result, and targets in the scene.
+        Number of planes of the result, and of targets in the scene.
     said : str
         The refusal, or the warnings.
     """
@@ -79,7 +80,7 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome:
-    """Calibrate one picture with no option at all, and judge the answer."""
+    """Calibrate one picture without options, and judge the answer."""
     targets = len(case.scene.targets)
     try:
         result = ts.calibrate(case.picture)
@@ -140,7 +141,7 @@ def _answered(values: list[float]) -> np.ndarray:
 
 
 def _median(ratios: np.ndarray) -> float:
-    """Median size over that of a standard normal variable: what the rms is without outliers."""
+    """Return the median size over that of a standard normal variable: the rms without outliers."""
     return float(np.median(np.abs(ratios)) / 0.6745) if len(ratios) else np.nan
 
 

@@ -22,14 +22,14 @@ NOISE_RANGE = (0.05, 0.5)  # pixels, samples 4 px apart
 STRONG_NOISE = (0.5, 1.5)
 RENDERED_NOISE = (1.0, 4.0)  # grey levels
 RENDERED_BLUR = (0.5, 1.2)  # pixels
-# A right answer errs by at most so many of its own standard deviations.
+# Maximum error of a right answer in its own standard deviations.
 MAX_SIGMAS = 4.0
 
 Outcome = tuple[str, float]
 
 
 def measure() -> list[Row]:
-    """Print how every kind of scene ends."""
+    """Print the outcomes for every kind of scene."""
     sound = _outcomes(lambda rng: simulate.random_scene(rng))
     strong = _outcomes(lambda rng: simulate.random_scene(rng), noise_range=STRONG_NOISE)
     rendered = [_rendered(seed) for seed in range(RENDERED)]
@@ -71,7 +71,7 @@ def _outcomes(
     fix: tuple[str, ...] = (),
     scenes: int = SCENES,
 ) -> list[Outcome]:
-    """Calibrate edge samples of so many scenes; what is held is held at the truth."""
+    """Calibrate edge samples of `scenes` scenes; fixed parameters are held at the truth."""
     outcomes = []
     for seed in range(scenes):
         rng = np.random.default_rng([SEED, seed])
@@ -94,7 +94,7 @@ def _rendered(seed: int) -> Outcome:
 
 
 def _answer(scene: simulate.Scene, calibrate: Callable[[], ts.Calibration]) -> Outcome:
-    """How a calibration ended, and its largest error in its own standard deviations."""
+    """Return the outcome of a calibration, and its largest error in its own standard deviations."""
     try:
         result = calibrate()
     except ts.TrisquareError as error:

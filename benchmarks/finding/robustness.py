@@ -20,26 +20,26 @@ SEED = 21
 WITHIN_STDS = 3.0
 WITHIN_TARGET = 0.95
 SAME_CENTRE = 50.0
-"""Pixels between a target's true centre and that of the plane that shows it: a square fitted to a
-trapezium is off by some 20, and another target is 200 away."""
+"""Maximum distance, in pixels, between a target's true centre and that of its plane. A square
+fitted to a trapezium is off by some 20, and other targets are 200 away."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What became of one damaged picture.
+    """Outcome of one damaged picture.
 
     Attributes
     ----------
     result : Calibration or None
-        None where the calibration was refused; `reason` says why.
+        None where the calibration was refused; `reason` is the error.
     planes_found, targets : int
-        Planes of the result that are targets, and how many targets there are.
+        Number of planes of the result that are targets, and number of targets.
     worst : float
         The largest error of fx, fy, cx, cy, k1, k2, in stated standard deviations.
     mahalanobis : float
         Root mean square of the errors in units of the stated covariance, per parameter.
     names_plane, names_side : bool
-        Whether one warning names the damaged plane, and its side too.
+        Whether a warning names the damaged plane, and whether it also names the side.
     """
 
     damage: Damage
@@ -94,7 +94,7 @@ def planes_of_targets(result: ts.Calibration, scene: Scene) -> list[int | None]:
 def named(
     result: ts.Calibration, scene: Scene, damage: Damage, plane: int | None
 ) -> tuple[bool, bool]:
-    """Tell whether a warning names the damaged plane, and whether it names the side as well."""
+    """Return whether a warning names the damaged plane, and whether it also names the side."""
     if plane is None:
         return False, False
     about = [text for text in result.warnings if re.search(rf"\bplane {plane}\b", text)]
@@ -105,7 +105,7 @@ def named(
 
 
 def _measured_side(corners: Array, scene: Scene, target: int, side: int) -> int:
-    """Return which side of a measured plane is a target's; side i follows corner i."""
+    """Return the index of a target's side on its measured plane; side i follows corner i."""
     true_side = sample_sides(scene.camera, scene.targets[target], 4.0)[side].image
     middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
     return int(np.linalg.norm(middles - true_side.mean(axis=0), axis=1).argmin())
@@ -124,14 +124,14 @@ def false_alarms() -> tuple[int, list[str]]:
 
 
 def measure() -> list[Row]:
-    """Print a line per kind of damage, and count the undamaged pictures that are accused."""
+    """Print a line per kind of damage, and count the undamaged pictures with such a warning."""
     rows, cases = [], []
     print("  kind            found all  within 3 std  worst (median, max)  rms  plane, side named")
     for kind in KINDS:
         some = [run_case(kind, index) for index in range(CASES_PER_KIND)]
         cases += some
         print("  " + _summary(kind, some), flush=True)
-    # Three of which one is false cannot be told apart in general: a row of their own.
+    # A false one of three cannot be identified in general: these cases have a row of their own.
     decidable = [case for case in cases if case.damage.kind != "false_of_three"]
     three = [case for case in cases if case.damage.kind == "false_of_three"]
     rows.append(_within(f"one damage in {len(decidable)} pictures", decidable, WITHIN_TARGET))

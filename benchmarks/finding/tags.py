@@ -44,10 +44,10 @@ FOUND_TARGET = 0.98
 FAR_PICTURES = 40
 FAR_SEED = 43
 FAR_SIDES = (20.0, 60.0)
-"""Pixels, before foreshortening."""
+"""Range of the sides in pixels, before foreshortening."""
 FAR_TARGET = 0.9
 MIN_FAR_SIDE = 20.0
-"""Pixels of a tag's shortest side: in smaller ones a cell is two or three."""
+"""Minimum length, in pixels, of a tag's shortest side: a cell of smaller ones is two or three."""
 
 BOUND_TARGET = 1.3
 
@@ -67,13 +67,13 @@ POOLED_TARGET = 0.005
 
 
 def measure() -> list[Row]:
-    """Draw tags, boxes and clutter, and look at the photographs of the cube."""
+    """Draw tags, boxes and clutter, and measure the photographs of the cube."""
     rows = [*_single_tags(), _far_tags(), _chance(), _boxes()]
     return rows + (_cube() if CUBE.is_dir() else [])
 
 
 def _single_tags() -> list[Row]:
-    """Three tags of 60 to 250 px, tilted by 25 to 60 degrees; no dictionary is named."""
+    """Search three tags of 60 to 250 px, tilted by 25 to 60 degrees, without a named dictionary."""
     whole = found = false = by_opencv = 0
     ratios = []
     for index in range(PICTURES):
@@ -118,20 +118,20 @@ def _single_tags() -> list[Row]:
 
 
 def _coded(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Write a picture as JPEG and read it."""
+    """Encode a picture as JPEG and decode it."""
     _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
 def _numbers_in(picture: NDArray[np.uint8]) -> list[int]:
-    """Numbers of the single tags that are found."""
+    """Return the numbers of the single tags that are found."""
     targets = search(picture, TargetKinds.parse("auto")).found
     tags = [one.outline.tag for one in targets if isinstance(one, Square)]
     return [tag.number for tag in tags if tag is not None]
 
 
 def _far_tags() -> Row:
-    """Three tags of 20 to 60 px, tilted by 25 to 60 degrees; no dictionary is named."""
+    """Search three tags of 20 to 60 px, tilted by 25 to 60 degrees, without a named dictionary."""
     found = large = false = 0
     for index in range(FAR_PICTURES):
         rng = np.random.default_rng([FAR_SEED, index])
@@ -157,7 +157,7 @@ def _far_tags() -> Row:
 
 
 def _chance() -> Row:
-    """Dark squares with random cells of 4 x 4, the shortest code, are taken for tags how often."""
+    """Count dark squares with random cells of 4 x 4, the shortest code, that are taken for tags."""
     believed = 0
     for index in range(CHANCE_PICTURES):
         rng = np.random.default_rng([CHANCE_SEED, index])
@@ -183,7 +183,7 @@ def _chance() -> Row:
 
 
 def _boxes() -> Row:
-    """ChArUco boards of known layout: markers and grid lines on one plane, or the lines alone."""
+    """Use ChArUco boards of known layout: markers and grid lines on one plane, or lines alone."""
     errors: dict[str, list[float]] = {"lattices alone": [], "with markers": []}
     for index in range(BOXES):
         rng = np.random.default_rng([BOX_SEED, index])
@@ -206,7 +206,7 @@ def _boxes() -> Row:
 
 
 def _cube() -> list[Row]:
-    """24 photographs of a paper cube."""
+    """Use 24 photographs of a paper cube."""
     targets = TargetKinds.parse(CUBE_LAYOUT)
     photographs = [str(CUBE / f"{number}.jpg") for number in range(24)]
     faces: Counter[int] = Counter()

@@ -15,17 +15,17 @@ from trisquare.measurement.find import search
 SEED = 91
 PICTURES = 30
 CORNERS = 7
-"""Inner corners of each of three boards, across and down."""
+"""Number of inner corners of each of three boards, in a row and in a column."""
 
 HIDDEN = 2.0
-"""Cells at one end of the first board that something covers in every second picture."""
+"""Number of cells at one end of the first board that are covered in every second picture."""
 
 NOISE_RANGE = (1.0, 4.0)  # grey levels
 BLUR_RANGE = (0.5, 1.5)  # pixels
 
 
 def measure() -> list[Row]:
-    """Draw three boards of one size; of every second picture's first board two rows are hidden."""
+    """Draw three boards of one size, with two rows of the first hidden in every second picture."""
     names = ("auto", f"chessboard:{CORNERS}x{CORNERS}")
     found = dict.fromkeys(names, 0)
     answered = dict.fromkeys(names, 0)
@@ -38,7 +38,7 @@ def measure() -> list[Row]:
         )
         if index % 2:
             size = 0.5 * (CORNERS + 1)
-            # In the board's own cells, out over its rim.
+            # In the board's own cells, beyond its border.
             low, high = HIDDEN - size, size + 1.0
             cover = np.array([[-high, -high], [high, -high], [high, low], [-high, low]])
             cell = np.linalg.norm(np.ptp(scene.targets[0].board_corners(), axis=0)) / (

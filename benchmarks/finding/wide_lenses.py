@@ -32,18 +32,18 @@ MIN_FOUND = 38
 RATIO = (0.7, 1.3)
 NAMES = ("4X4_50", "5X5_250", "6X6_250", "7X7_1000", "APRILTAG_16H5", "APRILTAG_36H11")
 MAX_BEND = 0.1
-"""Of a tag's side, over its chord."""
+"""Maximum bend of a tag's side, over its chord."""
 MIN_READ = 0.97
 GRID_SCENES = 20
 
 
 def measure() -> list[Row]:
-    """Print what is missed, and count what is found."""
+    """Print the missed targets, and count those found."""
     return [*_boards(), _tags(), _aprilgrids(), _among_rectangles()]
 
 
 def _boards() -> list[Row]:
-    """Three boards of 8 x 6 inner corners, each one plane with all its crossings' lines."""
+    """Find three boards of 8 x 6 inner corners, each as one plane with all crossings' lines."""
     whole, errors = 0, []
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])
@@ -76,7 +76,7 @@ def _boards() -> list[Row]:
 
 
 def _tags() -> Row:
-    """Three tags whose dictionary is not named."""
+    """Find three tags whose dictionary is not stated."""
     tags = read = false = 0
     for index in range(SCENES):
         rng = np.random.default_rng([SEED, 1, index])
@@ -102,7 +102,7 @@ def _tags() -> Row:
 
 
 def _aprilgrids() -> Row:
-    """Three copies of one AprilGrid of 6 x 6 tags."""
+    """Find three copies of one AprilGrid of 6 x 6 tags."""
     read, every, errors = 0, 0, []
     for index in range(GRID_SCENES):
         rng = np.random.default_rng([SEED, 3, index])
@@ -126,7 +126,7 @@ def _aprilgrids() -> Row:
 
 
 def _among_rectangles() -> Row:
-    """Three frames beside rectangles that are no targets, whose lens is not named."""
+    """Find three frames among rectangles that are no targets, with an unknown lens model."""
     clean, errors = 0, []
     for index in range(SCENES):
         rng = np.random.default_rng([SEED, 2, index])

@@ -1,4 +1,4 @@
-"""What the core chooses among candidates, without a picture."""
+"""The core's choice among candidates, without a picture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import trisquare._core as _core
 
 
 def choose(edges: Sequence[ts.PlaneEdges], image_size: tuple[int, int]) -> _core.Outcome:
-    """Choose among figures as among those of a picture, and calibrate with the default lens."""
+    """Choose among figures as in a picture, and calibrate with the default lens model."""
     return _core.calibrate(
         edges,
         image_size,

@@ -1,4 +1,4 @@
-"""The last rows of every benchmark as a program reads them, and what changed in them."""
+"""The last rows of every benchmark in machine-readable form, and their changes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from harness.rows import Row
 FILE = Path(__file__).parents[1] / "results.json"
 
 CHANGED = 0.05
-"""Relative change from which a figure is told: times of a shared machine scatter by that much."""
+"""Minimum relative change that is reported: times on a shared machine scatter by this amount."""
 
 NUMBER = r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?"
 FIGURE = re.compile(rf"(?:.* = )?({NUMBER})(?:/({NUMBER}))? ?(%|px|ms|ns|MB|levels?)?(?![\w])")
@@ -23,9 +23,9 @@ Record = dict[str, Any]
 
 
 def record(benchmark: str, row: Row, commit: str) -> Record:
-    """Return a row: its first number, or the one after an equals sign, and that one's unit.
+    """Return a row's first number, or the one after an equals sign, with its unit.
 
-    A row that begins with a word has its text as its value.
+    The value of a row that begins with a word is its text.
     """
     found = FIGURE.match(row.measured)
     value: float | str = row.measured
@@ -49,7 +49,7 @@ def record(benchmark: str, row: Row, commit: str) -> Record:
 def update(
     benchmark: str, rows: Sequence[Row], order: Sequence[str], commit: str, file: Path = FILE
 ) -> None:
-    """Write a benchmark's rows into the file, in the place that `order` gives it."""
+    """Write a benchmark's rows into the file, at its position in `order`."""
     old = json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
     new = [record(benchmark, row, commit) for row in rows]
     records = [it for it in old if it["benchmark"] != benchmark and it["benchmark"] in order] + new
@@ -59,13 +59,13 @@ def update(
 
 
 def current_commit() -> str:
-    """Return the commit that is checked out, with a plus if files differ from it; or nothing."""
+    """Return the current commit, with a plus if files differ from it; empty if unknown."""
     said = _git("describe", "--always", "--exclude=*", "--dirty=+")
     return "" if said is None else said.strip()
 
 
 def changes(file: Path = FILE) -> Iterator[str]:
-    """Say what differs from the file as it is committed, one line a row."""
+    """Describe the differences from the committed file, one line per row."""
     committed = _git("show", f"HEAD:./{file.name}", folder=file.parent)
     if committed is None:
         yield f"no {file.name} is committed"
@@ -78,7 +78,7 @@ def changes(file: Path = FILE) -> Iterator[str]:
 
 
 def _by_row(records: Sequence[Record]) -> dict[tuple[str, str, int], Record]:
-    """Rows by benchmark, name and, of those of one name, their place."""
+    """Return rows by benchmark, name and, among those of one name, index."""
     found: dict[tuple[str, str, int], Record] = {}
     for it in records:
         place = sum(key[:2] == (it["benchmark"], it["name"]) for key in found)

@@ -1,7 +1,8 @@
-"""What the documentation's page "how exact" includes: the last rows of every benchmark.
+"""The rows in the documentation's page "how exact": the last ones of every benchmark.
 
-One section a benchmark, headed by its title and closed by when, and by which versions, it was
-measured. A run replaces the sections of the benchmarks that it measures and keeps the others.
+Each benchmark has a section, which begins with its title and ends with the date and the versions of
+its measurement. A run replaces the sections of the benchmarks that it measures and keeps the
+others.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ SECTION = re.compile(
 def update(
     name: str, rows: Sequence[Row], order: Sequence[str], conditions: str, page: Path = PAGE
 ) -> None:
-    """Write a benchmark's rows into the page, in the place that `order` gives it.
+    """Write a benchmark's rows into the page, at its position in `order`.
 
-    Sections of benchmarks that are not in `order` any more are dropped.
+    Sections of benchmarks that are no longer in `order` are dropped.
     """
     sections = read(page)
     sections[name] = _section(name, rows, conditions)
@@ -50,12 +51,12 @@ def read(page: Path = PAGE) -> dict[str, str]:
 
 
 def conditions() -> str:
-    """Say of what, and when, what follows is measured, and how busy others keep the machine."""
+    """Return the date, the versions and the machine's load of a measurement."""
     day = datetime.now(timezone.utc).date().isoformat()
     said = f"{day}: trisquare {ts.__version__}, OpenCV {cv2.__version__}"
     if not hasattr(os, "getloadavg"):
         return said
-    # Times of a busy machine are not worth much; a reader has to know.
+    # Times from a busy machine are unreliable, which a reader has to know.
     return f"{said}; {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}"
 
 

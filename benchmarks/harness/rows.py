@@ -1,4 +1,4 @@
-"""One line of the final table: what was measured, and what it must reach."""
+"""One line of the final table: a measured figure and its target."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 
 class NotMeasurableError(Exception):
-    """What a benchmark needs is not here; the message says what. Its last rows stay."""
+    """Something that a benchmark needs is missing, as the message says. Its last rows stay."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A measured figure beside its target; `met` is None where there is none."""
+    """A measured figure beside its target; `met` is None without a target."""
 
     measured_on: str
     measured: str
@@ -21,7 +21,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Whether the target is met, in a word."""
+        """Whether the target is met, as a word."""
         return {True: "yes", False: "**no**", None: ""}[self.met]
 
 
@@ -31,7 +31,7 @@ def bound_row(name: str, ratio: float, most: float, beside: str = "") -> Row:
 
 
 def coverage_row(name: str, share: float, limits: tuple[float, float]) -> Row:
-    """Return the row of the part of intervals that hold the truth."""
+    """Return the row of the fraction of intervals that contain the truth."""
     low, high = limits
     asked = f"{100 * low:.0f}-{100 * high:.0f} %"
     return Row(name, f"{100 * share:.1f} %", asked, low <= share <= high)

@@ -1,4 +1,4 @@
-"""The joint problem of `calibrate_edges` as one would write it for SciPy."""
+"""The joint fit of `calibrate_edges`, written for SciPy."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import trisquare as ts
 
-# Newton on the distortion: quadratic, so that six steps reach rounding inside the picture.
+# Number of Newton steps on the distortion: convergence is quadratic, and six steps reach rounding
+# inside the picture.
 UNDISTORT_STEPS = 6
-HUBER_LIMIT = 2.01  # standard deviations: 99 % efficient, as trisquare's own
+HUBER_LIMIT = 2.01  # standard deviations: 99 % efficient, as in trisquare
 POSE_SIZE = 6  # rotation vector and translation
 
 
@@ -32,7 +33,7 @@ class ScipyProblem:
 
     @staticmethod
     def start(result: ts.Calibration) -> Array:
-        """Return the parameters of a calibration, to start from."""
+        """Return the parameters of a calibration, as a start."""
         poses = [
             np.append(Rotation.from_matrix(plane.rotation).as_rotvec(), plane.translation)
             for plane in result.planes
@@ -59,11 +60,11 @@ class ScipyProblem:
         return least_squares(self.residuals, start, method="lm", jac="2-point", x_scale="jac")
 
     def solve_robustly(self, start: Array, noise: float) -> OptimizeResult:
-        """Minimise Huber's loss, as trisquare does on its way, with the noise told."""
+        """Minimise Huber's loss, as trisquare does before its final fit, with the noise given."""
         return least_squares(
             self.residuals,
             start,
-            method="trf",  # the only one with a loss and no bounds
+            method="trf",  # the only method with a robust loss and without bounds
             jac="2-point",
             x_scale="jac",
             loss="huber",

@@ -1,4 +1,4 @@
-"""Calibrations of pictures that a lens spoils."""
+"""Calibrations of pictures with a fault."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trisquare_scenes.picture_faults import PictureFault, photograph
 def calibrated(
     fault: PictureFault, count: int, seed: int, *, noise: float, blur: float
 ) -> Iterator[tuple[Scene, ts.Calibration]]:
-    """Yield so many scenes of three squares or frames, and what their pictures tell."""
+    """Yield `count` scenes of three squares or frames, and the calibrations of their pictures."""
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         scene = simulate.random_scene(rng, kind="frame" if number % 2 else "square")

@@ -1,4 +1,4 @@
-"""Times of rival pieces of work, alternated so that a busy moment falls on all of them."""
+"""Times of functions that are compared, alternated so that a busy moment affects all of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 
 def alternated_medians(works: Sequence[Callable[[], object]], repetitions: int) -> list[float]:
-    """Return the median seconds of each piece of work after one unmeasured round."""
+    """Return the median seconds of each function after one unmeasured round."""
     for work in works:
         work()
     times: list[list[float]] = [[] for _ in works]

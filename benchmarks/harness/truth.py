@@ -1,4 +1,4 @@
-"""Errors of a calibration against the camera that a scene was made with."""
+"""Errors of a calibration against the camera that drew the scene."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ def by_name(deviations: Mapping[str, float]) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Root mean square of all values."""
+    """Return the root mean square of all values."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 MAD_TO_STD = 1.4826
-"""Of a normal distribution: the standard deviation over the median absolute deviation."""
+"""Standard deviation over the median absolute deviation, of a normal distribution."""
 
 
 def robust_spread(values: Array) -> float:
-    """Return the standard deviation by the median absolute deviation from the median."""
+    """Return the standard deviation estimated from the median absolute deviation."""
     return MAD_TO_STD * float(np.median(np.abs(values - np.median(values))))
 
 
 def rms_per_parameter(values: Array) -> str:
-    """Return the root mean square of each column of shape (N, 6), named."""
+    """Return the root mean square of each column of shape (N, 6), with its name."""
     columns = np.sqrt(np.mean(values**2, axis=0))
     return ", ".join(f"{name} {value:.2f}" for name, value in zip(NAMES, columns, strict=True))

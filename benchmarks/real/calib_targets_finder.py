@@ -11,7 +11,7 @@ import numpy as np
 from trisquare.detection.candidates import Lattice
 
 MAX_BOARDS = 6
-"""It looks for three at most unless told."""
+"""Maximum number of boards; its default is three."""
 
 Finder = Callable[[np.ndarray], list[Lattice]]
 

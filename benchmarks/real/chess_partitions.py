@@ -16,14 +16,15 @@ SEED = 11
 PICTURES_EACH = 3
 FACTOR_TARGET = 2.0
 TOGETHER = "err together"
-"""What a warning says where the stated std had to be raised for boards that are not flat."""
+"""Words of the warning that the stated std was raised because boards are not flat."""
 
 
 def partition_row(boards: Sequence[list[ts.PlaneEdges]], image_size: tuple[int, int]) -> Row:
     """Print the spread of K over disjoint triples beside its stated std, by parameter.
 
-    The spread is robust, and about the median over all triples: the truth is not known. Each
-    triple's deviation is divided by its own std, because some triples know much more than others.
+    The spread is robust and about the median over all triples, because the truth is unknown. Each
+    triple's deviation is divided by its own std, because some triples determine K much better than
+    others.
     """
     found: list[ts.Calibration] = []
     for triple in disjoint_triples(len(boards)):
@@ -55,7 +56,7 @@ def partition_row(boards: Sequence[list[ts.PlaneEdges]], image_size: tuple[int, 
 
 
 def disjoint_triples(count: int) -> Iterator[tuple[int, ...]]:
-    """Yield the triples of random partitions; what is left over is left out."""
+    """Yield the triples of random partitions, without remainders."""
     rng = np.random.default_rng(SEED)
     for _ in range(PARTITIONS):
         order = rng.permutation(count).tolist()
@@ -64,7 +65,7 @@ def disjoint_triples(count: int) -> Iterator[tuple[int, ...]]:
 
 
 def pooled(pictures: Iterable[list[ts.PlaneEdges]]) -> list[ts.PlaneEdges]:
-    """Pool several pictures' planes, numbered as one session's."""
+    """Pool the planes of several pictures, numbered as those of one calibration."""
     return [
         replace(figure, image=image, plane=image)
         for image, figures in enumerate(pictures)

@@ -20,12 +20,12 @@ SPLITS = 10
 SEED = 17
 RANGE = (0.7, 1.3)
 CHOSEN_ON = "opencv-chess"
-"""The set on which the model is chosen by evidence as well; of the cube that takes half an hour."""
+"""Set for which the model is also chosen by evidence; for the cube, this takes half an hour."""
 TRIPLES = 24
 
 
 def measure() -> list[Row]:
-    """Print every set's differences of fx, fy, cx and cy in their stated deviations."""
+    """Print every set's differences of fx, fy, cx and cy in stated standard deviations."""
     found, counted = [], 0
     chosen: list[Row] = []
     for folder, pattern in SETS.items():
@@ -60,7 +60,7 @@ def measure() -> list[Row]:
 
 
 def _with_chosen_model(pictures: Sequence[list[ts.PlaneEdges]], size: tuple[int, int]) -> Row:
-    """Return what the model by evidence does to the spread of small sets, and to its prediction."""
+    """Return the row of the spread of small sets with the model by evidence, and its prediction."""
     told = {}
     for model in ("radial2", "auto"):
         pairs = np.array(list(_pairs(pictures, size, 3, TRIPLES, model)))
@@ -78,7 +78,7 @@ def _with_chosen_model(pictures: Sequence[list[ts.PlaneEdges]], size: tuple[int,
 
 
 def _boards(paths: Sequence[Path]) -> Iterator[list[ts.PlaneEdges]]:
-    """Yield the boards of every picture that shows any."""
+    """Yield the boards of every picture with any."""
     for path in paths:
         try:
             found = ts.detect(path)
@@ -99,7 +99,8 @@ def _pairs(
 ) -> Iterator[list[list[list[float]]]]:
     """Yield fx, fy, cx and cy and their stds, (2, 4) each, from two disjoint parts of pictures.
 
-    The first part has `count` pictures, the other as many, or all others of halves.
+    The first part has `count` pictures, the other the same number, or all others if `count` is
+    half.
     """
     rng = np.random.default_rng(SEED)
     end = len(pictures) if count == len(pictures) // 2 else 2 * count
@@ -120,7 +121,7 @@ def _pairs(
 
 
 def _ratios(pairs: np.ndarray) -> np.ndarray:
-    """Return the differences of pairs, (N, 2, 2, 4), over their stated deviations."""
+    """Return the differences of pairs, (N, 2, 2, 4), over their stated standard deviations."""
     return (pairs[:, 0, 0] - pairs[:, 1, 0]) / np.hypot(pairs[:, 0, 1], pairs[:, 1, 1])
 
 

@@ -1,7 +1,8 @@
 """Edges of printed targets: how well a pixel of them is known, which `predict` assumes.
 
-For every shared photograph of printed boards, the residuals' rms times the square root of the
-edge's length for each independent sample. The median must be what `predict` assumes, to a half.
+For every shared photograph of printed boards: the residuals' rms times the square root of the
+edge's length per independent sample. The median must be within a factor of 1.5 of the value that
+`predict` assumes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import trisquare as ts
 from trisquare.analysis.predict import PRINTED_SIGMA
 
 HELD = ("principal_point", "aspect", "distortion")
-"""Where a photograph alone does not determine the camera."""
+"""Parameters held where a photograph alone does not determine the camera."""
 TOLERANCE = 1.5
 
 

@@ -1,4 +1,4 @@
-"""Boards of real photographs: their lines as we measure them, and another detector's corners."""
+"""Boards of real photographs: their lines as measured here, and another detector's corners."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Array = npt.NDArray[np.float64]
 FOLDS = 3
 SEED = 12
 TRIPLES = 10
-NEAR = 0.25  # cells from a crossing within which another detector's corner is the same
-MIN_LINES = 2  # of a direction, to learn from: four lines place a plane
-MIN_CORNERS = 6  # to learn from: OpenCV asks for as many
-DRAWS = 100  # of thirds; a board that none of them leaves enough of is left out
+NEAR = 0.25  # maximum distance, in cells, of another detector's corner from its crossing
+MIN_LINES = 2  # minimum per direction for a fit: four lines determine a plane's pose
+MIN_CORNERS = 6  # minimum for a fit, required by OpenCV
+DRAWS = 100  # of thirds; a board for which none suffices is left out
 SQUARE_CORNERS = ("ortho left", "ortho right", "cube cam0/7.jpg", "cube cam0/8.jpg")
-"""Whose three planes meet at right angles."""
+"""Photographs with three planes that meet at right angles."""
 
 
 class Board(NamedTuple):
@@ -37,18 +37,18 @@ class Board(NamedTuple):
 
     @property
     def is_row(self) -> npt.NDArray[np.bool_]:
-        """Which lines are rows."""
+        """Which lines are rows, as a mask."""
         return np.asarray(self.edges.lines[:, 0] == 0.0)
 
     @property
     def first(self) -> Array:
-        """Where the first column and the first row lie."""
+        """Position of the first column and of the first row."""
         offsets = -self.edges.lines[:, 2]
         return np.array([offsets[~self.is_row].min(), offsets[self.is_row].min()])
 
     @property
     def corners(self) -> Array:
-        """The corners on the board, with a third coordinate of zero: what OpenCV asks for."""
+        """The corners on the board, with a third coordinate of zero, as required by OpenCV."""
         return np.column_stack([self.grid + self.first, np.zeros(len(self.grid))])
 
     def thirds(self, rng: np.random.Generator) -> Thirds | None:
@@ -75,7 +75,7 @@ class Board(NamedTuple):
         return bool(enough and (~thirds.held_corners(fold)).sum() >= MIN_CORNERS)
 
     def with_lines(self, chosen: npt.NDArray[np.bool_]) -> ts.PlaneEdges:
-        """Return the board with some of its lines only."""
+        """Return the board with only some of its lines."""
         std = self.edges.std
         return replace(
             self.edges,
@@ -90,19 +90,19 @@ class Board(NamedTuple):
 
 
 class Thirds(NamedTuple):
-    """The fold in which each line is held out, and those of each corner's column and row."""
+    """The fold in which each line is held out, and the folds of each corner's column and row."""
 
     lines: npt.NDArray[np.int_]
     corners: npt.NDArray[np.int_]  # (N, 2)
 
     def held_corners(self, fold: int) -> npt.NDArray[np.bool_]:
-        """Which corners lie on a row or a column that is held out."""
+        """Return which corners lie on a held-out row or column."""
         return np.asarray((self.corners == fold).any(axis=1))
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is calibrated at once."""
+    """Data of one calibration."""
 
     name: str
     boards: list[Board]
@@ -110,7 +110,7 @@ class Case:
 
 
 def cases() -> Iterator[Case]:
-    """Yield the pictures, or sets of one camera's, that can be calibrated."""
+    """Yield the pictures, or sets of pictures by one camera, that can be calibrated."""
     for side in ("left", "right"):
         path = DATA / "ortho-corner" / f"{side}_calib.jpg"
         reference = json.loads((path.parent / f"reference_{side}_zhang3boards.json").read_text())
@@ -165,7 +165,7 @@ def _case(
 
 
 def _on_plane(camera: ts.Camera, plane: ts.Plane, pixels: Array) -> Array:
-    """Points of a plane at which pixels look."""
+    """Return the points of a plane seen at pixels."""
     seen = camera.unproject(pixels) @ plane.rotation
     camera_from_plane = plane.rotation.T @ plane.translation
     distances = camera_from_plane[2] / seen[:, 2]

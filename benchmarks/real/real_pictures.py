@@ -1,4 +1,4 @@
-"""The shared photographs, and how sharp and how noisy each of them is."""
+"""The shared photographs, and the blur and noise of each."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ Grey = npt.NDArray[np.uint8]
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 CHESS = DATA / "opencv-chess"
 
-# JPEG codes blocks of 8 x 8; the calmest quarter of them shows noise and no texture.
+# JPEG codes blocks of 8 x 8. The calmest quarter of them has noise and no texture.
 BLOCK = 8
 CALM_QUANTILE = 0.25
-# Rounding to whole grey levels makes less noise than this look like none at all.
+# Rounding to whole grey levels makes a lower noise look like none.
 MIN_NOISE = 0.5
 
-# Blur is read from the strongest edges, three pixels in a thousand.
+# Blur is measured at the strongest edges, three pixels in a thousand.
 EDGE_QUANTILE = 0.997
 REBLUR = 1.5  # pixels
-# Variance that the pixel's box and the central difference add to the lens's own blur.
+# Variance that the pixel's box and the central difference add to that of the lens's own blur.
 MEASURING_VARIANCE = 1.0 / 12.0 + 1.0 / 3.0
 BLUR_RANGE = (0.4, 2.0)
 
 
 def photographs() -> list[Path]:
-    """Return all shared photographs, in a fixed order; none where the data is absent."""
+    """Return all shared photographs, in a fixed order; an empty list without the data."""
     return sorted(DATA.glob("*/*.jpg")) + sorted(DATA.glob("*/*/*.jpg"))
 
 
 def noise_of(grey: Grey) -> float:
-    """Estimate the standard deviation of a photograph's noise, grey levels.
+    """Estimate the standard deviation of a photograph's noise, in grey levels.
 
-    It is what a plane fitted to each block leaves over, in the calmest blocks.
+    It is the residual of a plane fitted to each block, in the calmest blocks.
     """
     rows, columns = (BLOCK * (side // BLOCK) for side in grey.shape)
     blocks = grey[:rows, :columns].astype(np.float64).reshape(-1, BLOCK, columns // BLOCK, BLOCK)
@@ -49,9 +49,9 @@ def noise_of(grey: Grey) -> float:
 
 
 def blur_of(grey: Grey) -> float:
-    """Estimate the optical blur of a photograph's sharp edges, pixels.
+    """Estimate the optical blur of a photograph's sharp edges, in pixels.
 
-    Blurring by a known amount more lowers the slope of an edge by sqrt(1 + reblur^2 / blur^2).
+    A known additional blur lowers the slope of an edge by sqrt(1 + reblur^2 / blur^2).
     """
     light = grey.astype(np.float64)
     slope = _slope(light)

@@ -21,7 +21,7 @@ from trisquare import simulate
 SEED = 14
 PICTURES = 10
 JOBS = 1_000
-"""A run: the pictures under other names. Processes start within half a second."""
+"""Number of jobs in a run: the pictures under other names. Processes start within half a second."""
 
 ROUNDS = 2
 MIN_SPEED_UP = 1.85
@@ -30,8 +30,8 @@ MAX_OVERHEAD = 3.0  # per cent
 FEW, MANY = 1_000, 100_000
 MAX_GROWTH = 50.0  # MB
 
-# The jobs answer at once, and nobody waits for the disk; all else is as in a batch, the files
-# included.
+# The jobs return at once, without waiting for the disk; everything else, files included, is as in a
+# batch.
 MEMORY = """
 import os, resource, sys
 import trisquare as ts
@@ -116,7 +116,7 @@ def _speeds(folder: Path) -> tuple[float, float]:
 
 
 def _memory(folder: Path, count: int) -> float:
-    """Return the peak of resident memory of a process that runs so many jobs, MB."""
+    """Return the peak resident memory, in MB, of a process that runs `count` jobs."""
     here = str(Path(__file__).parent)
     script = MEMORY.format(here=here, count=count, folder=str(folder / f"memory-{count}"))
     start = time.perf_counter()

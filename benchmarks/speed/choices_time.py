@@ -14,7 +14,7 @@ from trisquare.images.pixels import Image
 PICTURES = 4
 REPETITIONS = 9
 SEED = 41
-# Choices and the most that they may cost over a stated radial2 and a stated curve.
+# Choices, and the maximum ratio of their time to that with a stated radial2 and a stated curve.
 CHOICES = (
     ('`model="auto"`', {"model": "auto", "tone": "srgb"}, 1.5),
     ('`tone="auto"`, the default of 8 bits', {"tone": "auto"}, 1.2),

@@ -15,10 +15,10 @@ from trisquare import simulate
 
 SEED = 8
 TARGET = 110.0  # MB
-KIBIBYTE = 1024 / 1e6  # MB; Linux counts ru_maxrss in these
+KIBIBYTE = 1024 / 1e6  # MB; the unit of ru_maxrss on Linux
 
-# Runs a command and prints its peak. A process of its own, and a small one: on Linux a child
-# inherits the peak of the process that started it.
+# Runs a command and prints its peak memory. It is a small process of its own, because on Linux a
+# child inherits the peak of its parent.
 WATCHER = """
 import resource, subprocess, sys
 subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
@@ -47,7 +47,7 @@ def measure() -> list[Row]:
 
 
 def _peak(arguments: list[str]) -> float:
-    """Return the peak resident memory of the command, MB."""
+    """Return the peak resident memory of the command, in MB."""
     command = [sys.executable, "-c", WATCHER, sys.executable, "-m", "trisquare", *arguments]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     return int(printed) * KIBIBYTE

@@ -1,6 +1,6 @@
 """`make demo` in a fresh clone: the wait between a stranger's first command and its result.
 
-The clone is of the last commit. What the package registries send is part of the time.
+The clone is of the last commit. Downloads from the package registries are part of the time.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ CHECKOUT = Path(__file__).parents[2]
 
 
 def measure() -> list[Row]:
-    """Print how long it takes, and check that it leaves its four files."""
-    # What this run was told to use, a stranger's shell does not have.
+    """Print the time, and check that the four files are written."""
+    # Variables of this run that a new user's shell does not have.
     own = ("VIRTUAL_ENV", "PYTHONPATH", "CARGO_TARGET_DIR", "MAKEFLAGS", "MAKELEVEL")
     environment = {name: value for name, value in os.environ.items() if name not in own}
     with tempfile.TemporaryDirectory() as folder:

@@ -3,8 +3,8 @@
 Both are compiled to bytecode beforehand, as by pip: where the environment forbids Python to write
 bytecode, an editable installation would be compiled at every import.
 
-`import trisquare` leaves OpenCV, and all that looks at pictures, until a picture is searched. What
-the first photograph so pays is printed as well, without a target: it holds the whole of OpenCV.
+`import trisquare` imports OpenCV, and the modules for pictures, only when a picture is searched.
+The time of these imports is printed as well, without a target: it includes all of OpenCV.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from harness.rows import Row
 REPETITIONS = 15
 TARGET = 1.10
 FIRST_PHOTOGRAPH = "trisquare, trisquare.images.reading, trisquare.measurement.measure"
-"""What `trisquare.calibrate` has imported by the time it searches a photograph."""
+"""Modules that `trisquare.calibrate` has imported before it searches a photograph."""
 
 TIMED_IMPORT = """
 import time
@@ -37,7 +37,7 @@ def measure() -> list[Row]:
         for repetition in range(REPETITIONS + 1):
             for modules, seconds in times.items():
                 taken = _import_seconds(modules, bytecode)
-                if repetition > 0:  # the first round compiles, and fills the disk cache
+                if repetition > 0:  # the first round compiles and fills the disk cache
                     seconds.append(taken)
     opencv, ours, all_of_ours = (statistics.median(seconds) for seconds in times.values())
     return [

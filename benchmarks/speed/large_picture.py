@@ -25,8 +25,8 @@ TIME_TARGET = 6.0  # times cv2.Canny
 MEMORY_TARGET = 8.0  # bytes per pixel above the picture itself
 KIBIBYTE = 1024.0
 
-# Prints by how many KiB a calibration from a file raises the peak of a process of its own that has
-# loaded what is loaded on first use; writing 5 resets the peak to what is resident.
+# Prints by how many KiB a calibration from a file raises the peak memory of a process that has
+# already loaded everything loaded on first use. Writing 5 resets the peak to the resident memory.
 CHILD = """
 import sys
 import cv2, numpy as np
@@ -52,7 +52,7 @@ print(peak() - before)
 
 
 def measure() -> list[Row]:
-    """Print time ratios of pictures in memory, and peak memory from files."""
+    """Print time ratios for pictures in memory, and peak memory for files."""
     colour = _large_photo()
     grey = cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)
     threads = cv2.getNumThreads()
@@ -87,9 +87,9 @@ def measure() -> list[Row]:
 
 
 def _large_photo() -> Image:
-    """Render a photo-like picture at half the size, which is quicker, and enlarge it.
+    """Render a photo-like picture at half the size, which is faster, and enlarge it.
 
-    Its edges are then as soft as a large photograph's usually are: blurred by 1 to 2 px.
+    Its edges are then as soft as those of large photographs usually are: blurred by 1 to 2 px.
     """
     size = (IMAGE_SIZE[0] // REDUCED, IMAGE_SIZE[1] // REDUCED)
     rng = np.random.default_rng(SEED)

@@ -18,13 +18,13 @@ from trisquare import simulate
 SEED = 14
 SIZE = (1632, 1224)
 PICTURES = 100
-# Rendered; the others are these with other noise, which is fast.
+# Number of rendered scenes. The other pictures are copies with other noise, which is faster.
 SCENES = 4
 THREADS = 2
 MIN_RATIO = 1.85
 MAX_GROWTH = 30.0  # MB
 
-# In a process of its own: OpenCV has one thread, and the peak is that of one calibration.
+# Run in a process of its own, with one OpenCV thread, so that the peak is that of one calibration.
 PROGRAM = """
 import json, sys, time
 import cv2
@@ -104,7 +104,7 @@ def measure() -> list[Row]:
 
 
 def _written(folder: Path) -> list[str]:
-    """Render a few scenes of one camera, and write them with other noise each."""
+    """Render a few scenes of one camera, and write copies with different noise."""
     pictures = []
     camera = None
     for seed in range(SCENES):

@@ -20,10 +20,10 @@ NOISE = 0.1  # pixels
 CALIBRATIONS = 20_000
 PICTURES = 400
 SIZE = (640, 480)
-# The allocator has what it needs after so many; a leak goes on.
+# Fraction of the calibrations after which the allocator has enough memory; a leak continues.
 WARM_UP = 0.1
-# One float64 kept per calibration would make 0.2 MB of 20,000, its Python object 1.1 MB, a result
-# 60 MB; allocators move by some tenths of a megabyte.
+# One float64 kept per calibration would take 0.2 MB for 20,000, its Python object 1.1 MB, a result
+# 60 MB. Allocators vary by some tenths of a megabyte.
 TARGET = 1.0  # MB
 ACCOUNT = Path("/proc/self/statm")
 
@@ -53,7 +53,7 @@ def measure() -> list[Row]:
 
 
 def _growth(calibrate: Callable[[int], object], times: int) -> float:
-    """Return by how much resident memory grows, MB, from after the warm-up to the end."""
+    """Return the growth of resident memory, in MB, from the end of the warm-up to the end."""
     for count in range(round(WARM_UP * times)):
         calibrate(count)
     sizes = [_resident()]
@@ -71,7 +71,7 @@ def _resident() -> float:
 
 
 def _calibrate_or_refuse(edges: list[ts.PlaneEdges], count: int) -> None:
-    """Calibrate; every eighth time from too little, since errors must not keep anything either."""
+    """Calibrate; every eighth time from too little data, because errors must not leak either."""
     if count % 8:
         ts.calibrate_edges(edges, SIZE)
         return

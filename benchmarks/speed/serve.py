@@ -54,7 +54,7 @@ def _measured(client: TestClient) -> list[Row]:
     def predict() -> None:
         assert client.post("/api/predict", json=question).json()["std"]
 
-    predict()  # its process has started
+    predict()  # so that its process has started
     predictions: list[int] = []
     thread = threading.Thread(target=lambda: predictions.append(_repeated(predict)))
     thread.start()
@@ -107,7 +107,7 @@ def _picture(size: tuple[int, int]) -> bytes:
 
 
 def _repeated(act: Callable[[], object]) -> int:
-    """Do something again and again for some seconds, and return how often."""
+    """Call a function repeatedly for `SECONDS` seconds, and return the number of calls."""
     end, times = time.perf_counter() + SECONDS, 0
     while time.perf_counter() < end:
         act()

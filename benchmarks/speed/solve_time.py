@@ -21,11 +21,11 @@ BOARDS = 3
 NOISE = 0.1  # pixels
 OPENCV_TARGET, OPENCV_GOAL = 0.5, 0.2
 SCIPY_TARGET = 1.0 / 60.0
-MANY = 10  # times as many points
+MANY = 10  # factor on the number of points
 MANY_TARGET = 5.0
 SAME_MODEL = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-# Losses differ far from the optimum, which moves the estimate a little within its noise; a
-# different problem would be many standard deviations away.
+# Losses that differ far from the optimum move the estimate a little within its noise. The estimate
+# of a different problem would be many standard deviations away.
 SAME_ESTIMATE = 0.5
 
 
@@ -65,7 +65,7 @@ def measure() -> list[Row]:
 
 
 def _times(rng: np.random.Generator) -> list[float]:
-    """Return the seconds of trisquare, OpenCV, SciPy with either loss, and of many points."""
+    """Return the seconds of trisquare, OpenCV, SciPy with either loss, and with many points."""
     scene = simulate.random_scene(rng)
     size = scene.camera.image_size
     edges = [_square(scene, number, rng) for number in range(len(scene.targets))]
@@ -91,7 +91,7 @@ def _times(rng: np.random.Generator) -> list[float]:
 def _square(
     scene: Scene, number: int, rng: np.random.Generator, per_side: int = PER_SIDE
 ) -> ts.PlaneEdges:
-    """Sample every side of one square at so many places."""
+    """Sample every side of one square at `per_side` points."""
     corners = scene.targets[number].outlines()[0]
     fraction = (np.arange(per_side)[:, None] + 0.5) / per_side
     sides = [

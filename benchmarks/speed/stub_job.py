@@ -1,15 +1,15 @@
-"""Work in place of a calibration, for a benchmark of what is around it."""
+"""A stand-in for a calibration, to measure the overhead of a batch."""
 
 from __future__ import annotations
 
 from typing import Any
 
 ANSWER = "{" + 9_000 * " " + "}\n"
-"""As long as a calibration's JSON."""
+"""A text of the length of a calibration's JSON."""
 
 
 def stub(job: Any, limits: object) -> tuple[dict[str, Any], str]:
-    """Answer at once, as a calibrated camera would."""
+    """Return at once, as for a calibrated camera."""
     numbers = dict.fromkeys(("fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2"), 1.0)
     record = {
         "name": job.name,

@@ -21,8 +21,9 @@ PICTURES = 4
 SCENES = 4
 SPACING = 1.0  # pixels of edge per sample: some 3,000 samples
 NOISE = 0.1  # pixels
-# Seconds of one thread's work in a round, and rounds; the best round of each is compared, because
-# whatever else the machine does can only slow a round down. Short, to fit between such moments.
+# Seconds of one thread's work in a round, and number of rounds. The best rounds are compared,
+# because other load on the machine can only slow a round down. They are short, to fit between such
+# loads.
 ROUND_SECONDS = 0.2
 ROUNDS = 30
 TARGET = 1.6
@@ -33,7 +34,7 @@ Job = Callable[[], object]
 def measure() -> list[Row]:
     """Print the throughput of two threads over one's, from pictures and from edge points."""
     threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)  # else OpenCV gives one thread both cores
+    cv2.setNumThreads(1)  # otherwise OpenCV gives one thread both cores
     try:
         found = {
             "pictures": _speed_up([lambda shot=shot: ts.calibrate(shot) for shot in _pictures()]),
@@ -77,7 +78,7 @@ def _edges() -> list[tuple[list[ts.PlaneEdges], tuple[int, int]]]:
 
 
 def _speed_up(jobs: Sequence[Job]) -> float:
-    """Return the calibrations per second of all threads over those of one, best rounds."""
+    """Return the calibrations per second of all threads over those of one, in the best rounds."""
     once = _seconds_of(jobs, 1, 1)
     repeats = max(1, round(ROUND_SECONDS / once))
     alone, together = [], []
@@ -91,7 +92,7 @@ def _speed_up(jobs: Sequence[Job]) -> float:
 
 
 def _seconds_of(jobs: Sequence[Job], threads: int, repeats: int) -> float:
-    """Return the seconds in which every thread does all jobs so many times, begun out of step."""
+    """Return the seconds for `repeats` rounds of all jobs in every thread, with shifted starts."""
 
     def work(first: int) -> None:
         for _ in range(repeats):
@@ -99,7 +100,7 @@ def _seconds_of(jobs: Sequence[Job], threads: int, repeats: int) -> float:
                 job()
 
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(time.sleep, [0.0] * threads))  # the threads are there
+        list(pool.map(time.sleep, [0.0] * threads))  # wait until the threads exist
         start = time.perf_counter()
         list(pool.map(work, [number % len(jobs) for number in range(threads)]))
         return time.perf_counter() - start

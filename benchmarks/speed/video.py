@@ -1,7 +1,8 @@
 """A video without distortion beside a loop of OpenCV's reader, `remap` and writer.
 
-Both make their maps once and write with the same encoder; OpenCV's own threads are as they come.
-What choosing frames costs beside decoding them is measured as well, without a target.
+Both make their maps once and write with the same encoder; OpenCV's own threads are at their
+default. The time of choosing frames relative to decoding them is measured as well, without a
+target.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SIZE = (1920, 1080)
 FRAMES = 120
 RATE = 30.0
 STEP = 3
-"""Pixels by which the scene moves from frame to frame."""
+"""Displacement of the scene from frame to frame, in pixels."""
 REPETITIONS = 5
 CHOSEN = 10
 TARGET = 1.0
@@ -37,7 +38,7 @@ CAMERA = ts.Camera(
 
 
 def measure() -> list[Row]:
-    """Print the times of a frame, alternated."""
+    """Print the times per frame, alternated."""
     rows = []
     for suffix in (".mp4", ".avi"):
         with tempfile.TemporaryDirectory() as folder:

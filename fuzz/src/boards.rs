@@ -1,4 +1,4 @@
-//! Chessboards: the lattices that are found, and the lines of one.
+//! Chessboards: finding lattices, and measuring the lines of a board.
 
 use std::sync::LazyLock;
 
@@ -12,16 +12,17 @@ use crate::bytes::Bytes;
 use crate::figures::{View, scenes};
 use crate::pixels::{Canvas, measured_spans};
 
-/// Small, as a board of a few cells is enough.
+/// Small, because a board of a few cells is enough.
 const SIZE: ImageSize = ImageSize {
     width: 96,
     height: 72,
 };
 
-/// Cells along a board's side: with fewer none has four neighbours, with more none holds an edge.
+/// Numbers of cells along a board's side. With fewer, no cell has four neighbours; with more, no
+/// cell is large enough to measure an edge.
 const CELLS: [usize; 4] = [3, 4, 5, 6];
 
-/// How far a step across an edge reaches, in cells.
+/// Width of the step across an edge, in cells.
 const SOFTNESS: f64 = 0.15;
 
 static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| scenes(SIZE));
@@ -35,14 +36,14 @@ struct Board {
 impl Board {
     fn drawn(bytes: &mut Bytes<'_>) -> Self {
         let mut view = View::sound(bytes, &SCENES);
-        // Nearer, so that its cells hold an edge; the other squares would hide it.
+        // Nearer, so that its cells are large enough to measure; the other squares would hide it.
         view.poses.truncate(1);
         view.poses[0].translation *= bytes.between(0.3, 1.2);
         let cells = bytes.pick(&CELLS);
         Self { view, cells }
     }
 
-    /// Place on the plane of an inner crossing.
+    /// Returns the position on the plane of an inner crossing.
     fn place(&self, row: usize, column: usize) -> Vector2<f64> {
         Vector2::new(column as f64, row as f64) / self.cells as f64 - Vector2::repeat(0.5)
     }
@@ -51,7 +52,8 @@ impl Board {
         self.view.see(0, self.place(row, column))
     }
 
-    /// Light to dark, with steps as soft as a cell is small; grey beyond.
+    /// Draws the board's dark and light cells, with steps of a width proportional to the cell; grey
+    /// outside the board.
     fn canvas(&self, bytes: &mut Bytes<'_>) -> Canvas {
         let (dark, light) = (bytes.between(0.0, 0.4), bytes.between(0.4, 1.0));
         let noise = bytes.power(-4.0, -1.0);
@@ -71,7 +73,7 @@ impl Board {
         })
     }
 
-    /// Its inner grid lines with their crossings: all rows, then all columns.
+    /// Returns the board's inner grid lines with their crossings: all rows, then all columns.
     fn lines(&self) -> Vec<EdgeSpan> {
         let inner = self.cells - 1;
         (0..2 * inner)
@@ -97,7 +99,7 @@ impl Board {
     }
 }
 
-/// The point of a plane that a pixel shows.
+/// Returns the point of a plane at a pixel.
 fn on_plane(view: &View, pose: &Pose, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     let ray = view.camera.unproject(&pixel)?;
     let columns = [
@@ -109,7 +111,7 @@ fn on_plane(view: &View, pose: &Pose, pixel: Vector2<f64>) -> Option<Vector2<f64
     Some(found.xy())
 }
 
-/// `trisquare::internals::find_lattices` on a board or on anything.
+/// `trisquare::internals::find_lattices` on a board or on random values.
 pub fn find_lattices(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let board = Board::drawn(bytes);
@@ -130,7 +132,7 @@ pub fn find_lattices(data: &[u8]) -> Outcome {
         .map(|picture| picture.expect("the values fill the size"))
         .rev()
         .collect();
-    // The last one is the photograph itself, or half as fine, or has nothing to do with it.
+    // The searched pictures: without the photograph itself, only the photograph, or all.
     let whole = pictures[pictures.len() - 1];
     let searched = match bytes.below(4) {
         0 => &pictures[..pictures.len() - 1],
@@ -152,7 +154,7 @@ pub fn find_lattices(data: &[u8]) -> Outcome {
     }
 }
 
-/// Every second pixel.
+/// Keeps every second pixel of every second row.
 fn halved((width, height, values): &(usize, usize, Vec<u8>)) -> (usize, usize, Vec<u8>) {
     let rows = values.chunks(*width).step_by(2);
     let values = rows
@@ -161,7 +163,7 @@ fn halved((width, height, values): &(usize, usize, Vec<u8>)) -> (usize, usize, V
     (width.div_ceil(2), height.div_ceil(2), values)
 }
 
-/// `trisquare::localise` along the lines of a board, which cross.
+/// `trisquare::localise` along the crossing lines of a board.
 pub fn localise_grid_lines(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let board = Board::drawn(bytes);
@@ -192,7 +194,7 @@ pub fn localise_grid_lines(data: &[u8]) -> Outcome {
     measured_spans(&found)
 }
 
-/// `trisquare::Chessboard` from the crossings, or some of them.
+/// `trisquare::Chessboard` from the crossings, some of which may be damaged or missing.
 fn chessboard(board: &Board, picture: &Picture, bytes: &mut Bytes<'_>) -> Outcome {
     let row = |row| {
         (1..board.cells)
@@ -246,7 +248,7 @@ fn damage_line(lines: &mut [EdgeSpan], bytes: &mut Bytes<'_>) {
             span.tags = vec![vec![vec![bytes.once_in(2); count]; bytes.below(8)]; at];
             span.tag_border = bytes.coefficient();
         }
-        // A crossing that is hidden.
+        // Hides a crossing.
         _ if at < span.path.len().min(span.crossings.len()) => {
             span.path.remove(at);
             span.crossings.remove(at);

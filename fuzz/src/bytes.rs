@@ -1,10 +1,10 @@
-//! Arguments out of arbitrary bytes; where these run out, zeros.
+//! Arguments from arbitrary bytes; zeros where the bytes run out.
 
 use arbitrary::Unstructured;
 use nalgebra::{Matrix3, Vector2};
 use trisquare::{Brown, BrownModel, Fixed, ImageSize, Line, Method, Options, PowerCurve, Tone};
 
-/// Far outside every picture, but not so far that squares overflow.
+/// Magnitude far outside every picture, but small enough that squares do not overflow.
 const LARGE: f64 = 1e6;
 
 /// A reader of arguments.
@@ -15,12 +15,12 @@ impl<'a> Bytes<'a> {
         Self(Unstructured::new(data))
     }
 
-    /// A number below `end`.
+    /// Returns a number below `end`.
     pub fn below(&mut self, end: usize) -> usize {
         self.0.int_in_range(0..=end - 1).unwrap_or(0)
     }
 
-    /// True once in `times`.
+    /// Returns true once in `times`.
     pub fn once_in(&mut self, times: usize) -> bool {
         self.below(times) == times - 1
     }
@@ -29,7 +29,7 @@ impl<'a> Bytes<'a> {
         from[self.below(from.len())]
     }
 
-    /// Uniform in `0..1`, in 65,536 steps.
+    /// Returns a number uniform in `0..1`, in 65,536 steps.
     pub fn unit(&mut self) -> f64 {
         f64::from(self.0.arbitrary::<u16>().unwrap_or(0)) / 65_536.0
     }
@@ -38,7 +38,7 @@ impl<'a> Bytes<'a> {
         low + (high - low) * self.unit()
     }
 
-    /// Between powers of ten.
+    /// Returns a number between two powers of ten.
     pub fn power(&mut self, low: f64, high: f64) -> f64 {
         10f64.powf(self.between(low, high))
     }
@@ -47,7 +47,7 @@ impl<'a> Bytes<'a> {
         self.0.arbitrary().unwrap_or(0)
     }
 
-    /// Any bits: NaN, infinities, subnormals.
+    /// Returns any bits: NaN, infinities, subnormals.
     pub fn any(&mut self) -> f64 {
         self.0.arbitrary().unwrap_or(0.0)
     }
@@ -56,7 +56,7 @@ impl<'a> Bytes<'a> {
         self.0.arbitrary().unwrap_or(0)
     }
 
-    /// Mostly a place on a picture's axis, some of them equal; at times far away, or any bits.
+    /// Mostly a coordinate within a picture, some of them equal; at times far outside, or any bits.
     pub fn coordinate(&mut self, extent: f64) -> f64 {
         match self.below(16) {
             0..10 => self.between(0.0, extent),
@@ -87,7 +87,7 @@ impl<'a> Bytes<'a> {
             .collect()
     }
 
-    /// Lines, of which those that are none are left out.
+    /// Returns lines; invalid ones are left out.
     pub fn lines(&mut self, at_most: usize) -> Vec<Line> {
         (0..self.below(at_most + 1))
             .filter_map(|_| {
@@ -101,7 +101,7 @@ impl<'a> Bytes<'a> {
         Matrix3::from_fn(|_, _| self.coefficient())
     }
 
-    /// Mostly a camera that might have taken the picture; at times one of any numbers.
+    /// Mostly a camera that might have taken the picture; at times one of arbitrary numbers.
     pub fn camera(&mut self, size: ImageSize) -> Brown {
         let (width, height) = (f64::from(size.width), f64::from(size.height));
         let scale = [width, width, width, height, 1.0, 1.0, 1.0, 0.1, 0.1];
@@ -151,7 +151,7 @@ impl<'a> Bytes<'a> {
         }
     }
 
-    /// Mostly a curve that a camera might write; at times any that is one.
+    /// Mostly a tone curve as cameras have; at times any valid one.
     pub fn curve(&mut self) -> PowerCurve {
         let usual = PowerCurve {
             gamma: self.between(0.8, 2.8),

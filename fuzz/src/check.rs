@@ -1,21 +1,22 @@
-//! What no answer may be, whatever was asked.
+//! Checks that every result must pass, whatever the arguments.
 
 use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector2};
 use trisquare::{Calibration, Error, ErrorKind, Lens, Pose};
 
 use crate::Outcome;
 
-/// A rotation's columns are orthonormal to rounding.
+/// Tolerance on the orthonormality of a rotation's columns.
 const ROTATION_TOLERANCE: f64 = 1e-9;
 
-/// Rounding of the eigenvalues of a correlation matrix, whose largest is at most its size: they
-/// come from inverting an information matrix whose own condition may take most of the digits.
+/// Tolerance on the eigenvalues of a correlation matrix, of which the largest is at most the size
+/// of the matrix. They result from inverting an information matrix whose condition may take most of
+/// the digits.
 const EIGENVALUE_TOLERANCE: f64 = 1e-6;
 
-/// Sweeps of an eigenvalue decomposition; a few per row suffice.
+/// Maximum number of sweeps of an eigenvalue decomposition; a few per row suffice.
 const MAX_SWEEPS: usize = 10_000;
 
-/// Checks every number of a calibration, and the words of a refusal.
+/// Checks every number of a calibration, and the messages of warnings and of a refusal.
 pub fn calibration(found: &Result<Calibration, Error>) -> Outcome {
     let found = match found {
         Ok(found) => found,
@@ -51,7 +52,7 @@ pub fn calibration(found: &Result<Calibration, Error>) -> Outcome {
     "Ok"
 }
 
-/// The uncertainty of projections: a refusal, or a finite distance.
+/// Checks the uncertainty of projections: a refusal, or finite distances.
 pub fn projection(found: &Calibration, pixels: &[Vector2<f64>]) {
     match found.projection_std(pixels) {
         Ok(std) => assert!(std.iter().all(|v| v.is_finite() && *v >= 0.0), "{std:?}"),
@@ -59,7 +60,7 @@ pub fn projection(found: &Calibration, pixels: &[Vector2<f64>]) {
     }
 }
 
-/// Symmetric, finite, and no direction of negative variance.
+/// Checks that a covariance is symmetric, finite and without a negative eigenvalue.
 pub fn covariance(matrix: &DMatrix<f64>) {
     assert!(matrix.iter().all(|v| v.is_finite()), "{matrix}");
     if matrix.is_empty() {
@@ -83,7 +84,7 @@ pub fn pose(pose: &Pose) {
     assert!(pose.rotation.determinant() > 0.0, "{pose:?}");
 }
 
-/// The kind of a refusal, whose message must say something.
+/// Returns the kind of a refusal and checks its message.
 pub fn refusal(error: &Error) -> Outcome {
     spoken(&error.to_string());
     match error.kind() {
@@ -96,7 +97,7 @@ pub fn refusal(error: &Error) -> Outcome {
     }
 }
 
-/// A message with a NaN tells nobody anything.
+/// Checks that a message is neither empty nor contains a NaN.
 pub fn spoken(message: &str) {
     assert!(!message.is_empty() && !message.contains("NaN"), "{message}");
 }

@@ -16,7 +16,7 @@ pub const SIZE: ImageSize = ImageSize {
     height: 960,
 };
 
-/// No calibration of a handful of figures is worth more, on a slow machine.
+/// Maximum time of a calibration from a few figures, on a slow machine.
 const LONGEST: Duration = Duration::from_secs(8);
 
 pub static SCENES: LazyLock<Vec<Scene>> = LazyLock::new(|| scenes(SIZE));
@@ -44,14 +44,14 @@ pub fn calibrate(data: &[u8]) -> Outcome {
     let found = trisquare::calibrate(&figures, size, &options);
     assert!(begun.elapsed() < LONGEST, "{:?}", begun.elapsed());
     if bytes.once_in(32) {
-        // Debug shows every bit that is not NaN.
+        // The Debug output shows every bit of numbers other than NaN.
         let again = trisquare::calibrate(&figures, size, &options);
         assert_eq!(format!("{found:?}"), format!("{again:?}"));
     }
     check::calibration(&found)
 }
 
-/// `trisquare::calibrate_by_evidence`, and the uncertainty of what its camera projects.
+/// `trisquare::calibrate_by_evidence`, and the uncertainty of its camera's projections.
 pub fn calibrate_by_evidence(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let mut options = bytes.options(SIZE);
@@ -73,7 +73,7 @@ pub fn calibrate_by_evidence(data: &[u8]) -> Outcome {
     check::calibration(&Ok(choice.calibration))
 }
 
-/// `trisquare::choose` among the squares of three pictures, some of which are none.
+/// `trisquare::choose` among the squares of up to three scenes, and figures that are not squares.
 pub fn choose(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let options = bytes.options(SIZE);
@@ -85,7 +85,7 @@ pub fn choose(data: &[u8]) -> Outcome {
     for _ in 0..bytes.below(5) {
         let number = bytes.below(figures.len().max(1));
         if let Some(figure) = figures.get_mut(number) {
-            // A window: a rectangle is no square to any camera.
+            // Stretched to a rectangle, such as a window, which is no square to any camera.
             let wider = bytes.between(0.3, 3.0);
             for point in figure.points.iter_mut().flatten() {
                 point.x *= wider;
@@ -117,7 +117,7 @@ pub fn choose(data: &[u8]) -> Outcome {
     }
 }
 
-/// `trisquare::predict`, of planes that are in the picture or not.
+/// `trisquare::predict`, for planes inside or outside the picture.
 pub fn predict(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let options = bytes.options(SIZE);
@@ -193,7 +193,7 @@ pub fn square(data: &[u8]) -> Outcome {
     }
 }
 
-/// Sides between any four corners.
+/// Returns the sides between any four corners.
 fn quadrangle(bytes: &mut Bytes<'_>) -> Vec<Vec<Vector2<f64>>> {
     let corners: [_; 4] = std::array::from_fn(|_| bytes.point(SIZE));
     (0..4)

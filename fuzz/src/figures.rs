@@ -1,4 +1,4 @@
-//! Figures to calibrate from: squares and frames seen by a camera, and what may be wrong with them.
+//! Figures to calibrate from: squares and frames seen by a camera, and damage to them.
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 use trisquare::synthetic::{Scene, SceneOptions};
@@ -6,17 +6,17 @@ use trisquare::{Brown, Freedom, ImageSize, Lens, PlaneEdges, Polarity, Pose};
 
 use crate::bytes::Bytes;
 
-/// Squares in a plausible picture.
+/// Maximum number of squares in a picture.
 const MAX_PLANES: usize = 5;
-/// Samples per side, at most: enough for every stage, few enough for a million cases.
+/// Maximum number of samples per side: enough for every stage, few enough for a million cases.
 const MAX_SAMPLES: usize = 12;
-/// A frame's inner outline, in parts of its outer one.
+/// Size of a frame's inner outline, as a fraction of that of the outer one.
 const INNER: f64 = 0.6;
 
-/// Scenes to start from; a case's other bytes make them differ.
+/// Number of scenes to start from; a case's other bytes vary them.
 const SCENES: u64 = 256;
 
-/// Scenes in pictures of a size: some without distortion, some of parallel planes.
+/// Draws scenes in pictures of a given size: some without distortion, some with parallel planes.
 pub fn scenes(size: ImageSize) -> Vec<Scene> {
     let drawn = (0..SCENES).map(|seed| {
         let options = SceneOptions {
@@ -37,7 +37,8 @@ pub struct View {
 }
 
 impl View {
-    /// Scenes as the tests draw them; `scenes` holds some, which take longer to draw than a case.
+    /// Picks one of `scenes`, which are drawn as in the tests; drawing one takes longer than a
+    /// case.
     pub fn sound(bytes: &mut Bytes<'_>, scenes: &[Scene]) -> Self {
         let scene = &scenes[bytes.below(scenes.len())];
         Self {
@@ -47,7 +48,7 @@ impl View {
         }
     }
 
-    /// Planes anywhere: edge-on, behind the camera, far away, one through the other.
+    /// Returns planes anywhere: edge-on, behind the camera, far away, intersecting each other.
     pub fn wild(bytes: &mut Bytes<'_>, size: ImageSize) -> Self {
         let poses = (0..bytes.below(MAX_PLANES + 1)).map(|_| wild_pose(bytes));
         Self {
@@ -57,13 +58,13 @@ impl View {
         }
     }
 
-    /// The pixel of a point of a plane; where no lens sees it, some place.
+    /// Returns the pixel of a point of a plane, or the point itself where the lens does not see it.
     pub fn see(&self, plane: usize, point: Vector2<f64>) -> Vector2<f64> {
         let seen = self.camera.project(&self.poses[plane].transform(&point));
         seen.unwrap_or(point)
     }
 
-    /// The sides of every square, or of a frame's two outlines, with noise.
+    /// Returns the sides of every square, or of a frame's two outlines, with noise.
     pub fn figures(&self, bytes: &mut Bytes<'_>) -> Vec<PlaneEdges> {
         let noise = bytes.power(-12.0, 1.5);
         let count = 2 + bytes.below(MAX_SAMPLES - 1);
@@ -109,7 +110,7 @@ impl View {
         let (a, b) = (corner(side, half), corner(side + 1, half));
         let mut state = bytes.seed();
         let mut disturbance = || {
-            // A uniform number from a multiplicative generator: cheaper in bytes than one each.
+            // Uniform numbers from a linear congruential generator: one seed takes fewer bytes.
             state = state
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);
@@ -125,7 +126,7 @@ impl View {
     }
 }
 
-/// Corner `i` of the square with half side `half` at the origin.
+/// Returns corner `i` of the square with half side `half` at the origin.
 pub fn corner(i: usize, half: f64) -> Vector2<f64> {
     let [x, y] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]][i % 4];
     Vector2::new(x, y) * half
@@ -147,7 +148,7 @@ fn wild_pose(bytes: &mut Bytes<'_>) -> Pose {
     }
 }
 
-/// Ways to damage figures.
+/// Damages figures in several ways.
 pub fn damage(figures: &mut [PlaneEdges], size: ImageSize, bytes: &mut Bytes<'_>) {
     for _ in 0..bytes.below(5) {
         if figures.is_empty() {
@@ -177,7 +178,7 @@ pub fn damage(figures: &mut [PlaneEdges], size: ImageSize, bytes: &mut Bytes<'_>
                     *p = *p * scale + shift;
                 }
             }
-            // A picture's number is a name, of any size.
+            // A picture's number is a label and may be any integer.
             7 => figure.image = bytes.seed() as usize >> bytes.below(64),
             8 => figure.tone_drift = Some(drifts(figure, bytes)),
             _ => damage_side(figure, size, bytes),

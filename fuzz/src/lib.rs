@@ -1,9 +1,9 @@
-//! One function per entry point of the crate, from arbitrary bytes to a checked answer.
+//! One function per entry point of the crate, from arbitrary bytes to a checked result.
 //!
-//! Every function reads its arguments out of the bytes (garbage at times, most often something
-//! plausible that was damaged, so that the deep stages are reached), calls the entry point, and
-//! panics where an answer is not finite or otherwise impossible. libFuzzer drives them through
-//! `fuzz_targets`, the `soak` binary with random bytes.
+//! Every function reads its arguments from the bytes (sometimes garbage, mostly plausible arguments
+//! with damage, so that the later stages are reached), calls the entry point, and panics where a
+//! result is not finite or otherwise impossible. libFuzzer calls them through `fuzz_targets`, the
+//! `soak` binary with random bytes.
 
 mod boards;
 mod bytes;
@@ -18,7 +18,7 @@ pub use coordinates::{calibrate, calibrate_by_evidence, choose, predict, square}
 pub use pixels::{calibrate_photographs, localise, localise_with_unknown_tone};
 pub use steps::{fit_distortion, lens, linear_steps};
 
-/// What came of a case: `"Ok"` or the kind of refusal.
+/// Outcome of a case: `"Ok"` or the kind of refusal.
 pub type Outcome = &'static str;
 
 /// An entry point, driven by bytes.

@@ -14,7 +14,7 @@ use crate::bytes::Bytes;
 use crate::figures::{View, corner, damage, scenes};
 use crate::{Outcome, check};
 
-/// Small, so that a million cases end; squares in it have sides of some 30 pixels.
+/// Small, so that a million cases finish; squares in it have sides of some 30 pixels.
 const SIZE: ImageSize = ImageSize {
     width: 96,
     height: 72,
@@ -45,7 +45,7 @@ pub fn localise_with_unknown_tone(data: &[u8]) -> Outcome {
     measured_spans(&found)
 }
 
-/// A picture, and the paths along which edges are searched.
+/// Returns a picture, and the paths along which edges are searched.
 fn searched(tone: Tone, bytes: &mut Bytes<'_>) -> (Picture, Vec<EdgeSpan>) {
     let (canvas, mut spans) = if bytes.once_in(4) {
         (Canvas::garbage(bytes), Vec::new())
@@ -54,7 +54,7 @@ fn searched(tone: Tone, bytes: &mut Bytes<'_>) -> (Picture, Vec<EdgeSpan>) {
         let mut canvas = Canvas::of(&view, tone, bytes);
         canvas.damage(bytes);
         let mut spans = spans_of(&view, bytes);
-        // One square tells as much as three.
+        // One square tests as much as three.
         spans.truncate(if bytes.once_in(4) { 12 } else { 4 });
         (canvas, spans)
     };
@@ -64,7 +64,7 @@ fn searched(tone: Tone, bytes: &mut Bytes<'_>) -> (Picture, Vec<EdgeSpan>) {
     (canvas.picture(bytes), spans)
 }
 
-/// Checks the samples of every span that has some.
+/// Checks the samples of the measured spans.
 pub(crate) fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
     let mut outcome = "no span";
     for span in found {
@@ -91,13 +91,13 @@ pub(crate) fn measured_spans(found: &[Result<SpanEdges, NoEdge>]) -> Outcome {
     outcome
 }
 
-/// `trisquare::calibrate_photographs`: figures, and pictures that show them, or do not.
+/// `trisquare::calibrate_photographs`: figures, and pictures that may or may not show them.
 pub fn calibrate_photographs(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let tone = bytes.tone();
     let mut options = bytes.options(SIZE);
     if !bytes.once_in(4) {
-        // Squares as small leave too much open otherwise, and the pixels are not asked.
+        // Otherwise, squares this small determine too little, and the pixels are not used.
         (options.fixed.principal_point, options.fixed.aspect) = (true, true);
         options.method = Method::MaximumLikelihood;
     }
@@ -144,7 +144,7 @@ pub fn calibrate_photographs(data: &[u8]) -> Outcome {
     }
 }
 
-/// What is said of a picture that was coded with `tone`.
+/// Returns what is known about the tone of a picture that was coded with `tone`.
 fn picture_tone(tone: Tone, bytes: &mut Bytes<'_>) -> PictureTone {
     match bytes.below(4) {
         0 | 1 => PictureTone::Known(tone),
@@ -153,7 +153,7 @@ fn picture_tone(tone: Tone, bytes: &mut Bytes<'_>) -> PictureTone {
     }
 }
 
-/// Figures as the package measures them: every side localised from its chord.
+/// Measures figures as the package does: every side is localised from its chord.
 fn measured(view: &View, picture: &Picture, tone: Tone) -> Vec<PlaneEdges> {
     let spans: Vec<EdgeSpan> = sides(view).collect();
     let (found, ..) = trisquare::localise(picture, &spans, tone);
@@ -171,14 +171,14 @@ fn measured(view: &View, picture: &Picture, tone: Tone) -> Vec<PlaneEdges> {
         .collect()
 }
 
-/// The chords of all sides: dark squares, seen clockwise or not.
+/// Returns the chords of all sides of dark squares, clockwise on the screen or not.
 fn sides(view: &View) -> impl Iterator<Item = EdgeSpan> + '_ {
     (0..view.poses.len()).flat_map(move |plane| {
         (0..4).map(move |side| EdgeSpan {
             path: [side, side + 1]
                 .map(|i| view.see(plane, corner(i, 0.5)))
                 .to_vec(),
-            // The plane's Z points away: its sides run clockwise on the screen.
+            // The plane's Z points away from the camera: its sides run clockwise on the screen.
             polarity: -1.0,
             bounds: [side + 3, side + 1].map(|i| Some(4 * plane + i % 4)),
             ..EdgeSpan::new(Vec::new(), 1.0)
@@ -186,7 +186,7 @@ fn sides(view: &View) -> impl Iterator<Item = EdgeSpan> + '_ {
     })
 }
 
-/// The true sides, a little displaced.
+/// Returns the true sides, slightly displaced.
 fn spans_of(view: &View, bytes: &mut Bytes<'_>) -> Vec<EdgeSpan> {
     let shift = bytes.power(-1.0, 1.0);
     let mut spans: Vec<EdgeSpan> = sides(view).collect();
@@ -216,7 +216,7 @@ fn any_span(size: ImageSize, bytes: &mut Bytes<'_>) -> EdgeSpan {
     }
 }
 
-/// Coded grey, of which a picture of any kind is made.
+/// Coded grey values, from which pictures of any kind are made.
 pub(crate) struct Canvas {
     size: ImageSize,
     values: Vec<f32>,
@@ -236,7 +236,7 @@ impl Canvas {
         }
     }
 
-    /// The view's squares on lighter ground, blurred and noisy.
+    /// Draws the view's squares on lighter (at times darker) ground, with blur and noise.
     fn of(view: &View, tone: Tone, bytes: &mut Bytes<'_>) -> Self {
         let (width, height) = (view.size.width as usize, view.size.height as usize);
         let (mut dark, mut light) = (bytes.between(0.0, 0.4), bytes.between(0.4, 1.0));
@@ -266,7 +266,7 @@ impl Canvas {
         }
     }
 
-    /// Whatever a function makes of each pixel.
+    /// Sets each pixel to the value of a function.
     pub(crate) fn drawn(size: ImageSize, mut shade: impl FnMut(Vector2<f64>) -> f64) -> Self {
         let rows = (0..size.height).map(f64::from);
         let pixels = rows.flat_map(|y| (0..size.width).map(move |x| Vector2::new(f64::from(x), y)));
@@ -276,7 +276,7 @@ impl Canvas {
         }
     }
 
-    /// Width, height and 8-bit values.
+    /// Returns width, height and 8-bit values.
     pub(crate) fn grey_bytes(&self) -> (usize, usize, Vec<u8>) {
         let values = self.values.iter().map(|v| (255.0 * v) as u8);
         (
@@ -286,7 +286,7 @@ impl Canvas {
         )
     }
 
-    /// Something in the way: a patch of another shade, of nothing, or of everything.
+    /// Covers patches of the picture with another shade, or with an arbitrary, huge or NaN value.
     pub(crate) fn damage(&mut self, bytes: &mut Bytes<'_>) {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         for _ in 0..bytes.below(4) {
@@ -305,7 +305,7 @@ impl Canvas {
         }
     }
 
-    /// The picture in one of the kinds that cameras give.
+    /// Returns the picture as one of the kinds that cameras provide.
     pub(crate) fn picture(&self, bytes: &mut Bytes<'_>) -> Picture {
         let channels = bytes.pick(&[1, 3]);
         let tints: [f32; 3] = std::array::from_fn(|_| bytes.between(0.5, 1.0) as f32);
@@ -329,8 +329,8 @@ impl Canvas {
     }
 }
 
-/// Adds a square's share of every pixel: the product over its sides, straight from corner to
-/// corner.
+/// Adds the fraction of every pixel that a square covers: the product over its sides, which are
+/// straight from corner to corner.
 fn cover(covered: &mut [f64], width: usize, view: &View, plane: usize, blur: f64) {
     let corners: [_; 4] = std::array::from_fn(|i| view.see(plane, corner(i, 0.5)));
     let normals: [_; 4] = std::array::from_fn(|i| {

@@ -9,16 +9,17 @@ use crate::coordinates::{SCENES, SIZE};
 use crate::figures::{View, damage};
 use crate::{Outcome, check};
 
-/// Unit vectors and norms, to rounding.
+/// Tolerance on unit vectors and norms.
 const ROUNDING: f64 = 1e-9;
 
-/// A pixel that is sighted is seen there again, relative to its distance from the origin.
+/// Tolerance on a pixel after unprojection and projection, relative to its distance from the
+/// origin.
 const ROUND_TRIP: f64 = 1e-12;
 
-/// No camera has a pixel as far out.
+/// Distance from the origin, in pixels, beyond which no camera has a pixel.
 const FAR: f64 = 1e9;
 
-/// `trisquare::fit_distortion`, and the straightening it gives.
+/// `trisquare::fit_distortion`, and straightening with its result.
 pub fn fit_distortion(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let coefficients = bytes.pick(&[1, 2, 2, 3, 0, 1, 2, 4]);
@@ -77,12 +78,12 @@ pub fn linear_steps(data: &[u8]) -> Outcome {
     }
 }
 
-/// From lines, most often of a plane that a camera sees; at times any matrix.
+/// Returns a homography from lines, mostly of a plane that a camera sees; at times any matrix.
 fn homography(bytes: &mut Bytes<'_>) -> Option<Matrix3<f64>> {
     if bytes.once_in(8) {
         let mut any = bytes.matrix();
         if bytes.once_in(2) {
-            // Of rank two at most: a plane through the camera's centre, or none.
+            // Rank two at most: that of a plane through the camera's centre, or of no plane.
             let number = bytes.below(3);
             let (a, b) = (any.column((number + 1) % 3), any.column((number + 2) % 3));
             let combined = a * bytes.coefficient() + b * bytes.coefficient();
@@ -120,7 +121,7 @@ fn homography(bytes: &mut Bytes<'_>) -> Option<Matrix3<f64>> {
     }
 }
 
-/// A lens of any parameters: to pixels and back, and how far it reaches.
+/// A lens with arbitrary parameters: projection, unprojection and the valid radius.
 pub fn lens(data: &[u8]) -> Outcome {
     let bytes = &mut Bytes::new(data);
     let sound = bytes.once_in(2);
@@ -130,7 +131,7 @@ pub fn lens(data: &[u8]) -> Outcome {
         bytes.camera(SIZE)
     };
     let reach = monotonic_radius(std::array::from_fn(|_| bytes.coefficient()));
-    assert!(reach >= 0.0, "{reach}"); // NaN is not
+    assert!(reach >= 0.0, "{reach}"); // false for NaN
     assert!(!lens.valid_radius().is_nan());
     let space = Vector3::from_fn(|_, _| bytes.coefficient());
     if let Some(seen) = lens.project(&space) {
@@ -138,7 +139,7 @@ pub fn lens(data: &[u8]) -> Outcome {
     }
     let mut pixel = bytes.point(SIZE);
     if lens.valid_radius().is_finite() && bytes.once_in(2) {
-        // Just within the rim, where the distortion is steep or all but flat.
+        // Just inside the valid radius, where the distortion is steep or almost flat.
         let (sin, cos) = bytes.between(0.0, 6.3).sin_cos();
         let radius = lens.valid_radius() * (1.0 - bytes.power(-12.0, 0.0));
         pixel = lens
@@ -149,7 +150,7 @@ pub fn lens(data: &[u8]) -> Outcome {
         return "beyond the valid radius";
     };
     assert!((ray.norm() - 1.0).abs() < ROUNDING, "{ray}");
-    // Further out, squares of pixels overflow on the way back.
+    // Farther out, squares of pixel coordinates overflow in the projection.
     if sound && pixel.norm() < FAR {
         let again = lens.project(&ray).expect("what is sighted is seen");
         let tolerance = ROUND_TRIP * (1.0 + pixel.norm());

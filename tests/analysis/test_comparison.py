@@ -1,4 +1,4 @@
-"""Two cameras compared: against known differences, and against repeated measurements."""
+"""Comparison of two cameras: against known differences, and against repeated measurements."""
 
 import json
 import pickle
@@ -32,7 +32,7 @@ def test_a_turn_of_a_wide_pinhole_is_no_difference_but_a_scale_is():
     pinhole = ts.Camera([[900, 0, 639.5], [0, 900, 479.5], [0, 0, 1]], np.zeros(5), IMAGE_SIZE)
     longer = ts.Camera([[909, 0, 639.5], [0, 909, 479.5], [0, 0, 1]], np.zeros(5), IMAGE_SIZE)
     comparison = ts.compare(pinhole, longer)
-    # One per cent of the distance from the centre, and no rotation helps.
+    # One per cent of the distance from the centre, which no rotation reduces.
     expected = 0.01 * (np.stack(np.meshgrid(comparison.x, comparison.y), axis=-1) - [639.5, 479.5])
     assert np.allclose(comparison.difference, expected, atol=1e-9)
     assert comparison.angle < 1e-9
@@ -47,7 +47,7 @@ def test_the_rotation_takes_up_a_shift_of_the_principal_point():
     comparison = ts.compare(
         ts.Camera(K, np.zeros(5), IMAGE_SIZE), ts.Camera(shifted, np.zeros(5), IMAGE_SIZE)
     )
-    # What a tele lens' turn leaves of it: in the second order of the angles, 7 px * 0.04^2.
+    # The rotation of a telephoto lens leaves an error of second order in the angles: 7 px * 0.04^2.
     assert comparison.worst < 0.02
     assert np.isclose(np.radians(comparison.angle), np.hypot(7, 3) / 20000, rtol=1e-3)
 
@@ -67,7 +67,7 @@ def test_the_rotation_is_the_best_one(result):
 
 @pytest.mark.slow
 def test_calibrations_of_one_camera_are_the_same_in_95_of_100():
-    """Of 60 at the 5 % level 3 are to be told apart; 8 or more once in a hundred times."""
+    """At the 5 % level, 3 of 60 pairs should differ; 8 or more occur once in a hundred times."""
     scene, draws = squares(8), 60
     comparisons = []
     for seed in range(draws):
@@ -79,7 +79,7 @@ def test_calibrations_of_one_camera_are_the_same_in_95_of_100():
     assert sum(not comparison.same for comparison in comparisons) < 8
     found = np.sqrt(np.mean([comparison.rms**2 for comparison in comparisons]))
     expected = np.sqrt(np.mean([comparison.expected_rms**2 for comparison in comparisons]))
-    # Some four free directions of difference: 60 draws know their rms to 5 %.
+    # There are about four free directions of difference: 60 draws determine their rms to 5 %.
     assert found == pytest.approx(expected, rel=0.2)
 
 
@@ -100,7 +100,7 @@ def test_cameras_that_differ_are_told_apart(change):
 
 
 def test_a_difference_that_no_parameter_makes_is_no_noise(result):
-    """Decentring is not among the model's parameters, so no chi-squared of theirs sees it."""
+    """Tangential coefficients are not among the model's parameters, nor in their chi-squared."""
     expected = ts.compare(result, result.camera).expected_rms
     decentred = result.camera.distortion + np.array([0, 0, 0.01, 0.01, 0])
     other = ts.Camera(result.camera.K, decentred, IMAGE_SIZE, "brown")
@@ -111,7 +111,7 @@ def test_a_difference_that_no_parameter_makes_is_no_noise(result):
 
 
 def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
-    """A vague k1 makes every place uncertain, but not the shape of what k2 does."""
+    """A vague k1 makes every position uncertain, but not the shape of the effect of k2."""
     stds = {"fx": 0.1, "fy": 0.1, "cx": 0.1, "cy": 0.1, "k1": 0.02, "k2": 0.001}
     covariance = np.diag([stds[name] ** 2 for name in result.parameters])
     vague = replace(result, covariance=covariance)
@@ -123,7 +123,7 @@ def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
 
 
 def test_cameras_without_a_visible_difference_are_the_same(result):
-    """However small their uncertainty is said to be: files round, and so do computers."""
+    """However small the stated uncertainty is: files and computers round."""
     certain = replace(result, covariance=np.zeros_like(result.covariance))
     assert ts.compare(certain, certain).same is True
     rounded = replace(result.camera, K=np.round(result.camera.K, 8))
@@ -133,7 +133,7 @@ def test_cameras_without_a_visible_difference_are_the_same(result):
 
 
 def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, tmp_path):
-    """The expected rms scales with the standard deviations; 1 % of 1280 px is the limit."""
+    """The expected rms is proportional to the standard deviations; the limit is 1 % of 1280 px."""
     other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
     expected = ts.compare(result, other).expected_rms
     for rms, same in ((12.7, True), (12.9, None), (5000.0, None)):
@@ -142,7 +142,7 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
         assert comparison.expected_rms == pytest.approx(rms, rel=1e-6)
         assert comparison.same is same
         assert comparison.verdict.startswith("the same" if same else UNSEEN)
-        # A difference is told however vague the rest is: p says that no noise makes it.
+        # A difference is reported however vague the rest is: p excludes noise as its cause.
         assert replace(comparison, p_value=0.01).same is False
         verdict = replace(comparison, p_value=0.01).verdict
         assert verdict.startswith("they differ by more than they state: ")
@@ -178,7 +178,7 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     assert f"at ({x:.0f}, {y:.0f}), which lies beyond the targets (among them " in outer.verdict
     assert outer.rms_among_targets < outer.rms
     assert outer.expected_rms_among_targets < outer.expected_rms
-    # A frame about the whole picture, which leaves nothing to extrapolate.
+    # A frame around the whole picture leaves nothing to extrapolate.
     frame = np.array([[-1, -1], [1280, -1], [1280, 960], [-1, 960]])
     framed = [
         replace(own, planes=tuple(replace(plane, corners=frame) for plane in own.planes))
@@ -187,7 +187,7 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     assert ts.compare(*framed).worst_beyond_targets is False
     assert ts.compare(*framed).rms_among_targets == ts.compare(*framed).rms
     assert "beyond the targets" not in ts.compare(*framed).verdict
-    # The targets of one of them are not there.
+    # The targets of the other result do not reach there.
     assert ts.compare(framed[0], longer).worst_beyond_targets is True
     exact = ts.compare(result.camera, longer.camera)
     assert (exact.worst_beyond_targets, exact.rms_among_targets) == (None, None)
@@ -247,7 +247,7 @@ def test_the_map_is_coloured_where_the_cameras_differ(result):
     canvas = draw_comparison(ts.compare(result, replace(result.camera, K=K)))
     height = round(LONGEST_SIDE * IMAGE_SIZE[1] / IMAGE_SIZE[0])
     assert canvas.shape[0] > height
-    # From violet, blue and red much alike, in the middle to yellow, without blue, in the corner.
+    # From violet, with similar blue and red, in the middle to yellow, without blue, in the corner.
     middle, corner = canvas[height // 2, LONGEST_SIDE // 2 + 20], canvas[5, 5]
     assert int(middle[0]) > int(middle[1])
     assert int(corner[1]) > int(corner[0])

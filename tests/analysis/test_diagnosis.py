@@ -1,4 +1,4 @@
-"""What limits a calibration, and whether the advice comes true."""
+"""Limits of a calibration, and whether the advice has the promised effect."""
 
 import re
 from dataclasses import replace
@@ -21,7 +21,7 @@ def result_of(scene, seed=0, **options):
 
 
 def with_camera(scene, **changed):
-    """The same squares before a camera with other values."""
+    """The same squares in front of a camera with some changed values."""
     return replace(scene, camera=replace(scene.camera, **changed))
 
 
@@ -107,13 +107,13 @@ def test_a_principal_point_off_the_centre_is_not_to_be_held_there(offset):
     result = result_of(with_camera(scene, cx=cx, cy=cy))
     texts = [planned.change for planned in changes_of(result, planes_of(result))]
     assert any("the principal point, if it is known" in text for text in texts)
-    assert "moving plane 0 nearer to the corner of the picture" in texts  # as the tables count them
+    assert "moving plane 0 nearer to the corner of the picture" in texts  # numbered as in tables
     assert any("for it is not the image centre" in text for text in texts) == (offset > 0)
 
 
 @pytest.mark.parametrize("seed", [3, 8])
 def test_advice_comes_true(seed):
-    """Photographed as advised, the stated standard deviations are those that were promised."""
+    """With photographs taken as advised, the stated stds are the promised ones."""
     scene = squares(seed)
     result = result_of(scene)
     planes = planes_of(result)
@@ -133,7 +133,7 @@ def test_advice_comes_true(seed):
             fix=held,
             initial=ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE),
         )
-        # Both are up to the noise: the promise's unit is that of the plan before.
+        # Both are relative to the noise: the promise's unit is that of the present plan.
         unit = before["fx"] / planned_before(result)["fx"]
         for name, std in promised.items():
             assert found.std[name] == pytest.approx(std * unit, rel=0.15), planned.change

@@ -1,4 +1,4 @@
-"""Inputs at the ends of what is admissible: an answer or an error of ours, in bounded time."""
+"""Inputs at the limits of what is admissible: a result or an error of ours, in bounded time."""
 
 import json
 import math
@@ -16,7 +16,7 @@ import trisquare as ts
 from trisquare import _core
 
 NOISE = 0.05
-SECONDS = 8  # of the processor, on a slow one; the cases took a minute and more
+SECONDS = 8  # of processor time, on a slow processor; the cases used to take a minute and more
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def result(edges):
 
 
 def drifting(edges, numbers):
-    """Return the figures as if each were of a picture of such a number, and its tone estimated."""
+    """Return the figures with given picture numbers and an estimated tone curve."""
     return [
         ts.PlaneEdges(
             figure.lines,
@@ -61,7 +61,7 @@ def test_a_panic_of_the_core_asks_for_a_report(capfd, threads):
     assert "failed inside its core: a panic was asked for (errors.rs:" in str(caught.value)
     assert isinstance(caught.value, ts.TrisquareError)
     assert capfd.readouterr().err == ""
-    # What failed leaves nothing behind.
+    # The failure has no after-effects.
     assert ts.Camera([[9, 0, 4], [0, 9, 4], [0, 0, 1]], np.zeros(5), (9, 9)).unproject([[4, 4]])[
         0, 2
     ]
@@ -157,7 +157,7 @@ def test_a_covariance_of_a_calibration_is_one(result):
 
 
 def small_figures(seed):
-    """Return a few squares of few samples in three pictures, with any noise."""
+    """Return a few squares of few samples in three pictures, with arbitrary noise."""
     rng = np.random.default_rng(seed)
     K = [[1000, 0, 640], [0, 1000, 480], [0, 0, 1]]
     camera = ts.Camera(K, [-0.1, 0.02, 0, 0, 0], IMAGE_SIZE)

@@ -1,4 +1,4 @@
-"""Lengths, angles and areas on planes: against the truth, and against their own deviations."""
+"""Lengths, angles and areas on planes: against the truth, and against their own stds."""
 
 import json
 import re
@@ -14,7 +14,7 @@ from trisquare import simulate
 from trisquare.images.orientation import with_orientation
 from trisquare_scenes.broken_assumptions import bent
 
-# A triangle on the first plane, in sides; within the picture of scene 5.
+# A triangle on the first plane, in sides; it is within the picture of scene 5.
 TRIANGLE = np.array([[-0.5, -0.5], [-0.2, 0.8], [0.2, 0.6]])
 AREA = 0.5 * abs(np.linalg.det(TRIANGLE[1:] - TRIANGLE[0]))
 
@@ -59,7 +59,7 @@ def test_lengths_angles_and_areas_are_those_of_the_plane(scene, exact):
 
 @pytest.mark.slow
 def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
-    """Camera, pose and points all err; 150 draws know a scatter to 6 %, and 20 % is over 3."""
+    """Camera, pose and points have errors; 150 draws determine a scatter to 6 %, 20 % is over 3."""
     rng, draws, point_std = np.random.default_rng(3), 150, 0.05
     true_pixels = seen(scene, TRIANGLE)
     truth = [*np.linalg.norm(np.diff(TRIANGLE, axis=0), axis=1), AREA]
@@ -76,7 +76,7 @@ def test_standard_deviations_are_the_scatter_of_repeated_measurements(scene):
 
 @pytest.mark.slow
 def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
-    """The same without noise of the points, in two planes' worth of distance from the square."""
+    """The same without noise of the points, up to one side from the square's centre."""
     errors = []
     far = np.array([[-0.4, 0.9], [0.3, 0.4]])
     for seed in range(150):
@@ -87,12 +87,12 @@ def test_with_the_pixels_exact_pose_and_camera_alone_scatter_the_lengths(scene):
 
 
 def test_what_is_in_line_has_an_angle_and_an_area_that_are_not_certain():
-    """At 0 and 180 degrees the angle has no derivative, but it scatters there as elsewhere."""
+    """At 0 and 180 degrees the angle has no derivative, but it scatters as elsewhere."""
     std = 1e-3
     covariance = std**2 * np.eye(6)
     straight = ts.Measurement([[0, 0], [1, 0], [2, 0]], covariance)
     assert (straight.angles, straight.area) == (180, 0)
-    # The middle's y turns both arms, the ends' one each: 1, 1, and 2 radians to a unit.
+    # The middle's y turns both arms, those of the ends one each: 1, 1, and 2 radians per unit.
     assert straight.angles_std == pytest.approx(np.degrees(std) * np.sqrt(6), rel=1e-6)
     assert straight.area_std == pytest.approx(std * 0.5 * np.sqrt(6), rel=1e-6)
     back = ts.Measurement([[1, 0], [0, 0], [2, 0]], covariance)
@@ -266,7 +266,7 @@ def test_a_camera_that_took_another_picture_is_told(
         assert (code, "miss what this camera would see" in err) == (0, False)
     code, _, err = run("measure", straight, "--camera", camera, "--plane", 0, *points)
     assert code == 0
-    # Another tone curve displaces edges by more than their noise, and is no other camera.
+    # Another tone curve displaces edges by more than their noise, but the camera is the same.
     frames = simulate.random_scene(np.random.default_rng(5), camera=scene.camera, kind="frame")
     linear = simulate.render(frames, np.random.default_rng(2), tone="linear")
     assert max(plane.rms for plane in ts.locate(linear, result)) > 0.02
@@ -289,7 +289,7 @@ def test_the_view_from_above_is_to_scale(photograph, scene):
     side = 200
     assert view.resolution == side
     dark = cv2.GaussianBlur(view.image, (5, 5), 0) < 0.5 * view.image.mean() + 40
-    # A square of one side, edges along the axes, its centre where the plane's origin is.
+    # A square with a side of one unit, edges along the axes, its centre at the plane's origin.
     middle = np.rint(-np.array(view.origin) * side).astype(int)
     row, column = dark[middle[1]], dark[:, middle[0]]
     assert abs(int(row.sum()) - side) <= 2
@@ -317,7 +317,8 @@ def test_a_view_from_above_is_black_beyond_the_photograph_and_keeps_its_type(pho
         view = ts.rectify(white, plane, result, resolution=10, margin=40)
         assert view.image.dtype == np.uint16
         assert set(np.unique(view.image)) >= {0, 65535}
-        # The photograph is one piece of the plane, also where that goes on behind the camera.
+        # The photograph covers one connected piece of the plane, even if the plane extends behind
+        # the camera.
         pieces, _ = cv2.connectedComponents((view.image[..., 0] > 0).astype(np.uint8))
         assert pieces == 2
 
@@ -346,7 +347,7 @@ def test_command_measures_and_draws(run, files, scene, tmp_path):
     assert members["unit"] == "mm"
     truth = 50 * np.linalg.norm(np.diff(TRIANGLE, axis=0), axis=1)
     errors = np.array(members["lengths"]) - truth
-    # The points are exact, though a click's uncertainty is stated.
+    # The points are exact, although a click's uncertainty is stated.
     assert np.all(np.abs(errors) < members["lengths_std"])
 
 
@@ -392,7 +393,7 @@ def test_command_takes_the_side_that_the_calibration_states(run, files, scene, t
 
 
 def told(members):
-    """The lines of the warnings that a command's JSON has."""
+    """The lines of the warnings in a command's JSON."""
     pairs = zip(members["warnings"], members["warning_codes"], strict=True)
     return [f"warning: {text} [{code}]" for text, code in pairs]
 
@@ -423,7 +424,7 @@ def test_command_takes_the_plane_that_all_points_are_within(run, files, scene):
             place = tuple(float(number) for number in text.split(","))
             assert cv2.pointPolygonTest(corners, place, False) > 0
         assert members["warnings"] == []
-    # Of points of two squares neither holds all, and the third square none.
+    # For points in two squares, no square contains both, and the third square none.
     apart = [seen(scene, 0.4 * TRIANGLE, target=target)[0] for target in (2, 1)]
     given = run("measure", photo, "--camera", camera, "--json", *as_points(apart))
     corners = np.float32(json.loads(given[1])["corners"])
@@ -431,7 +432,7 @@ def test_command_takes_the_plane_that_all_points_are_within(run, files, scene):
 
 
 def test_command_takes_the_plane_that_the_points_are_nearest_to(run, files, scene):
-    """A side of each square, 0.02 sides off its corners: the square does not hold it."""
+    """The points are at the ends of a side, 0.02 sides outside the square's corners."""
     photo, camera = files
     side = np.array([[-0.52, -0.52], [0.52, -0.52]])
     for target in range(3):
@@ -503,7 +504,7 @@ def test_command_refuses_and_writes_nothing(run, files, tmp_path, arguments, mes
 
 
 def test_command_says_that_points_are_those_of_the_stored_picture(run, files, scene, tmp_path):
-    """A viewer shows the picture turned, and its pixels elsewhere."""
+    """A viewer shows the picture turned, with its pixels elsewhere."""
     photo, camera = files
     tagged = tmp_path / "tagged.png"
     tagged.write_bytes(with_orientation(photo.read_bytes(), 6))
@@ -556,7 +557,7 @@ def test_a_measurement_shows_as_many_digits_as_are_known(scene, result):
 
 
 def test_the_extrapolation_is_by_the_distance_of_the_corners(scene, exact):
-    """Corners of a unit square are 0.71 sides from its middle."""
+    """Corners of a unit square are 0.71 sides from its centre."""
     plane = exact.planes[0]
     for reach in (0.2, 0.5, 0.8):
         points = seen(scene, np.array([[0.0, 0.0], [0.0, reach]]))

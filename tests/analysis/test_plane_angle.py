@@ -1,4 +1,4 @@
-"""Angles between planes: against the truth, and what is refused."""
+"""Angles between planes: against the truth, and refusals."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def test_errors_are_as_large_as_stated():
         for one, other in PAIRS:
             angle, std = ts.plane_angle(found.planes[one], found.planes[other], found)
             ratios.append((angle - true_angle(scene, one, other)) / std)
-    # Of 60 ratios, three by three correlated: within 3 of their own deviations.
+    # 60 ratios, correlated in threes: 1 to within 3 standard deviations.
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.35
 
 

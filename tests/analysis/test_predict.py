@@ -1,4 +1,4 @@
-"""Predictions beside an independent bound and Monte-Carlo, and the plans that are refused."""
+"""Predictions against an independent bound and Monte-Carlo, and refused plans."""
 
 import copy
 import json
@@ -30,7 +30,7 @@ def good_plan(camera=PINHOLE, **options):
 @pytest.mark.parametrize("kind", ["square", "frame"])
 @pytest.mark.parametrize("seed", range(4))
 def test_prediction_is_the_cramer_rao_bound(kind, seed):
-    """The bound shares no code with the core; it sums over somewhat different samples."""
+    """The bound shares no code with the core; it sums over slightly different samples."""
     scene = squares(seed, kind=kind)
     camera = ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE)
     found = ts.predict(camera, scene.targets, 0.1, spacing=4.0)
@@ -54,7 +54,7 @@ def test_calibrations_scatter_as_predicted():
         total += error @ np.linalg.solve(predicted.covariance, error)
     ratio = np.sqrt(total / (6 * draws))
     print(f"rms error / predicted {ratio:.3f}")
-    # Its own standard deviation is 0.017; up to 5 % is lost on the way to the bound.
+    # Its own standard deviation is 0.017; the estimate is up to 5 % above the bound.
     assert 1 - 4 * 0.017 < ratio < 1.05 + 3 * 0.017
 
 
@@ -72,7 +72,7 @@ def test_what_is_held_and_the_noise_count():
 
 
 def test_a_result_predicts_itself():
-    """The planes of a result are a plan; its own standard deviations follow."""
+    """The planes of a result are a plan, and the prediction for it is the result's own stds."""
     scene = squares(3)
     result = ts.calibrate_edges(edges_of(scene, 0.1, spacing=1.0), IMAGE_SIZE)
     again = ts.predict(result.camera, result.planes, 0.1)
@@ -304,7 +304,7 @@ def test_command_errors_are_one_line(run, arguments, code, message):
 
 
 def test_more_pixels_of_the_same_paper_tell_no_more():
-    """The picture that is enlarged shows the same, and its paper is as little flat."""
+    """An enlarged picture shows the same scene, and its paper has the same relief."""
     parts = []
     for scale in (1.5, 3.0, 6.0):
         width, height = 1280 * scale, 960 * scale

@@ -1,4 +1,4 @@
-"""Whether a sheet came out as it should, by rendered photographs of it."""
+"""The check of a printed sheet, by rendered photographs of it."""
 
 from dataclasses import replace
 from functools import cache
@@ -19,7 +19,7 @@ PAGES = {kind: ts.printed_target(kind).pages[0] for kind in ("corner", "boards")
 
 
 def drawn(seed, kind="corner"):
-    """A photograph's scene, and where its noise comes from."""
+    """A scene to photograph, and the generator for its noise."""
     rng = np.random.default_rng([2203, seed])
     if kind == "flat":
         return simulate.random_scene(rng, kind="frame"), rng
@@ -171,7 +171,7 @@ def test_a_sheet_that_is_not_shown_is_refused(good):
 
 
 def boards_of(cells):
-    """A photograph of a corner of boards with so many cells."""
+    """A photograph of a corner with boards of `cells` cells."""
     page = PAGES["boards"]
     page = replace(page, frames=tuple(replace(board, cells=cells) for board in page.frames))
     rng = np.random.default_rng([2203, 900])
@@ -192,7 +192,7 @@ def test_a_board_that_is_found_in_part_is_the_sheet_s():
     picture = simulate.render(scene, rng, noise=2.0, tone="srgb", jpeg_quality=92)
     board = scene.targets[0].outlines()[0]
     corners = scene.image_points(0, board).astype(np.float32)
-    # Cover the third of it along its side 3.
+    # Cover a third of the board along its side 3.
     hidden = [corners[0], *(corners[[1, 2]] * 0.35 + corners[[0, 3]] * 0.65), corners[3]]
     cv2.fillPoly(picture, [np.round(hidden).astype(np.int32)], 128)
     result = ts.calibrate(picture)
@@ -208,7 +208,7 @@ def test_edges_without_stated_deviations_do(good):
         for figure in good.edges
     ]
     again = check_sheet(ts.calibrate_edges(plain, good.camera.image_size))
-    assert again.verdict == "cannot tell"  # the size alone
+    assert again.verdict == "cannot tell"  # because of the size alone
     assert {finding.verdict for finding in again.findings[:-1]} == {"ok"}
 
 
@@ -219,7 +219,7 @@ def test_the_stated_deviations_are_those_of_repeated_photographs():
         departures(calibrated(scene, np.random.default_rng(seed)), [0, 1, 2], 1.0, is_corner=True)
         for seed in range(30)
     ]
-    # Of one angle so many photographs tell the ratio to 13 %: together the three are asked.
+    # For one angle, 30 photographs determine the ratio to 13 %: the three are tested together.
     ratios = []
     for pair in found[0].angles:
         values = [own.angles[pair].value for own in found]

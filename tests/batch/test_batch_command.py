@@ -1,4 +1,4 @@
-"""`trisquare batch`: what it writes, says and exits with."""
+"""`trisquare batch`: its files, output and exit codes."""
 
 import json
 import os
@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def batch(run):
-    """Run the command with one process, which is what most of its time is for."""
+    """Run the command with one process, because starting processes takes most of its time."""
     return lambda *arguments: run("batch", *arguments, "--jobs", 1)
 
 
@@ -166,7 +166,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
 def test_a_camera_that_fails_now_is_said_to_lose_its_file(batch, folder):
     assert batch("in", "-o", "out")[0] == 0
     (folder / "in" / "a.png").write_text("hello")
-    for done in (1, 0):  # told as long as the record says so
+    for done in (1, 0):  # reported as long as the record has it
         code, out, _ = batch("in", "-o", "out")
         assert code == 6
         assert f"({done} done now)" in out
@@ -176,7 +176,7 @@ def test_a_camera_that_fails_now_is_said_to_lose_its_file(batch, folder):
 
 
 def test_cameras_that_are_no_longer_given_do_not_count(batch, folder):
-    """As after a camera was retired, or a wrong line of a manifest was mended."""
+    """Such as after a camera was retired, or a wrong line of a manifest was corrected."""
     (folder / "in" / "bad.png").write_text("hello")
     assert batch("in", "-o", "out")[0] == 6
     records = (folder / "out/results.jsonl").read_text()
@@ -258,7 +258,7 @@ def test_pictures_may_be_limited(batch, folder):
     code, out, _ = batch("in/a.png", "-o", "out", *most)
     assert code == 6
     assert "480 x 360 pixels, more than the 100000 that max_pixels allows" in out
-    # Nothing has changed, and then the limit has.
+    # First nothing has changed, then the limit has.
     assert "(0 done now)" in batch("in/a.png", "-o", "out", *most)[1]
     assert batch("in/a.png", "-o", "out", "--max-pixels", "1M")[0] == 0
 
@@ -277,7 +277,7 @@ def test_ten_thousand_unreadable_files(run, folder):
         (folder / "many" / f"{number}.jpg").write_bytes(b"\xff\xd8\xffno picture")
     code, out, err = run("batch", "many", "in", "-o", "out")
     assert code == 6
-    # Nothing is said of each: a busy machine prints its progress once a minute.
+    # No line per file: on a busy machine, progress is printed once a minute.
     assert err.count("\n") <= 5
     assert "10002 cameras (10002 done now): 2 passed, 0 beyond the limits, 10000 failed" in out
     assert out.count("\n") < 20

@@ -68,7 +68,7 @@ def test_a_worker_is_killed_in_the_middle(cluster, tmp_path):
 
 @pytest.mark.slow
 def test_a_job_that_kills_its_process_spares_the_worker(cluster, tmp_path):
-    """As in Python, with the executor of a client."""
+    """The same from Python, with a client's executor."""
     from distributed import Client
 
     make_pictures(tmp_path, ["a.png", "b.png"])
@@ -96,7 +96,7 @@ def test_an_address_where_nobody_answers(run, tmp_path, monkeypatch):
             code, out, err = run(
                 "batch", tmp_path / "a.png", "-o", tmp_path / "out", "--dask", address
             )
-        # A dead client that is collected while another starts can lock both.
+        # A dead client that is garbage-collected while another starts can lock both.
         gc.collect()
         assert (code, out) == (2, "")
         assert f"{address}: no Dask scheduler answers there" in err

@@ -1,4 +1,4 @@
-"""Jobs from photographs, folders, patterns and manifests, and what is wrong with them."""
+"""Jobs from photographs, folders, patterns and manifests, and their faults."""
 
 import json
 import os
@@ -23,7 +23,7 @@ def touch(folder, *names):
 
 
 def found(folder, *inputs, **options):
-    """Names and photographs of the jobs, below the folder; of those with a fault the fault."""
+    """Names and photographs of the jobs, relative to the folder, or the fault of a job with one."""
     jobs = ts.find_jobs([folder / own for own in inputs], **options)
     return {
         job.name.replace(f"{folder}{os.sep}", ""): job.fault
@@ -217,7 +217,7 @@ def test_a_manifest_as_csv(tmp_path):
         (
             '{"name": ',
             "not JSON: Expecting value (column 9)",
-        ),  # line 1 would not be that of the file
+        ),  # without "line 1", which would not be the file's line
         ("[" * 100_000, "too deeply"),
         ("[1]", "must be an object"),
         ('{"photographs": ["a.png"]}', '"name" is missing'),
@@ -302,7 +302,7 @@ def test_a_manifest_is_read_as_it_is_needed(tmp_path):
             file.write(f'{{"name": "c{number}", "photographs": "{number}.png"}}\n')
     jobs = ts.find_jobs([path])
     assert next(jobs).name == "c0"
-    path.write_text("")  # what is read ahead is a buffer, not the file
+    path.write_text("")  # only a buffer is read ahead, not the file
     assert sum(1 for _ in jobs) < 10_000
 
 

@@ -1,4 +1,4 @@
-"""Limits for production: read, refused, and kept or not."""
+"""Limits for production: how they are read, refused, and met or not."""
 
 import pytest
 from batches import record_of

@@ -1,4 +1,4 @@
-"""Jobs on processes that die, hang and eat memory, and on executors of others."""
+"""Jobs on processes that die, hang or exhaust memory, and on other executors."""
 
 import os
 import pickle
@@ -51,7 +51,7 @@ def test_a_process_that_dies_takes_its_own_job_only():
 
 
 def test_of_a_process_that_ends_itself_both_causes_are_said():
-    """So does the core, where it gets no memory, and a decoder that crashes."""
+    """The core ends its process without memory, as does a decoder that crashes."""
     found = outcomes(jobs_of("abort-1", "a"), max_memory=2e9)
     assert code_of(found["a"]) == "done"
     assert code_of(found["abort-1"]) == "MemoryError"
@@ -72,7 +72,7 @@ def test_every_job_is_logged_once(tmp_path, caplog):
     jobs = [ts.Job(name, (tmp_path / f"{name}.png",)) for name in ("a", "gone")]
     with caplog.at_level("INFO", logger="trisquare"):
         found = {own.job.name: own.record for own in ts.calibrate_many(jobs, workers=1)}
-    assert "file" not in found["a"]  # without a folder there is none
+    assert "file" not in found["a"]  # there is none without a folder
     told = sorted((record.levelname, record.getMessage()) for record in caplog.records)
     text = found["gone"]["error"]["text"]
     assert told == [("INFO", "a: done"), ("WARNING", f"gone: MissingImageError: {text}")]
@@ -156,7 +156,7 @@ def test_a_job_that_eats_memory_is_given_up():
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded on Linux")
 @pytest.mark.parametrize("megabytes", [0.001, 5, 20, 120, 200])
 def test_too_little_memory_is_always_told_as_such(tmp_path, megabytes):
-    """By the decoder, by Python, by the core, or by a thread that cannot start."""
+    """In the decoder, in Python, in the core, or in a thread that cannot start."""
     picture = cv2.resize(cv2.imdecode(np.frombuffer(encoded(0), np.uint8), 1), None, fx=9, fy=9)
     cv2.imwrite(str(tmp_path / "a.png"), picture)
     limits = {"max_memory": 1e6 * megabytes, "workers": 1}
@@ -167,7 +167,7 @@ def test_too_little_memory_is_always_told_as_such(tmp_path, megabytes):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded on Linux")
 def test_what_libraries_reserve_is_no_memory_of_a_job(tmp_path):
-    """OpenBLAS takes 32 MB at its first use, and ends the process where it gets none."""
+    """OpenBLAS takes 32 MB at its first use, and ends the process if it gets none."""
     make_pictures(tmp_path, ["a.png"])
     jobs = [ts.Job("a", (tmp_path / "a.png",), {"targets": "squares"})]
     (own,) = ts.calibrate_many(jobs, max_memory=2.5e7, workers=1)
@@ -274,7 +274,7 @@ def test_processes_end_with_the_one_that_started_them():
             break
         account = Path(f"/proc/{int(done.stdout)}/stat")
         if account.exists() and account.read_text().split()[2] == "Z":
-            break  # it has ended, and nobody has asked how
+            break  # it has ended, but its parent has not waited for it
         assert time.monotonic() < end
         time.sleep(0.05)
 
@@ -318,9 +318,9 @@ def test_cameras_are_calibrated_as_alone(tmp_path):
 
 
 def test_a_failure_has_what_was_found_and_rejected(tmp_path):
-    """As `error_members` has it in this process."""
+    """The same as `error_members` in this process."""
     picture = simulate.render(squares(3, count=1, image_size=SIZE), np.random.default_rng(3))
-    picture[300:, 380:] = 20  # a shape that the border cuts
+    picture[300:, 380:] = 20  # a shape cut by the border
     cv2.imwrite(str(tmp_path / "a.png"), picture)
     with pytest.raises(ts.TrisquareError) as caught:
         ts.calibrate(tmp_path / "a.png")
@@ -332,7 +332,7 @@ def test_a_failure_has_what_was_found_and_rejected(tmp_path):
 
 
 def test_limits_of_size_hold_in_every_format(tmp_path):
-    """Also where only OpenCV reads the header."""
+    """Including a format whose header only OpenCV reads."""
     for suffix in (".png", ".pfm"):
         cv2.imwrite(str(tmp_path / f"a{suffix}"), np.zeros((48, 64, 3), np.float32))
 
@@ -406,7 +406,7 @@ def test_a_job_that_is_abandoned_ends_at_once_and_the_next_is_done():
     (hanging, other), answers = jobs_of("hang-1", "a"), []
     thread = threading.Thread(target=lambda: answers.append(workers.do(hanging, ".")))
     try:
-        workers.abandon(other)  # which nobody has begun
+        workers.abandon(other)  # which no process has started
         thread.start()
         while thread.is_alive():
             workers.abandon(hanging)

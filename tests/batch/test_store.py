@@ -1,4 +1,4 @@
-"""A folder of results: whole, resumed, locked, and the same to the byte."""
+"""A folder of results: complete, resumed, locked, and byte for byte the same."""
 
 import json
 import os
@@ -104,7 +104,7 @@ def test_what_has_changed_is_done_again(tmp_path):
 
 @pytest.mark.parametrize("limit", ["PIXELS", "BYTES", "SCANS", "FRAMES", "SECONDS", "MEMORY"])
 def test_a_limit_of_the_environment_that_is_none_is_told_before_any_job(limit, monkeypatch):
-    """Told of each picture, it would be a failure that stays."""
+    """Reported for each picture, it would be a permanent failure."""
     monkeypatch.setenv(f"TRISQUARE_MAX_{limit}", "abc")
     with pytest.raises(ValueError, match=f"TRISQUARE_MAX_{limit} must be a positive number"):
         JobLimits.stated()
@@ -133,7 +133,7 @@ def test_failures_are_done_again_if_that_is_asked_for_or_limits_differ(tmp_path,
 
 
 def test_what_was_no_job_is_forgotten_when_it_is_given_no_more(tmp_path):
-    """A manifest's line was mended."""
+    """Such as after a manifest's line was corrected."""
     wrong, retired, kept = faulty_job("m.jsonl:8", "not JSON"), job("retired"), job("kept")
     with Store(tmp_path, LIMITS) as store:
         for own in (wrong, retired, kept):
@@ -231,7 +231,7 @@ def test_a_record_of_another_version_stays_until_its_job_is_done_again(tmp_path)
     ids=str,
 )
 def test_damaged_records_are_dropped_and_done_again(tmp_path, damage):
-    """A summary needs every member: what is missing or of another type would end it."""
+    """A summary needs every member: a missing one, or one of another type, would stop it."""
     whole = {**record_of(job("a")), "key": job("a").key}
     (tmp_path / "results.jsonl").write_text(
         "".join(json.dumps(own) + "\n" for own in ({**whole, **damage}, {**whole, "name": "b"}))
@@ -291,7 +291,7 @@ with Store(sys.argv[1], JobLimits.stated()) as store:
 
 @pytest.mark.parametrize(("size", "named"), [(10, "results.jsonl"), (1000, "b.json")])
 def test_a_disk_that_is_full_is_told_and_leaves_no_half_file(tmp_path, size, named):
-    """The process may write no longer files, which fails as a full disk does: in the middle."""
+    """The process's file size limit fails as a full disk does: in the middle of a file."""
     done = subprocess.run(
         [sys.executable, "-c", FULL, tmp_path, str(size)],
         env={**os.environ, "PYTHONPATH": HELPERS},
@@ -316,7 +316,7 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
 
 @pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_to_the_same_bytes(tmp_path):
-    """Killed again and again at other moments, always by kill -9."""
+    """The run is killed repeatedly at different moments, always by kill -9."""
     names = [f"cam{number}.png" for number in range(12)]
     make_pictures(tmp_path / "photos", names)
     (tmp_path / "photos" / "cam5.png").write_text("no picture")

@@ -1,4 +1,4 @@
-"""What a fleet's summary says: spread, outliers, photographs to take again, tables, page."""
+"""The summary of a fleet: spread, outliers, photographs to take again, tables, page."""
 
 import csv
 import re
@@ -42,7 +42,7 @@ def fleet_of(count, spread, seed=0, std=STD):
 
 @pytest.mark.parametrize("spread", [0.0, 3.0])
 def test_the_spread_is_the_cameras_own(spread):
-    """What their uncertainty explains is taken out; a tenth of gross errors do not matter."""
+    """The part explained by the stated uncertainty is removed; a tenth of outliers is tolerated."""
     cameras = fleet_of(4000, spread)
     cameras[::10] = [camera(f"x{number}", 3000.0) for number in range(400)]
     own = Fleet.of(cameras).distributions["radial1, 1280 x 960", "fx"]
@@ -163,7 +163,7 @@ def test_the_table_holds_every_number(tmp_path):
         if record["status"] == "done":
             assert float(own["fx"]) == record["values"]["fx"]
             assert float(own["std_fx"]) == record["std"]["fx"]
-            assert "k2" not in own  # which no camera estimates
+            assert "k2" not in own  # not estimated for any camera
     assert read[-3]["status"] == "beyond limits"
     assert read[-3]["beyond_limits"] == "fx 1100 is above 1050"
     assert read[-2]["error"] == "DetectionError"
@@ -250,7 +250,7 @@ def test_the_page_tells_mistakes_apart_from_photographs_to_take_again():
 
 @pytest.mark.parametrize(("cameras", "stated"), [(10, 7.7), (100, 4.4), (1000, 4.5)])
 def test_one_fleet_in_twenty_without_an_odd_camera_has_one_by_chance(cameras, stated):
-    """As docs/batch.md states it, of six normally distributed parameters."""
+    """As stated in docs/batch.md, for six normally distributed parameters."""
     rng = np.random.default_rng(5)
     allowed = most_by_chance(cameras, 6)
     assert allowed == pytest.approx(stated, abs=0.05)
@@ -272,7 +272,7 @@ def test_one_fleet_in_twenty_without_an_odd_camera_has_one_by_chance(cameras, st
 @pytest.mark.parametrize("spread", [0.0, 0.5, 1.0, 5.0])
 @pytest.mark.parametrize("cameras", [13, 100])
 def test_a_camera_that_is_known_better_than_others_is_not_odd_for_it(cameras, spread):
-    """Where cameras differ by less than most are known, their spread may come out as nothing."""
+    """Where cameras differ by less than most stds, their spread may be estimated as zero."""
     rng = np.random.default_rng(7)
     allowed = most_by_chance(cameras, 6)
 

@@ -1,4 +1,4 @@
-"""Calibrating through the public functions: exact without noise, honest with it."""
+"""Calibration through the public functions: exact without noise, true stds with it."""
 
 import inspect
 import pickle
@@ -94,7 +94,7 @@ def test_corners_are_where_opencv_projects_them():
             np.testing.assert_allclose(plane.corners, expected[:, 0], atol=1e-6)
 
 
-# Honest with noise.
+# With noise, the stated standard deviations are true.
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.3])
@@ -106,10 +106,10 @@ def test_errors_lie_within_the_stated_standard_deviations(kind, noise):
         result = ts.calibrate_edges(edges_of(scene, noise, seed), IMAGE_SIZE)
         assert_within(result, scene, 5)
         normalised += errors_in_std(result, scene).values()
-        # Nothing stated, so that the unit is the pixel.
+        # No std is stated, so that the unit is the pixel.
         assert result.noise_scale == pytest.approx(noise, rel=0.2)
         assert result.rms == pytest.approx(noise, rel=0.2)
-    # 72 numbers, of which six of a scene hang together.
+    # 72 numbers; the six of a scene are correlated.
     assert 0.7 < np.sqrt(np.mean(np.square(normalised))) < 1.3
 
 
@@ -129,7 +129,7 @@ def test_the_covariance_is_that_of_the_parameters():
 
 
 def test_maximum_likelihood_beats_the_linear_steps():
-    """They take the image centre for the centre of distortion, which noise does not excuse."""
+    """The linear steps take the image centre for the centre of distortion: a bias."""
     errors = []
     for seed in range(12):
         scene = squares(seed)
@@ -168,9 +168,9 @@ def test_stated_deviations_weigh_the_samples():
 
 
 def test_scipy_finds_the_same_optimum():
-    """The same distances, by differences and through numpy, minimised by another program.
+    """The same distances, with difference quotients and numpy, minimised by another program.
 
-    Ours is robust, at an efficiency of 99 %: that moves the answer by a tenth of its deviation.
+    Our loss is robust, with an efficiency of 99 %: that changes the result by a tenth of its std.
     """
     scene = squares(6)
     edges = edges_of(scene, 0.1, 6, spacing=10.0)
@@ -269,7 +269,7 @@ def test_the_freedom_of_a_further_figure():
     assert outcome["auto"] == outcome["size"]
 
 
-# What is held, and where.
+# Held parameters, and their values.
 
 
 def test_names_joined_by_commas_are_several_as_on_the_command_line():
@@ -339,7 +339,7 @@ def test_knowing_more_makes_the_rest_more_certain():
 @pytest.mark.parametrize("asked", ["radial2", "brown"])
 @pytest.mark.parametrize("held", ["none", "radial1", "brown"])
 def test_a_held_distortion_keeps_the_name_of_its_model(asked, held):
-    """The fit's own would deny coefficients that are held at values other than zero."""
+    """The fitted model's name would exclude coefficients that are held at nonzero values."""
     distortion = {"none": [0] * 5, "radial1": [-0.2, 0, 0, 0, 0], "brown": [-0.2, 0, 2e-3, 0, 0]}
     K = [[1000.0, 0, 648], [0, 1003, 473], [0, 0, 1]]
     known = ts.Camera(K, distortion[held], IMAGE_SIZE, held)
@@ -398,7 +398,7 @@ def test_parallel_squares_serve_with_the_principal_point_held():
     assert_within(result, scene, 4)
 
 
-# The face itself.
+# The interface.
 
 
 def test_all_names_are_there_and_documented():

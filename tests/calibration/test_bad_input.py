@@ -1,4 +1,4 @@
-"""Bad input ends in the documented error, in Python and at the command, and leaves no file."""
+"""Bad input causes the documented error, in Python and in the command, and leaves no file."""
 
 import json
 import os
@@ -113,14 +113,14 @@ def test_coordinates_that_cannot_be_used(call, error, message):
 
 
 def test_two_parallel_squares_do_not_count_twice():
-    """With the third tilted away there are two directions, which a pinhole's four need."""
+    """The third square would give a second direction, which a pinhole's four parameters need."""
     scene = parallel_squares(PINHOLE)
     with pytest.raises(ts.DegenerateGeometryError):
         solve(edges_of(simulate.Scene(PINHOLE, scene.targets[:2]), 0.05))
 
 
 def test_figures_of_one_plane_are_one_plane():
-    """However many figures, one direction is not enough."""
+    """However many figures there are, one direction is not enough."""
     frames = edges_of(squares(53, kind="frame"), 0.05)
     with pytest.raises(ts.NotEnoughPlanesError, match="1 plane"):
         solve(frames[:2])
@@ -206,7 +206,7 @@ def test_a_picture_without_contrast_is_called_that(level, said):
     noise = np.random.default_rng(3).integers(0, 7, (480, 640))
     picture = (level + noise).astype(np.uint8)
     sixteen_bits = 257 * picture.astype(np.uint16)
-    sixteen_bits[0, 0] = 65535  # else it may be of 12 bits
+    sixteen_bits[0, 0] = 65535  # otherwise it may have 12 bits
     for each in (picture, sixteen_bits, picture.astype(np.float32) / 255):
         for search in (ts.calibrate, ts.detect):
             with pytest.raises(ts.DetectionError, match=said):
@@ -222,7 +222,7 @@ def test_one_of_two_pictures_without_contrast_is_no_reason():
 
 
 def test_nothing_is_found_in_pictures_of_two_sizes():
-    """Those that are left out are the first."""
+    """The pictures of the less frequent size come first."""
     sizes = [(480, 640)] * 4 + [(500, 700)] * 5
     pictures = [np.full(size, number, np.uint8) for number, size in enumerate(sizes)]
     with pytest.raises(ts.DetectionError, match="no square"):
@@ -324,7 +324,7 @@ def test_a_folder_that_is_none_is_found_out_first(run, tmp_path):
 
 @pytest.mark.slow
 def test_nothing_is_warned_of(tmp_path):
-    """With every Python warning an error, and nothing on standard error."""
+    """With every Python warning turned into an error, and nothing on standard error."""
     (tmp_path / "a.png").write_bytes(ENCODED)
     script = "from trisquare.cli import main; main(['calibrate', 'a.png', '--overlay', 'o.png'])"
     done = subprocess.run(

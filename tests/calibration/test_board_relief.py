@@ -1,4 +1,4 @@
-"""Boards whose paper is not flat: what rows and columns share is told from the lens."""
+"""Boards whose paper is not flat: the bend that rows and columns share is no part of the lens."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def boards(rng, camera, height):
     ("height", "worst"), first_quick([(0.004, 3.0), (0.0, 1.0), (0.012, 12.0)])
 )
 def test_bent_boards_give_the_camera(height, worst, seeds):
-    """Taken for flat, they err by 20 and 60 pixels."""
+    """Under the assumption of flat boards, the errors are 20 and 60 pixels."""
     camera = ts.Camera([[1600, 0, 810], [0, 1600, 590], [0, 0, 1]], [-0.1, 0.02, 0, 0, 0], SIZE)
     errors, stated = [], []
     for seed in range(seeds):
@@ -58,7 +58,7 @@ def test_bent_boards_give_the_camera(height, worst, seeds):
         stated.append([result.std["fx"], result.std["fy"]])
     errors, stated = np.array(errors), np.array(stated)
     assert np.sqrt(np.mean(errors**2)) < worst
-    if height < 0.01:  # beyond, what is second order in the heights is no longer small
+    if height < 0.01:  # above, terms of second order in the heights are not small
         assert np.sqrt(np.mean((errors / stated) ** 2)) < 2.0
 
 
@@ -79,7 +79,7 @@ def oblong(rng, camera, place):
 
 @pytest.mark.parametrize("seed", first_quick([0, 1, 2]))
 def test_beside_bent_boards_no_square_is_trusted(seed):
-    """Squares agree with boards that are taken for flat, which are as far off."""
+    """The squares agree with boards assumed flat, which have similar errors."""
     rng = np.random.default_rng(seed)
     camera = ts.Camera([[1600, 0, 810], [0, 1600, 590], [0, 0, 1]], [-0.1, 0.02, 0, 0, 0], SIZE)
     bent = boards(rng, camera, 0.01)
@@ -92,7 +92,7 @@ def test_beside_bent_boards_no_square_is_trusted(seed):
 
 
 def test_frames_on_sheets_that_rise_are_as_exact_as_stated():
-    """Not only to the first order of the heights, which are a hundredth of the side."""
+    """Including terms of second order in the heights, which are a hundredth of the side."""
     scene = with_relief(squares(3, kind="frame"), np.random.default_rng(3), 0.01)
     result = ts.calibrate_edges(edges_of(scene, noise=0.02), scene.camera.image_size)
     assert "its sheet rises by" in " ".join(result.warnings)

@@ -1,4 +1,4 @@
-"""Pictures that break an assumption: no confident wrong camera without a word of the cause."""
+"""Pictures that break an assumption: a warning of the cause, or no wrong camera."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def test_what_is_wrong_is_named(name: str) -> None:
             kind.causes
         ):
             silent.append((seed, error / focal, codes))
-    # Where one target is off in a way that a camera can follow, nothing tells it.
+    # Where the error of one target looks like that of another camera, no residual shows it.
     assert len(silent) <= 1, silent
 
 
 @pytest.mark.slow
 def test_a_straight_side_in_the_wrong_place_is_not_called_bent() -> None:
-    """Sheared squares have straight sides, whose images are curved where their lines' are not."""
+    """Sheared squares have straight sides, whose images bend unlike those of their lines."""
     for seed in range(4):
         pictures, _ = KINDS["one sheared"].draw(np.random.default_rng([1212, seed]), True)
         codes = {warning.code for warning in ts.calibrate(pictures).warnings}

@@ -244,7 +244,7 @@ def test_circles_have_no_aspect():
 
 
 def test_what_the_core_finds_is_what_its_classes_would_accept():
-    """Planes, poses and residuals come from the core unchecked."""
+    """Planes, poses and residuals from the core are not validated."""
     scene, rng = scene_of(2)
     sides = edge_points(scene, rng, noise=NOISE)
     aspect = ts.PlaneEdges.rectangle(sides[0], None)

@@ -1,4 +1,4 @@
-"""Of all that is found in a picture, the squares that one camera explains are chosen."""
+"""Choice of the squares in a picture that one camera explains."""
 
 import itertools
 
@@ -16,10 +16,10 @@ from trisquare.calibration.select import chosen_by
 from trisquare.simulate.scene import Scene, rectangle
 from trisquare_scenes.distractors import mixed_scene, photograph
 
-# Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
+# Threshold in standard deviations of a statistic, exceeded by chance once in fifteen thousand runs.
 SURE = 4.0
 
-# A false square so close to a true one may pass for one: the noise hides the difference.
+# A false square this close to a true one may be accepted: the noise hides the difference.
 HARDLY_FALSE = 0.12
 
 NOISE = 0.05
@@ -56,7 +56,7 @@ def is_clearly_false(target):
 
 
 def calibrated(squares, seed):
-    """A photograph of squares among ten rectangles, and what the calibration makes of it."""
+    """A photograph of squares among ten rectangles, and its calibration or error."""
     rng = np.random.default_rng([61, squares, seed])
     mixed = mixed_scene(rng, squares=squares, rectangles=10)
     picture = photograph(mixed, rng)
@@ -67,7 +67,7 @@ def calibrated(squares, seed):
 
 
 def targets_at(mixed, quads):
-    """Indices of the targets that are seen where some corners are."""
+    """Indices of the targets at the positions of given corners."""
     count = len(mixed.is_square)
     middles = [mixed.scene.image_points(i, np.zeros((1, 2)))[0] for i in range(count)]
     gaps = [np.linalg.norm(np.array(middles) - quad.mean(axis=0), axis=1) for quad in quads]
@@ -102,7 +102,7 @@ def test_both_outlines_of_a_frame_go_together():
 
 
 def sheets_of_squares(rng, camera, sheets=6, per_side=5, false_share=0.2):
-    """Tilted sheets of squares, some of them stretched; and which are true."""
+    """Tilted sheets of squares, some of them stretched, and which squares are true."""
     width, height = camera.image_size
     cell = 0.8 * min(width / 3, height / 2) / per_side
     targets, is_square = [], []
@@ -135,7 +135,7 @@ def test_of_a_hundred_and_fifty_candidates_nearly_all_squares_are_chosen(seed):
     found = chosen_among(figures, size, quads)
     kept = np.isin(np.arange(len(is_square)), planes(found.figures))
     assert np.mean(kept[is_square]) > 0.95
-    # From so far away, some rectangles look like squares that are tilted otherwise.
+    # At this distance, some rectangles look like squares with another tilt.
     assert np.mean(kept[~is_square]) < 0.25
     result = ts.calibrate_edges(found.figures, size)
     assert_within(result, scene, SURE)
@@ -151,7 +151,7 @@ def test_with_the_focal_length_alone_unknown_two_squares_are_chosen():
 
 
 def board_edges(rng, camera, plane, waves):
-    """The grid lines of a board of 7 x 7 cells, displaced by waves of so many pixels."""
+    """The grid lines of a board of 7 x 7 cells, displaced by waves with an amplitude in pixels."""
     rotation = tilted(rng.uniform(20.0, 40.0), rng.uniform(0.0, 360.0), 0.0)
     middle = np.append(rng.uniform(-1.5, 1.5, 2), rng.uniform(13.0, 15.0))
     along = np.linspace(-3.5, 3.5, 60)
@@ -185,7 +185,7 @@ def test_pictures_of_one_camera_pool_their_candidates():
     for image in range(5):
         mixed = mixed_scene(rng, camera=camera)
         own = edges_of(mixed.scene, NOISE, image)
-        # Every picture counts its planes from where the last one ended.
+        # Planes are numbered consecutively over the pictures.
         figures += [
             ts.PlaneEdges(
                 one.lines,

@@ -1,4 +1,4 @@
-"""Two families of parallel lines at right angles on a plane, their places unknown."""
+"""Two families of parallel lines at right angles on a plane, at unknown positions."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from trisquare_scenes.boards import with_boards
 SIZE = (1280, 960)
 NOISE = 0.1
 HELD = ("principal_point", "aspect")
-# Lines along Y and along X.
+# Numbers of lines along Y and along X.
 LINES = (4, 3)
 ASPECT = 1.5
 SURE = 5.0
@@ -65,7 +65,7 @@ def test_errors_are_near_the_bound():
 
 def test_the_order_of_the_lines_is_only_that_of_the_residuals():
     _, points = facades(0)
-    order = [1, 2, 0, 5, 3, 6, 4]  # along X: 0 to 2
+    order = [1, 2, 0, 5, 3, 6, 4]  # 0 to 2 are along X
     first = ts.calibrate_edges(edges_of(points), SIZE, fix=HELD)
     shuffled = [[lines[i] for i in order] for lines in points]
     second = ts.calibrate_edges(edges_of(shuffled), SIZE, fix=HELD)

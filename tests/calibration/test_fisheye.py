@@ -1,4 +1,4 @@
-"""Fisheye lenses, from edges and from pictures, and all that may be asked of them."""
+"""Fisheye lenses, from edges and from pictures, and all functions for them."""
 
 import json
 import pickle
@@ -39,7 +39,7 @@ def values(camera):
 
 @pytest.fixture(scope="module")
 def wide():
-    """A lens of 190 degrees, what it sees, and the calibration from the edges."""
+    """A scene under a lens of 190 degrees, and the calibration from its edges."""
     rng = np.random.default_rng(131)
     scene = wide_scene(rng, fisheye(190.0))
     result = ts.calibrate_edges(edges_of(scene, rng), image_size=SIZE, model="fisheye")

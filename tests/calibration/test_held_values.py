@@ -1,4 +1,4 @@
-"""What is held where it is not known: the answer says how much depends on it."""
+"""Parameters held without knowledge of their values: the result states their effect."""
 
 import re
 from dataclasses import replace
@@ -14,7 +14,7 @@ NOISE = 0.02
 
 
 def scene_off_centre(seed):
-    """Three squares seen by a camera whose principal point is usual, and that camera."""
+    """Three squares seen by a camera with a usual principal point, and that camera."""
     rng = np.random.default_rng(seed)
     cx, cy = rng.normal([639.5, 479.5], 0.012 * 1280)
     camera = simulate.TrueCamera(1100, 1100, cx, cy, (-0.1, 0.02, 0, 0, 0), IMAGE_SIZE)
@@ -38,7 +38,7 @@ def test_one_plane_says_what_a_principal_point_at_the_centre_is_worth(seed):
     assert stated == pytest.approx(held.std["fx"], rel=0.05)
     assert added > stated
     assert abs(held.camera.fx - 1100) < 4 * added
-    # Where it is known, and where three planes tell it, there is nothing to say.
+    # There is no warning with a known principal point, nor with three planes, which determine it.
     known = ts.calibrate_edges([edges], IMAGE_SIZE, fix="principal_point", initial=truth)
     assert not warnings_of("principal_point_assumed", known)
     assert abs(known.camera.fx - 1100) < 5 * known.std["fx"]
@@ -70,7 +70,7 @@ def test_a_distortion_that_is_held_wrongly_is_told(seed):
     assert "the lens is beyond its model, or what is held (distortion) is wrong: " in warning
     focal = re.search(r'Without fix="distortion" \(model="radial2"\) fx is ([\d.]+)$', warning)[1]
     assert float(focal) == pytest.approx(ts.calibrate_edges(edges, IMAGE_SIZE).camera.fx, rel=1e-3)
-    # The doubt is in the standard deviation.
+    # The standard deviation includes the doubt.
     assert abs(wrong.camera.fx - 1100) < 4 * wrong.std["fx"]
     known = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion", initial=truth)
     assert not warnings_of("lens_beyond_model", known)

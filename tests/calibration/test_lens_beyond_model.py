@@ -1,4 +1,4 @@
-"""A lens that does what its model cannot is named, and is told from boards that are not flat."""
+"""A lens beyond its model is named, and distinguished from boards that are not flat."""
 
 import re
 from dataclasses import replace
@@ -16,15 +16,15 @@ CELLS = 6
 NOISE = 0.1
 PLAIN = (-0.2, 0.08, 0.0, 0.0, 0.0)
 PICTURES = 5
-# The boards of every seed tell it by eight standard deviations or more.
+# A k3 that the boards of every seed determine to eight standard deviations or more.
 TOLD_K3 = 0.02
 
 
 def boards(seed, distortion=PLAIN, height=0.0, zoom=0.0):
     """Return grid lines of a board in several pictures.
 
-    It bulges by `height` in half its extent, and every picture is magnified by a part of about
-    `zoom` more or less.
+    It bulges by `height` in half its extent, and the magnification of the pictures varies by a
+    fraction of about `zoom`.
     """
     rng = np.random.default_rng(seed)
     camera = ts.Camera([[640, 0, 645], [0, 640, 470], [0, 0, 1]], distortion, SIZE)
@@ -108,7 +108,7 @@ def test_what_is_held_is_not_blamed_on_the_lens():
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_distortion_that_is_held_at_zero_is_seen(count):
-    """One or two squares of a usual camera, of which only the focal length is asked."""
+    """One to three squares of a usual camera, of which only the focal length is free."""
     scene = squares(1)
     fix = ("principal_point", "aspect", "distortion")
     result = ts.calibrate_edges(edges_of(scene, 0.05)[:count], IMAGE_SIZE, fix=fix)
@@ -121,7 +121,7 @@ def test_a_distortion_that_is_held_at_zero_is_seen(count):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_pictures_that_disagree_raise_the_deviations(seed):
-    """A zoom that wanders by a five hundredth is told from edges that are off."""
+    """A zoom that varies by a five hundredth is distinguished from errors of the edges."""
     alike = ts.calibrate_edges(boards(seed), SIZE)
     apart = ts.calibrate_edges(boards(seed, zoom=0.002), SIZE)
     assert "planes_vary" in codes(apart)
@@ -141,7 +141,7 @@ def test_twisted_squares_are_no_fisheye_and_are_named_before_what_they_come_to(s
 
 
 def test_no_side_is_to_blame_where_the_others_disagree_without_it():
-    """Without one side of three squares a camera follows any other shapes, or another lens."""
+    """Without one side of three squares, a camera fits any other shapes, or another lens does."""
     rng, scene = np.random.default_rng(118), squares(118)
     targets = tuple(twisted(rng, target) for target in scene.targets)
     result = ts.calibrate_edges(edges_of(replace(scene, targets=targets), 0.05), SIZE)
@@ -168,7 +168,7 @@ def test_a_lens_whose_prism_leaves_nothing_to_explain_is_named_with_its_model(se
 
 @pytest.mark.parametrize("seed", first_quick([0, 2, 6]))
 def test_squares_are_true_where_a_prism_explains_them(seed):
-    """Squares that are none left fx open by half of it."""
+    """With the squares declared false, the std of fx was half of fx."""
     pictures, focal = KINDS["thin prism lens"].draw(np.random.default_rng([1206, 10, seed]), True)
     result = ts.calibrate(pictures)
     assert codes(result)[0] == "lens_beyond_model"

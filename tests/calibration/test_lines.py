@@ -20,7 +20,7 @@ NAMES = ("fx", "fy", "cx", "cy", "k1", "k2")
 
 
 def scene_of(seed, noise=NOISE, bends=()):
-    """A scene, its squares and its lines, the first of which are bent by so many pixels."""
+    """A scene, its squares and its lines; `bends` are those of the first lines, in pixels."""
     rng = np.random.default_rng([163, seed])
     scene = central_scene(rng)
     squares = [ts.PlaneEdges.square(s) for s in edge_points(scene, rng, noise=noise, spacing=4.0)]
@@ -45,7 +45,7 @@ def off(result, scene):
 def test_lines_tell_the_distortion_where_no_square_is(seed):
     scene, squares, lines = scene_of(seed)
     alone = ts.calibrate_edges(squares, SIZE)
-    # In any order; the planes and their residuals stay those of the squares.
+    # The order is arbitrary; the planes and their residuals remain those of the squares.
     result = ts.calibrate_edges([*lines[:5], *squares, *lines[5:]], SIZE)
     assert np.abs(off(result, scene)).max() < SURE
     assert all(line.is_used and line.rms < 2 * NOISE for line in result.lines)
@@ -81,7 +81,7 @@ def test_bent_lines_are_rejected_with_the_reason(model):
     bends = (1.0, -3.0, 5.0)
     scene, squares, lines = scene_of(4, bends=bends)
     result = ts.calibrate_edges([*squares, *lines], SIZE, model=model)
-    if model == "fisheye2":  # the lens is none
+    if model == "fisheye2":  # the lens is no fisheye
         assert result.lines
         return
     used = [line.is_used for line in result.lines]
@@ -141,7 +141,7 @@ def test_bad_lines_are_refused():
 
 @pytest.fixture(scope="module")
 def pictured():
-    """A picture of small squares on sheets before a wall of windows, and its camera."""
+    """A picture of small squares on sheets in front of a wall of windows, and its camera."""
     rng = np.random.default_rng(11)
     focal, middle = plumb_scenes.FOCAL * SIZE[0], (np.array(SIZE) - 1) / 2
     camera = TrueCamera(focal, focal, *middle, np.array([-0.15, 0, 0, 0, 0]), SIZE)

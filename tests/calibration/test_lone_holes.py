@@ -1,4 +1,4 @@
-"""A frame whose outer outline is covered: its hole is a square, of another side."""
+"""A frame with a covered outer outline: its hole is a square with another side."""
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ SIDE = 0.2
 
 
 def with_covered_corner(seed):
-    """Frames, of which the last has a finger over a corner of its outer outline."""
+    """Frames, with a finger over a corner of the outer outline of the last one."""
     rng = np.random.default_rng([91, seed])
     scene = simulate.random_scene(rng, kind="frame")
     picture = simulate.render(scene, rng, tone="srgb")

@@ -1,4 +1,4 @@
-"""A calibration that succeeds names the squares that it could not use, and no clutter."""
+"""A successful calibration names the squares that it could not use, and no clutter."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def photograph(seed, count, clutter=6):
 
 
 def printed_of(run, folder, picture, *options):
-    """Lines on what was not used, of a picture that calibrates."""
+    """The lines of the output on unused targets, for a picture that calibrates."""
     photo = folder / "photo.png"
     cv2.imwrite(str(photo), picture)
     code, printed, _ = run("calibrate", photo, *options)
@@ -53,28 +53,28 @@ def test_a_square_under_a_finger_is_named(run, tmp_path, seed):
 
 
 def left_one_cut(picture, targets="auto"):
-    """A picture without what lies left of the middle of its leftmost target, but for 40 px."""
+    """A picture cut 40 px left of the middle of its leftmost target."""
     planes = ts.calibrate(picture, targets=targets).planes
     left = min((plane.corners for plane in planes), key=lambda corners: corners[:, 0].min())
     return picture[:, int(left[:, 0].mean()) - 40 :]
 
 
 def test_squares_that_the_border_cuts_are_named(run, tmp_path):
-    """Two of four stand at the left."""
+    """Two of four squares are at the left."""
     lines = printed_of(run, tmp_path, left_one_cut(photograph(903, 4)))
     assert len(lines) == 2
     assert all(line.endswith("of picture 0: it is cut by the picture's border") for line in lines)
 
 
 def with_glare(picture, place, reach):
-    """Light of a lamp, clipped at white, over a place of the picture."""
+    """Add the light of a lamp, clipped at white, around a position in the picture."""
     y, x = np.ogrid[: picture.shape[0], : picture.shape[1]]
     light = 600.0 * np.exp(-2.0 * ((x - place[0]) ** 2 + (y - place[1]) ** 2) / reach**2)
     return np.clip(picture + light, 0, 255).astype(np.uint8)
 
 
 def third_of_three(picture, spoilt):
-    """What a result of two squares says of the third, left of the others."""
+    """The third target, left of the others, as reported by a result from two squares."""
     assert len(ts.calibrate(picture).planes) == 3
     found = ts.calibrate(spoilt)
     assert len(found.planes) == 2

@@ -1,4 +1,4 @@
-"""The distortion model chosen by evidence: what is chosen, reported, kept and refused."""
+"""The lens model chosen by evidence: the choice, its report, and what is kept and refused."""
 
 import json
 
@@ -34,7 +34,7 @@ def test_the_lens_is_recognised(model):
     result = ts.calibrate_edges(edges_of(scene, noise=0.03, seed=2), IMAGE_SIZE, model="auto")
     assert result.camera.model == model
     assert set(result.alternatives)
-    # The best of the fisheye models speaks for their family.
+    # Of the fisheye models, only the best is listed.
     assert {a.model for a in result.alternatives} < {*LENSES, *FISHEYES}
     assert model not in {a.model for a in result.alternatives}
     assert all(a.log_evidence <= 0 < a.rms for a in result.alternatives)
@@ -47,7 +47,7 @@ def test_a_likely_fisheye_speaks_for_its_family(seed):
     edges = [bent(figure, rng) for figure in edges_of(scene_of("radial1"), noise=0.1, seed=seed)]
     result = ts.calibrate_edges(edges, IMAGE_SIZE, model="auto")
     (fisheye,) = (a for a in result.alternatives if a.model in FISHEYES)
-    # Of four coefficients in a narrow field, k4 may be -260 as well as 0.
+    # With four coefficients in a narrow field, k4 may be -260 as well as 0.
     assert fisheye.log_evidence > -100.0
 
 
@@ -82,7 +82,7 @@ def test_the_rejected_models_survive_json_and_pickle():
     assert again.alternatives == result.alternatives != ()
     members = json.loads(result.to_json())
     assert set(members["alternatives"][0]) == {"model", "log_evidence", "rms_px"}
-    # As files were written before there was a choice.
+    # The format before there was a choice.
     del members["alternatives"]
     assert ts.Calibration.from_json(json.dumps(members)).alternatives == ()
     members["alternatives"] = [{"model": "radial1", "log_evidence": 1.0, "rms_px": 0.1}]

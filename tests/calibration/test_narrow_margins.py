@@ -1,4 +1,4 @@
-"""Sheets that end close beside their squares: their edges do not move those of the squares."""
+"""Sheets that end close to their squares: their edges do not displace those of the squares."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ TRUTH = {"fx": 450.0, "fy": 450.0, "cx": 322.0, "cy": 238.0}
 
 @pytest.mark.slow
 def test_a_narrow_margin_leaves_the_deviations_true():
-    """In 640 x 480, margins of 8 % of the side end 5 px from the edges; rms was 1.7."""
+    """In 640 x 480, margins of 8 % of the side end 5 px from the edges; the rms used to be 1.7."""
     camera = simulate.TrueCamera(*TRUTH.values(), (-0.12, 0.03, 0, 0, 0), (640, 480))
     errors = []
     for seed in range(900, 920):

@@ -1,4 +1,4 @@
-"""What holds for every scene, and what no input may do."""
+"""Properties of every scene, and limits on the effect of any input."""
 
 from contextlib import suppress
 
@@ -32,7 +32,7 @@ def with_points(figure, change, lines=None):
 
 
 def assert_same(result, expected, tolerance=1e-2):
-    """Equal to a fraction of the standard deviations: what an iteration may leave."""
+    """Check equality to a fraction of the standard deviations, which an iteration may leave."""
     found, wanted = camera_parameters(result.camera), camera_parameters(expected.camera)
     for name, std in expected.std.items():
         assert abs(found[name] - wanted[name]) < tolerance * std
@@ -45,11 +45,11 @@ def assert_same(result, expected, tolerance=1e-2):
 @few
 @given(numbered_scenes, st.data())
 def test_the_labels_of_a_square_do_not_matter(number, data):
-    """Neither which side comes first, nor which way round they are given."""
+    """Neither the first side nor the direction of the order matters."""
     relabelled = []
     first, way = 0, 1
     for figure in EDGES[number]:
-        # Both outlines of a frame alike: they share the plane's axes.
+        # The same for both outlines of a frame: they share the plane's axes.
         if figure.freedom == "auto":
             first = data.draw(st.integers(0, 3))
             way = data.draw(st.sampled_from([1, -1]))
@@ -61,7 +61,7 @@ def test_the_labels_of_a_square_do_not_matter(number, data):
 @few
 @given(numbered_scenes, st.integers(0, 999))
 def test_the_order_of_samples_hardly_matters(number, seed):
-    """The first stages thin out long sides, so that the robust scale starts elsewhere."""
+    """The first stages thin out long sides, so that the robust scale starts from another value."""
     rng = np.random.default_rng(seed)
     edges = [with_points(figure, rng.permutation) for figure in EDGES[number]]
     assert_same(ts.calibrate_edges(edges, IMAGE_SIZE), RESULTS[number], tolerance=0.1)
@@ -104,7 +104,7 @@ def test_a_larger_picture_has_a_larger_camera(number, scale):
 @few
 @given(numbered_scenes, st.sampled_from(["x", "y", "both"]))
 def test_a_mirrored_picture_has_a_mirrored_camera(number, axes):
-    """The sides then run the other way round; a turn by 180 degrees mirrors twice."""
+    """The sides then run in the other direction; a turn by 180 degrees mirrors twice."""
     flip = np.array([axes != "y", axes != "x"])
     far = np.array(IMAGE_SIZE) - 1
     edges = [
@@ -192,7 +192,7 @@ def test_ruined_squares_are_refused_or_give_finite_numbers(seed, disturbance, me
     except ts.TrisquareError:
         pass
     except ValueError as error:
-        # All samples of a figure may be scattered out of the picture.
+        # All samples of a figure may be outside the picture.
         if "wholly outside the picture" not in str(error):
             raise
 
@@ -208,7 +208,7 @@ def test_the_straightening_of_garbage(curves, count):
         pass
 
 
-# Everything numpy can hold, and every way to lay it out in memory.
+# All dtypes and memory layouts of numpy.
 DTYPES = ["u1", "<u2", ">u2", "<f4", ">f4", "f8", "f2", "i1", "i4", "?", "c8", "O", "S1", "M8[s]"]
 LAYOUTS = {
     "as it is": lambda image: image,

@@ -1,4 +1,4 @@
-"""Lenses of OpenCV's rational and thin prism models, and all that may be asked of them."""
+"""Lenses of OpenCV's rational and thin prism models, and all functions for them."""
 
 import json
 import pickle
@@ -37,10 +37,10 @@ def camera_of(model):
 
 
 def wide(rng):
-    """A wide lens whose radial distortion is a quotient."""
+    """A wide lens whose radial distortion is a quotient of polynomials."""
     above, below = 0.0, 1.0
     square = np.linspace(0.0, 25.0, 500)
-    # Until it sees all of the picture: where the radius grows with that of the ideal point.
+    # Draw until the lens sees all of the picture: the radius grows with that of the ideal point.
     while np.any((1 + above * square) * (1 + below * square) < 2 * square * (below - above)):
         below = rng.uniform(0.3, 0.9)
         above = below - rng.uniform(0.1, 0.3)
@@ -69,7 +69,7 @@ def calibrated(scene, rng, model):
 
 @pytest.fixture(scope="module")
 def seen():
-    """A lens with a quotient, what it sees, and the calibration from the edges."""
+    """A scene under a lens with a quotient of polynomials, and the calibration from its edges."""
     rng = np.random.default_rng(151)
     scene = random_scene(rng, camera=wide(rng))
     return scene, calibrated(scene, rng, "rational")
@@ -85,7 +85,7 @@ def test_its_maps_are_those_of_opencv(model):
     pixels = camera.project(points)
     assert np.abs(pixels - expected[:, 0]).max() < 1e-9
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-14)
-    # OpenCV 5 has it under the other one's name.
+    # OpenCV 5 merged it into undistortPoints.
     undistorted = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
     ideal = undistorted(
         pixels[:, None], camera.K, camera.distortion, R=None, P=camera.K, criteria=criteria
@@ -138,11 +138,11 @@ def test_standard_deviations_are_those_of_the_errors(model, lens):
 
 
 def _map_error(result, truth):
-    """The error of the projection over what the result states."""
+    """The rms error of the projection over its stated rms."""
     stated = result.projection_map(step=160.0, rotation="held")
     pixels = np.stack(np.meshgrid(stated.x, stated.y), axis=-1).reshape(-1, 2)
     rays = truth.rays(pixels)
-    # A lens may turn back at a corner where its estimate does not know it.
+    # A lens may fold back at a corner where its estimate is uncertain.
     known = result.camera.can_project(rays)
     assert known.mean() > 0.9
     off = result.camera.project(rays[known]) - pixels[known]
@@ -151,7 +151,7 @@ def _map_error(result, truth):
 
 
 def test_a_fit_that_turns_back_where_no_edge_runs_is_searched_among_lenses_that_do_not():
-    """Holding its coefficients to zero instead had left 1 px, twenty times the noise."""
+    """Holding the coefficients at zero used to leave 1 px, twenty times the noise."""
     noise, cells, samples = 0.05, 6, 60
     coefficients = np.array([0.3, 0.05, 3e-4, -2e-4, 0.002, 0.6, 0.12, 0.01])
     matrix = np.array([[620.0, 0.0, 650.0], [0.0, 622.0, 470.0], [0.0, 0.0, 1.0]])
@@ -188,7 +188,7 @@ def test_a_picture_is_answered_within_its_standard_deviations():
 
 
 def test_a_picture_through_a_prism_needs_the_principal_point():
-    """Prism and tangential terms together do what another axis of the camera does."""
+    """Prism and tangential terms together have the same effect as another axis of the camera."""
     rng = np.random.default_rng(154)
     scene = random_scene(rng, camera=prismatic(rng))
     truth = scene.camera

@@ -1,4 +1,4 @@
-"""Photographs that no simulator made: `../shared/data` beside the repository, if it is there."""
+"""Real photographs: `../shared/data` beside the repository, if it is there."""
 
 import dataclasses
 import json
@@ -26,7 +26,7 @@ def three_squares():
 
 
 def test_three_real_squares_without_distortion(three_squares):
-    """Focal lengths and principal point of Hartley & Zisserman's example 8.18."""
+    """Reference: focal lengths and principal point of Hartley & Zisserman's example 8.18."""
     result = ts.calibrate_edges(three_squares, THREE_SQUARES_SIZE, model="none")
     assert result.camera.fx == pytest.approx(1108.3, rel=0.01)
     assert result.camera.fy == pytest.approx(1097.8, rel=0.01)
@@ -45,7 +45,7 @@ def test_three_real_squares_with_distortion(three_squares):
 
 @pytest.mark.slow
 def test_command_on_thirteen_chessboard_photographs(run):
-    """Another corner detector moves Zhang's own f by 0.15 %: 0.4 % is the reference's accuracy."""
+    """Another corner detector changes Zhang's f by 0.15 %; the reference is accurate to 0.4 %."""
     photographs = sorted((DATA / "opencv-chess").glob("left*.jpg"))
     assert len(photographs) == 13
     code, printed, _ = run("calibrate", *photographs, "--targets", "chessboard:9x6", "--json")
@@ -63,7 +63,7 @@ def test_command_on_thirteen_chessboard_photographs(run):
 @pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_three_boards_in_a_corner(side):
-    """Of paper that is not flat: by a pixel, which the stated deviations must own."""
+    """The paper is not flat, by about a pixel, which the stated stds must include."""
     photograph = DATA / "ortho-corner" / f"{side}_calib.jpg"
     result = ts.calibrate(photograph)
     assert len(result.planes) == 3
@@ -88,7 +88,7 @@ def test_three_boards_in_a_corner(side):
 
 @pytest.mark.slow
 def test_three_boards_of_which_a_third_is_left_out_lead_to_no_wrong_optimum():
-    """From the conic's start alone these lines led to focal lengths of 1707 and 2036 px."""
+    """From the start by the conic alone, these lines led to focal lengths of 1707 and 2036 px."""
     edges = ts.detect(DATA / "ortho-corner" / "right_calib.jpg")
     boards = [board for board in edges if board.kind == "chessboard"]
     # Rows and columns left out of the left wall, the right wall and the floor.
@@ -125,9 +125,9 @@ def test_three_faces_of_a_charuco_cube():
 
 @pytest.mark.parametrize("number", first_quick([1, 0, *range(2, 8)]))
 def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inserted):
-    """Of what `make bench` does in 50 pictures, beside and over boards that another camera saw.
+    """A part of the 50 pictures of `make bench`, with boards seen by another camera.
 
-    Where a photograph shows three boards of its own, as many as squares, these may answer.
+    Where a photograph shows three boards of its own, as many as squares, the boards may be chosen.
     """
     case = inserted(number)
     truth = case.scene.camera
@@ -141,8 +141,8 @@ def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inse
         if plane.kind == "chessboard":
             index = result.planes.index(plane)
             assert any(f"plane {index} was rejected" in text for text in result.warnings)
-    # JPEG's errors are neither independent nor normal, so no bound in our own deviations is
-    # owed: half a per cent tells a calibrated camera from a wrong one.
+    # JPEG's errors are neither independent nor normal, so that no bound in our own stds applies:
+    # half a per cent distinguishes a calibrated camera from a wrong one.
     assert result.camera.fx == pytest.approx(truth.fx, rel=0.005)
     assert result.camera.fy == pytest.approx(truth.fy, rel=0.005)
     width = truth.image_size[0]
@@ -151,7 +151,7 @@ def test_squares_rendered_into_photographs_are_found_and_calibrated(number, inse
 
 
 def _assert_own_boards_outvote(result, truth):
-    """Three faces of the real cube are a camera's squares, too: its own, and a doubt is left."""
+    """Check that the camera is that of the cube's three faces, with a warning of doubt."""
     assert len(result.planes) == len(result.rejected) == 3
     assert abs(result.camera.fx - 5145) < 3.0 * result.std["fx"]
     (doubt,) = (text for text in result.warnings if "another choice of squares" in text)

@@ -27,7 +27,7 @@ SURE = 5.0
 
 
 def rectangles(seed, *, aspect=1.5, count=3):
-    """A scene of rectangles by a camera with square pixels about the image centre."""
+    """A scene of rectangles by a camera with square pixels and a central principal point."""
     rng = np.random.default_rng([141, seed])
     drawn = random_camera(rng)
     camera = replace(drawn, fy=drawn.fx, cx=0.5 * (SIZE[0] - 1), cy=0.5 * (SIZE[1] - 1))
@@ -195,7 +195,7 @@ def test_three_faces_at_the_corner_of_a_box_calibrate_without_their_aspects():
     assert result.std["fx"] < 2e-3 * camera.fx
     for plane in result.planes:
         assert abs(plane.aspect - 1.0) < SURE * plane.aspect_std
-    # Nothing shows that the right angles are some, nor that the faces are at right angles.
+    # The residuals test neither the right angles of the faces nor those between them.
     for related in ([], [(0, 1), (0, 2), (1, 2)]):
         own = ts.calibrate_edges(edges, camera.image_size, fix="aspect", orthogonal=related)
         (told,) = (warning for warning in own.warnings if warning.code == "targets_unchecked")
@@ -250,7 +250,7 @@ def test_a_picture_without_rectangles_says_what_was_looked_for():
 
 
 def test_of_a_sheared_picture_the_advice_is_not_about_paper():
-    """As of a rolling shutter: another warning names it."""
+    """As with a rolling shutter: another warning names it."""
     rng = np.random.default_rng(0)
     picture = render(random_scene(rng), rng, tone="srgb", noise=2.0)
     shear = np.array([[1.0, 2.0 / 960.0, 0.0], [0.0, 1.0, 0.0]])

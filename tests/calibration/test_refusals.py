@@ -1,4 +1,4 @@
-"""Geometry that cannot answer is refused, with a cause and with remedies that work."""
+"""Geometry that does not determine the camera is refused, with a cause and effective remedies."""
 
 import re
 from dataclasses import replace
@@ -20,7 +20,7 @@ LONG = simulate.TrueCamera(
 
 
 def placed(tilts, directions, sides=(330, 290, 360), camera=CAMERA, spins=(10, 50, 75), at=PLACES):
-    """Squares as they might be put on a table; sides in pixels."""
+    """Squares as placed on a table; sides in pixels."""
     planned = [
         ts.PlannedSquare.at(
             camera_of(simulate.Scene(camera, ())),
@@ -64,7 +64,7 @@ def test_parallel_squares_answer_with_the_principal_point_held_at_the_truth(fix)
 
 
 def test_parallel_tilts_about_the_pictures_own_axis_leave_the_aspect_open():
-    """With the principal point held one direction gives two equations, here but one of them."""
+    """With the principal point held, one direction gives two equations, but here only one."""
     scene = placed([25] * 3, [0] * 3, camera=LONG)
     message = refusal(scene, 0.3, fix="principal_point", initial=camera_of(scene))
     assert message.startswith("all 3 planes are parallel")
@@ -153,14 +153,14 @@ def test_cause_is_named_and_remedies_work(name):
 
 @pytest.mark.parametrize("seed", first_quick(range(4)))
 def test_the_limit_is_told_as_a_part_where_the_focal_length_is_any(seed):
-    """Squares that face the camera tell none: a limit in pixels was any number, or zero."""
+    """With squares that face the camera, a limit in pixels was arbitrary, or zero."""
     message = refusal(placed([0] * 3, [0] * 3), 0.05, seed)
     limit = re.search(r"standard deviation more than 1000 % of .*, at most (\S+) % is acc", message)
     assert limit[1] == "4.0"
 
 
 USUAL_OFFSETS = np.array([(0.0, 0.0), (0.015, 0.0), (-0.01, 0.01), (-0.005, -0.015)])
-"""Principal points from the image centre, in parts of the width."""
+"""Offsets of the principal point from the image centre, as fractions of the width."""
 
 
 def is_answered(scene, fix, camera):
@@ -200,7 +200,7 @@ def test_a_principal_point_is_advised_only_where_any_usual_one_helps(
 
 
 def improved(scene, factor, tilt):
-    """The scene as the message wants it: squares where they were seen, larger and tilted."""
+    """The scene as advised by the message: squares at the same positions, larger and tilted."""
     count = len(scene.targets)
     step = 90.0 if count == 2 else 360.0 / count
     targets = []

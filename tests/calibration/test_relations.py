@@ -14,7 +14,7 @@ NAMES = ("fx", "fy", "cx", "cy")
 NOISE = 0.1
 
 STRETCHED = [(-0.6, -0.5), (0.6, -0.5), (0.6, 0.5), (-0.6, 0.5)]
-"""Corners of a square that is none."""
+"""Corners of a false square."""
 
 
 def corner(seed):

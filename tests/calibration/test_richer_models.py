@@ -15,7 +15,7 @@ RICHER = ("radial3", "brown")
 
 
 def wide_edges(seed, count=3):
-    """Edges that a wide lens outside all models sees."""
+    """Edges as seen by a wide lens outside all models."""
     rng = np.random.default_rng(seed)
     focal, centre = rng.uniform(0.35, 0.5) * IMAGE_SIZE[0], np.array([639.5, 479.5])
     camera = TrueCamera(focal, focal, *centre, np.zeros(5), IMAGE_SIZE)

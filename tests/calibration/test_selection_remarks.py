@@ -1,4 +1,4 @@
-"""What is said of planes that the choice among candidates drops."""
+"""Warnings about planes that the choice among candidates drops."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Several photographs of one camera: pooled, and each named where something is wrong with it."""
+"""Several photographs of one camera: pooled, and each named if something is wrong with it."""
 
 import json
 import re
@@ -39,7 +39,8 @@ def test_a_picture_without_squares_is_named_and_left_out(run, tmp_path, paths):
     (text,) = (own for own in result.warnings if own.code == "nothing_found")
     assert text.startswith("picture 1 (c.png): the picture is nearly ")
     assert "no square" in text
-    # The picture has a tone curve among the parameters, which tells nothing but is rounded with.
+    # The rejected picture's tone curve is a parameter without data, which changes only the
+    # rounding.
     assert result.camera.fx == pytest.approx(ts.calibrate(PICTURES).camera.fx, rel=1e-13)
     assert result.pictures == ("a.png", "c.png", "b.png")
     over = tmp_path / "over.png"

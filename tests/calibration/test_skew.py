@@ -1,4 +1,4 @@
-"""Cameras whose columns are not at right angles to their rows, and what may be asked of them."""
+"""Cameras whose columns are not at right angles to their rows, and all functions for them."""
 
 import json
 import pickle
@@ -59,7 +59,8 @@ def test_a_freed_skew_scatters_as_its_covariance_says():
         assert found.parameters == ("fx", "fy", "cx", "cy", "k1", "k2", "skew")
         errors.append(errors_in_std(found, scene))
     assert all(abs(error) < 4 for own in errors for error in own.values())
-    # One std of an rms of 30 is 0.13; of all seven together, which are correlated, about 0.06.
+    # The standard deviation of an rms of 30 is 0.13; that of all seven together, which are
+    # correlated, about 0.06.
     rms = np.sqrt(np.mean([np.square(list(own.values())) for own in errors]))
     assert 0.8 < rms < 1.2
     skews = np.sqrt(np.mean([own["skew"] ** 2 for own in errors]))
@@ -180,13 +181,13 @@ def test_every_map_of_a_camera_knows_it(model, tmp_path):
     np.testing.assert_allclose(camera.distort_points(ideal), pixels, atol=1e-8)
     half = camera.rescaled((640, 480))
     np.testing.assert_allclose(half.project(points), (pixels + 0.5) / 2 - 0.5, atol=1e-9)
-    # Undistorted pictures have none.
+    # Undistorted pictures have no skew.
     view = ts.Undistorter(camera)
     assert view.new_camera.skew == 0
     assert view.valid_mask.all()
     with pytest.raises(ValueError, match="it has a skew"):
         ts.Undistorter(camera, new_camera=ts.Camera(K, np.zeros(5), IMAGE_SIZE))
-    # Its own format holds it; others name it.
+    # Its own format stores the skew; other formats refuse it by name.
     camera.save(tmp_path / "camera.json")
     again = [ts.Camera.load(tmp_path / "camera.json"), pickle.loads(pickle.dumps(camera))]
     assert all((one.K == camera.K).all() and one.skew == SKEW for one in again)

@@ -35,7 +35,7 @@ def same_homography(found, expected, relative=1e-9):
 
 
 def bent_lines(coefficients, centre=CENTRE, count=8, seed=1):
-    """Straight lines as they were before a straightening by exactly these coefficients."""
+    """Curves that a straightening with exactly these coefficients makes straight."""
     rng = np.random.default_rng(seed)
     curves = []
     for _ in range(count):
@@ -75,12 +75,12 @@ def test_without_distortion_the_centre_stays_in_the_middle():
     found = ts.fit_distortion([c + rng.normal(0, 0.1, c.shape) for c in curves], IMAGE_SIZE)
     np.testing.assert_array_equal(found.centre, CENTRE)
     assert np.abs(found.undistort(curves[0]) - curves[0]).max() < 0.5
-    # Noise across a line only, less what its own two parameters take.
+    # Only the noise across a line counts, less the part fitted by its two parameters.
     assert found.rms == pytest.approx(0.1, rel=0.1)
 
 
 def test_opencv_undistorts_alike():
-    """The maps differ by a scale, which straightness cannot tell, and by their polynomials."""
+    """The maps differ by a scale, undetermined by straightness, and by their polynomials."""
     camera = simulate.TrueCamera(1000.0, 1000.0, *CENTRE, [-0.2, 0.05, 0, 0, 0])
     sides = [
         side
@@ -197,7 +197,7 @@ def test_a_noisy_homography_has_the_nearest_rotation():
     assert np.abs(rotation - scene.targets[0].rotation).max() < 0.05
 
 
-# What cannot be answered.
+# Refusals.
 
 
 @pytest.mark.parametrize(

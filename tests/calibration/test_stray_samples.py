@@ -1,4 +1,4 @@
-"""Wrong samples among good ones: they are left out and told, and nothing else is blamed."""
+"""Wrong samples among good ones: they are left out and reported, and nothing else is rejected."""
 
 import numpy as np
 import pytest

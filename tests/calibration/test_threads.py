@@ -1,4 +1,4 @@
-"""Several photographs in several threads: the answer, and the errors, of one thread."""
+"""Several photographs in several threads: the results and errors are those of one thread."""
 
 import threading
 import weakref
@@ -61,7 +61,7 @@ def test_many_planes_are_fitted_in_threads_to_the_same_bits():
         for seed, scene in enumerate(scenes)
     ]
     one, two = (ts.calibrate(pictures, threads=threads) for threads in (1, 2))
-    assert len(one.planes) == 18  # from 16 on the core shares them among threads
+    assert len(one.planes) == 18  # from 16 on, the core distributes them over threads
     assert one.stage == "pixels"
     assert one.to_json() == two.to_json()
 
@@ -111,7 +111,7 @@ def test_as_many_pictures_are_in_memory_as_threads(paths, monkeypatch, threads):
     alive, most = weakref.WeakSet(), []
 
     class Pixels(np.ndarray):
-        """An array that a weak set can hold: it compares by identity."""
+        """An array that can be in a weak set: it is compared by identity."""
 
         __hash__ = object.__hash__
 
@@ -194,7 +194,7 @@ def test_items_are_made_ahead_in_their_order():
 
     found = ahead(items(), 4)
     assert next(found) == 0
-    assert begun.wait(10)  # nobody has asked for it
+    assert begun.wait(10)  # although the item has not been requested
     assert list(found) == list(range(1, 20))
     assert list(ahead([], 3)) == []
 

@@ -1,4 +1,4 @@
-"""The stated uncertainty is real, and what breaks its assumptions is noticed and named."""
+"""The stated uncertainty is true, and violations of its assumptions are detected and named."""
 
 import re
 from dataclasses import replace
@@ -25,7 +25,7 @@ from trisquare_scenes.damage import RECTANGLE_RATIO, damaged_scene
 
 NOISE = 0.2
 
-# Chance exceeds so many standard deviations of a statistic once in fifteen thousand runs.
+# Threshold in standard deviations of a statistic, exceeded by chance once in fifteen thousand runs.
 SURE = 4.0
 
 # Half width of a 95 % interval of a normal distribution, in standard deviations.
@@ -36,16 +36,16 @@ QUIET_SCENES = 40
 FEW_SCENES = 30
 DISPLACED_SCENES = 15
 
-# Roughness of one plane's samples over that of the others.
+# Ratio of the noise of a rough plane to that of the others.
 ROUGHNESS = 5.0
 
-# Height of a bent side over the noise: beyond what a robust loss takes for noise.
+# Height of a bent side over the noise: more than a robust loss takes for noise.
 BOW = 20.0
 
-# Rms of each polynomial of a side's displacement over the noise: an eighth of it would show.
+# Rms of each polynomial of a side's displacement over the noise: an eighth of it would be visible.
 DISPLACEMENT = 0.5
 
-# So much of its width a trapezium lacks on one side.
+# Fraction of its width by which a trapezium is narrower on one side.
 TAPER = 0.08
 
 
@@ -54,14 +54,14 @@ def calibrated(scene, errors, seed, noise=NOISE):
 
 
 def mean_square(result, scene):
-    """The mean square error of the parameters in units of their covariance: 1 on average."""
+    """The mean square error of the parameters relative to their covariance: 1 on average."""
     in_std = errors_in_std(result, scene)
     error = np.array([in_std[name] * result.std[name] for name in result.parameters])
     return error @ np.linalg.solve(result.covariance, error) / len(error)
 
 
 def assert_mean_square_is_one(values, parameters=6):
-    """`parameters * values` are chi square; wrong by 1.5, the std would make it 0.44 or 2.25."""
+    """`parameters * values` are chi-squared; a std wrong by 1.5 would make it 0.44 or 2.25."""
     deviation = np.sqrt(2.0 / (parameters * len(values)))
     assert np.mean(values) == pytest.approx(1.0, abs=SURE * deviation)
 
@@ -105,8 +105,8 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say():
         for scene, result in white_results(WHITE_SCENES)
         for error in errors_in_std(result, scene).values()
     ]
-    # The six errors of a scene are correlated: as if they were one. Two thirds of the std would
-    # hold 81 %.
+    # The six errors of a scene are correlated, so they count as one. Two thirds of the std would
+    # give 81 %.
     deviation = np.sqrt(0.95 * 0.05 / WHITE_SCENES)
     assert np.mean(held) > 0.95 - SURE * deviation > 0.81
 
@@ -127,7 +127,7 @@ def test_exact_points_give_next_to_no_uncertainty_and_no_warning():
 
 @pytest.mark.parametrize("scenes", first_quick([10, FEW_SCENES]))
 def test_a_rough_plane_does_not_poison_the_others(scenes):
-    """Weighed alike, the std would be that of the noise of all samples, if it were right at all."""
+    """With equal weights, the std would be that for the pooled noise, if correct at all."""
     pooled_noise = NOISE * np.sqrt((ROUGHNESS**2 + 2.0) / 3.0)
     squares_of_errors, parts = [], []
     for seed in range(scenes):
@@ -142,7 +142,7 @@ def test_a_rough_plane_does_not_poison_the_others(scenes):
 
 
 def test_correlated_neighbours_count_for_less():
-    """The mean of many has `(1 + c) / (1 - c)` times the variance of independent ones."""
+    """The variance of a mean is `(1 + c) / (1 - c)` times that with independent samples."""
     correlation = 0.3
     errors = neighbours_correlated(correlation)
     squares_of_errors, factors = [], []
@@ -152,13 +152,13 @@ def test_correlated_neighbours_count_for_less():
         factors.append([result.std[name] / independent.std[name] for name in result.std])
     assert_mean_square_is_one(squares_of_errors)
     expected = np.sqrt((1.0 + correlation) / (1.0 - correlation))
-    # Without the lags that may be chance it is a few percent less.
+    # It is a few per cent less without the lags that may be chance.
     assert np.mean(factors) == pytest.approx(expected, rel=0.12)
 
 
 @pytest.mark.parametrize("scenes", first_quick([2, DISPLACED_SCENES]))
 def test_sides_that_err_together_raise_the_std_and_are_told(scenes):
-    """Displacements that no model foresaw: to the truth the std need not be closer than half."""
+    """No model foresees these displacements, so the std may be wrong by a factor of two."""
     squares_of_errors = []
     for seed, (scene, independent) in enumerate(white_results(scenes)):
         result = calibrated(scene, displaced(DISPLACEMENT), seed)
@@ -187,7 +187,7 @@ def test_a_false_square_among_four_is_named_and_left_out(shape, count, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["rectangle", "trapezium"])
 def test_a_false_square_of_three_is_told_as_far_as_it_shows(shape):
-    """Two constraints are left of three planes: a false one may meet them by chance."""
+    """Three planes leave two constraints, which a false square may satisfy by chance."""
     told, seeds = 0, 12
     for seed in range(seeds):
         scene = with_false_target(squares(seed), seed % 3, false_shape(shape))
@@ -208,7 +208,7 @@ def test_a_bent_side_is_named_and_left_out(seeds):
         assert_within(result, scene, SURE)
         assert result.warnings
         named += result.warnings[0].startswith(f"plane {plane}: side {side} is rejected")
-    # Where it cannot be told which side is the bent one, the std is raised for all.
+    # Where the bent side cannot be identified, the std is raised for all.
     assert named >= 5 / 6 * seeds
 
 
@@ -242,7 +242,7 @@ def test_damage_in_a_picture_is_named_and_does_no_harm(kind, index):
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [0, 3])
 def test_a_curled_side_does_not_pass_for_weak_geometry(index):
-    """The squares are sound: without the curl, fx would be known to 2 px."""
+    """The geometry is sound: without the curl, the std of fx would be 2 px."""
     rng = np.random.default_rng([41, index])
     picture, scene, _ = damaged_scene(rng, "curl")
     result = ts.calibrate(picture)
@@ -251,13 +251,13 @@ def test_a_curled_side_does_not_pass_for_weak_geometry(index):
 
 @pytest.mark.slow
 def test_a_slight_displacement_does_not_pass_for_weak_geometry():
-    """By a quarter of the noise; without it, fy is known to 3 px of 1535."""
+    """The displacement is a quarter of the noise; without it, the std of fy is 3 px of 1535."""
     scene = squares(17)
     assert_within(calibrated(scene, displaced(0.25), 17), scene, 2.0 * SURE)
 
 
 def test_a_bent_side_that_the_others_cannot_replace_stays_while_its_bend_is_seen():
-    """Without it too little is left; with it, a robust loss may hide from the std what it bends."""
+    """Without it, too little is left; with it, a robust loss may hide the bend from the std."""
     scene, plane, side = squares(1070), 2, 0
     slight = calibrated(scene, bowed(plane, side, 0.25 * BOW), 1070)
     assert_within(slight, scene, SURE)
@@ -267,7 +267,7 @@ def test_a_bent_side_that_the_others_cannot_replace_stays_while_its_bend_is_seen
 
 
 def in_two_pieces(figure, sides):
-    """The same edges, some sides of which were measured in two pieces."""
+    """The same edges, with some sides measured in two pieces."""
     lines, points = [], []
     for index, (line, own) in enumerate(zip(figure.lines, figure.points, strict=True)):
         pieces = np.array_split(own, 2) if index in sides else [own]
@@ -279,7 +279,7 @@ def in_two_pieces(figure, sides):
 @pytest.mark.parametrize("model", ["radial2", "auto"])
 @pytest.mark.parametrize("sides", [(0,), (0, 1, 2, 3)])
 def test_a_side_may_be_measured_in_two_pieces(model, sides):
-    """Something lies over its middle, or the figure has edges on one line, as a plus has."""
+    """Something covers its middle, or the figure has several edges on one line, as a plus has."""
     for seed in range(3):
         scene = squares(seed, count=4)
         edges = disturbed_edges(scene, white, NOISE, seed)
@@ -294,7 +294,7 @@ def test_a_side_may_be_measured_in_two_pieces(model, sides):
 
 
 def test_a_few_points_a_side_tell_their_noise_and_the_camera():
-    """What a fit leaves of 36 points is half their noise, and was taken for all of it."""
+    """The fit to 36 points leaves half of their noise, which was taken for all of it."""
     scores, scales = [], []
     for seed in range(60):
         rng = np.random.default_rng([171, seed])

@@ -1,4 +1,4 @@
-"""Which pictures are said to be of another camera."""
+"""Which pictures are reported as taken by another camera."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Answers that fit, and that no camera is like."""
+"""Results that fit, but are unlike any real camera."""
 
 import re
 from dataclasses import replace
@@ -40,7 +40,7 @@ def test_a_stretched_picture_is_named_with_the_answer_for_square_pixels(stretch)
 
 
 def test_two_squares_say_what_a_stretched_print_makes_of_them():
-    """Each stretched by 0.3 %, the camera moves as far as the warning says."""
+    """With either one stretched by 0.3 %, the camera changes by as much as the warning says."""
     found = {}
     for stretched in (None, 0, 1):
         targets = [
@@ -58,7 +58,7 @@ def test_two_squares_say_what_a_stretched_print_makes_of_them():
 
 
 def standing_like(target, other):
-    """The target, turned as another one, and seen at its own place."""
+    """The target with another one's orientation, at its own position."""
     return replace(target, rotation=other.rotation)
 
 
@@ -70,7 +70,7 @@ def test_a_square_that_stands_as_another_does_checks_nothing(degrees):
     scene = replace(SCENE, targets=targets)
     found = ts.calibrate_edges(edges_of(scene, noise=0.05), (WIDTH, HEIGHT))
     warned = [w for w in found.warnings if w.code == "targets_unchecked"]
-    # Sides in other directions see a stretch that is common to both.
+    # Sides in other directions reveal a stretch that is common to both.
     assert bool(warned) == (degrees != 45)
     for warning in warned:
         assert "3 planes in 2 directions are no more than this camera needs" in warning
@@ -132,7 +132,7 @@ def test_a_lens_whose_polynomial_turns_back_within_the_picture_is_named():
 
 @pytest.mark.slow
 def test_a_camera_that_errors_of_the_planes_leave_open_is_named():
-    """Geometry that is sound, of squares whose sides are bent by more than their noise."""
+    """The geometry is sound, but the sides of the squares are bent by more than their noise."""
     rng = np.random.default_rng(17)
     bent = []
     for figure in edges_of(SCENE, noise=0.05):
@@ -150,7 +150,7 @@ def test_a_camera_that_errors_of_the_planes_leave_open_is_named():
 
 
 def test_a_lens_that_is_a_guess_in_most_of_the_picture_is_named():
-    """Squares in the middle of a fisheye's picture, exactly seen: all that they show is right."""
+    """Exact squares in the middle of a fisheye's picture: the camera is right where they are."""
     lens = fisheye(150)
     rng = np.random.default_rng(41)
     targets = [

@@ -1,4 +1,4 @@
-"""The camera's maps: against OpenCV, as each other's inverse, and where they refuse to answer."""
+"""The camera's maps: against OpenCV, as inverses of each other, and their refusals."""
 
 import math
 
@@ -43,7 +43,7 @@ def test_maps_agree_with_opencv(model):
     assert np.abs(lens.project(points) - seen.reshape(-1, 2)).max() < 1e-9
     ideal = points[:, :2] / points[:, 2:] * [900.0, 907.0] + [652.0, 471.0]
     assert np.abs(lens.distort_points(ideal) - seen.reshape(-1, 2)).max() < 1e-9
-    # OpenCV's inverse is iterated as far as it is told to.
+    # OpenCV's inverse iterates until the given criteria are met.
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 300, 1e-14)
     # OpenCV 5 merged the two functions.
     iterate = getattr(cv2, "undistortPointsIter", None) or cv2.undistortPoints
@@ -52,7 +52,7 @@ def test_maps_agree_with_opencv(model):
 
 
 def test_a_fisheye_sees_more_than_half_of_all():
-    focal = 1280 / np.radians(200.0)  # the angle grows with the distance from the middle
+    focal = 1280 / np.radians(200.0)  # the angle is proportional to the distance from the middle
     lens = Camera([[focal, 0, 639.5], [0, focal, 479.5], [0, 0, 1]], np.zeros(4), SIZE, "fisheye")
     assert angles_of_view(lens) == pytest.approx((200.0, 150.0))
     assert angles_of_view(camera("none"))[0] == pytest.approx(
@@ -122,7 +122,7 @@ def test_a_smaller_valid_radius_is_kept_to():
     assert lens.project([[0.49, 0.0, 1.0]]).shape == (1, 2)
     with pytest.raises(ValueError, match="valid radius"):
         lens.project([[0.51, 0.0, 1.0]])
-    # One that is too large for the distortion does not make it invertible.
+    # A radius that is too large for the distortion does not make it invertible.
     with pytest.raises(ValueError, match="valid radius"):
         camera("radial1", valid_radius=math.inf).project([[1.5, 0.0, 1.0]])
 
@@ -130,7 +130,8 @@ def test_a_smaller_valid_radius_is_kept_to():
 def test_the_tangential_part_counts_in_the_valid_radius():
     radial, bent = camera("radial1"), Camera(K, [-0.15, 0, 0.01, -0.02, 0], SIZE, "brown")
     assert bent.valid_radius < radial.valid_radius
-    # Against the tangential coefficients' direction, the observed radius turns there.
+    # In the direction opposite to the tangential coefficients, the observed radius stops growing
+    # there.
     away = -np.array([-0.02, 0.01]) / math.hypot(0.02, 0.01)
     radii = bent.valid_radius * np.array([0.999, 1.0, 1.001])
     x, y = away[:, None] * radii
@@ -177,7 +178,7 @@ def test_a_straightening_ends_at_its_first_fold():
 
 @st.composite
 def strong_cameras(draw):
-    """Cameras up to 70 degrees off the axis, their lenses bending as much as any model's can."""
+    """Cameras up to 70 degrees off the axis, with up to the strongest distortion of each model."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     fx = SIZE[0] * np.exp(rng.uniform(np.log(0.3), np.log(5.0)))
     centre = rng.normal([639.5, 479.5], [100.0, 80.0])
@@ -191,7 +192,7 @@ def strong_cameras(draw):
 @settings(max_examples=60)
 @given(strong_cameras(), st.integers(0, 2**32 - 1))
 def test_the_inverse_is_exact_inside_the_valid_radius(lens, seed):
-    """Every pixel whose ideal point lies inside, up to a thousandth from the rim, comes back."""
+    """A pixel is restored for ideal points inside the valid radius, up to a thousandth of it."""
     rng = np.random.default_rng(seed)
     corner = np.hypot(*SIZE) / min(lens.fx, lens.fy)
     limit = min(lens.valid_radius or math.inf, corner)
@@ -200,12 +201,13 @@ def test_the_inverse_is_exact_inside_the_valid_radius(lens, seed):
     x, y = radius * np.cos(angle), radius * np.sin(angle)
     rays = np.column_stack([x, y, np.ones(len(radius))])
     pixels = lens.project(rays)
-    # A pixel far outside a picture has fewer digits behind the point.
+    # Coordinates far outside a picture have fewer decimals.
     rounding = 1e-9 * np.maximum(1.0, np.abs(pixels).max(axis=1) / 1e4)
     ideal = lens.undistort_points(pixels)
     assert (np.abs(lens.distort_points(ideal) - pixels).max(axis=1) < rounding).all()
     assert (np.abs(lens.project(lens.unproject(pixels)) - pixels).max(axis=1) < rounding).all()
-    # The way there and back is as exact as the distortion's slope lets it be: at the rim it ends.
+    # The round trip is as exact as the distortion's slope allows; at the valid radius the slope is
+    # zero.
     focal = np.array([lens.fx, lens.fy])
     expected = rays[:, :2] * focal + [lens.cx, lens.cy]
     slope = smallest_slope(lens, rays[:, :2])

@@ -52,7 +52,7 @@ def test_covariance_is_that_of_the_parameters_carried_over(options):
 
 @pytest.mark.slow
 def test_std_is_the_scatter_of_repeated_measurements():
-    """150 draws know a root mean square of two coordinates to 6 %; 20 % is over 3 of that."""
+    """150 draws determine a root mean square of two coordinates to 6 %; 20 % is over 3 of that."""
     scene, draws = squares(8), 150
     truth = ts.Camera(scene.camera.K, scene.camera.distortion, IMAGE_SIZE, "brown")
     rays = truth.unproject(POINTS)
@@ -80,7 +80,7 @@ def test_map_covers_the_picture(result):
 
 
 def test_a_rotation_of_the_camera_is_taken_out(result):
-    """It is what a shift of the principal point nearly is; what it leaves cannot be more."""
+    """A shift of the principal point is nearly a rotation; the remainder cannot be larger."""
     held, fitted = (
         result.projection_map(step=80, rotation=rotation).std for rotation in ("held", "fitted")
     )
@@ -90,7 +90,7 @@ def test_a_rotation_of_the_camera_is_taken_out(result):
     shifting = np.zeros((len(result.parameters),) * 2)
     index = result.parameters.index("cx")
     shifting[index, index] = 1.0
-    # A pinhole of f 1100 px: what is left of a shift is of the order of (r / f)^2 of it.
+    # For a pinhole of f 1100 px, the remainder of a shift is of the order of (r / f)^2 of it.
     plain = ts.Camera(result.camera.K, np.zeros(5), IMAGE_SIZE)
     shifted = ts.Calibration(**members | {"camera": plain, "covariance": shifting})
     assert shifted.projection_map(rotation="held").std == pytest.approx(1.0)
@@ -101,7 +101,7 @@ def test_a_rotation_of_the_camera_is_taken_out(result):
 
 
 def test_the_scatter_after_the_best_rotation_is_the_map():
-    """As `compare` takes it out; 30 draws know the mean square to some 20 %."""
+    """`compare` removes the best rotation; 30 draws determine the mean square to some 20 %."""
     scene, ratios = squares(4), []
     truth = camera_of(scene)
     for seed in range(30):

@@ -1,4 +1,4 @@
-"""Camera files of other programs as inputs of commands: what their errors tell to do."""
+"""Camera files of other programs as inputs of commands, and the advice in their errors."""
 
 import shlex
 import shutil
@@ -22,7 +22,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def commands_with(file):
-    """Return a decorator that runs a test with each command that reads a file of a camera."""
+    """Return a decorator that runs a test with each command that reads a camera file."""
     commands = [
         ("undistort", "photo.png", "-o", "out.png", "--camera", file),
         ("compare", file, file),

@@ -1,4 +1,4 @@
-"""What careless use of the command line gets: each line with its exit code and sentence."""
+"""Careless use of the command line: the exit code and message for each line."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""The `trisquare` command: what it prints, what it writes, and its exit codes."""
+"""The `trisquare` command: its output, its files, and its exit codes."""
 
 import json
 import re
@@ -29,7 +29,7 @@ UNIT_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
 def true_calibration(images=1, warnings=()):
-    """The result that a perfect calibration of the scene would give."""
+    """Return the result of a perfect calibration of the scene."""
     truth = SCENE.camera
     parameters = ("fx", "fy", "cx", "cy", "k1", "k2")
     planes = [
@@ -75,7 +75,7 @@ def photo(tmp_path):
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Let the command meet a calibration that is done already; returns what it asked for."""
+    """Replace the command's calibration by a finished one; return the arguments of its calls."""
     calls = []
 
     def calibrate_photographs(photographs, **options):
@@ -87,14 +87,14 @@ def asked(monkeypatch):
 
 
 def assert_refused(outcome, exit_code, folder, left=("photo.png",), *, as_json=False):
-    """One line on standard error, nothing on standard output, no file written."""
+    """Check for one line on standard error, nothing on standard output, no file written."""
     code, out, err = outcome
     assert (code, out) == (exit_code, "")
     assert error_text(err, as_json=as_json)
     assert sorted(path.name for path in folder.iterdir()) == sorted(left)
 
 
-# The command around a calibration that is done already.
+# The command with a finished calibration.
 
 
 def test_the_options_reach_the_library(run, photo, asked):
@@ -150,7 +150,7 @@ def test_what_is_held_has_the_values_of_the_file(run, photo, tmp_path):
 
 
 def test_the_table_says_what_is_held_at_which_value(run, photo, tmp_path):
-    """A distortion that is held without a file is none, whatever the model has."""
+    """A distortion that is held without a file is zero, for any model."""
     _, out, _ = run("calibrate", photo, "--fix", "distortion,aspect", "--model", "brown")
     assert "model brown, method ml (edges), held: aspect at 1; distortion at zero: rms" in out
     known = SCENE.camera
@@ -198,7 +198,7 @@ def test_what_a_message_advises_is_written_as_an_option(run, photo, monkeypatch)
 
 
 def test_texts_of_a_result_do_not_reach_a_terminal_as_they_are(run, photo, monkeypatch):
-    """Names of markers' sheets and of files are among them."""
+    """These texts include names of marker sheets and of files."""
     hostile = "a\x1b[31m\u202eb\x9b2J\nwrote all"
     corners = np.zeros((4, 2))
     result = true_calibration(warnings=(CalibrationWarning("\x1b[2Jb\nc", "other"),))
@@ -255,7 +255,7 @@ def test_several_photographs_have_an_overlay_each(run, photo, asked, tmp_path):
 
 @pytest.mark.parametrize("outcome", ["answered", "refused"])
 def test_a_photograph_is_decoded_and_searched_once(run, tmp_path, monkeypatch, outcome):
-    """Whatever is drawn of it: overlay, report, debug picture and diagnosis."""
+    """Whatever is drawn from it: overlay, report, debug picture and diagnosis."""
     decoded, searched = [], []
     decode, search = cv2.imdecode, measure.search
     monkeypatch.setattr(cv2, "imdecode", lambda *a: decoded.append(a) or decode(*a))
@@ -383,7 +383,7 @@ def test_version_and_help(run):
         assert option in out
 
 
-# End to end: nothing replaced.
+# End to end, with nothing replaced.
 
 
 def trisquare(*arguments, folder):

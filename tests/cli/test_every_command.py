@@ -1,6 +1,6 @@
-"""What all commands have in common: their help, options, output, errors and exit codes.
+"""Common properties of all commands: help, options, output, errors and exit codes.
 
-A new command has to be added to the tables below; the first test says so.
+A new command has to be added to the tables below; the first test checks this.
 """
 
 import importlib
@@ -54,7 +54,7 @@ WORKING = {
     "convert": ("camera.json", "out.yaml"),
     "demo": ("-o", "results"),
 }
-"""Arguments with which each command does something."""
+"""Arguments with which each command runs successfully."""
 
 PICTURES_READ = (
     ("calibrate", "GIVEN"),
@@ -122,7 +122,7 @@ OVERWRITING = (
 
 @pytest.fixture(scope="module")
 def files():
-    """What the files of each test's folder hold."""
+    """The contents of the files in each test's folder."""
     straight = plumb_scene(np.random.default_rng(3), IMAGE_SIZE, -0.15).picture
     photo, lines = (cv2.imencode(".png", picture)[1].tobytes() for picture in (PHOTO, straight))
     camera = CALIBRATION.to_json().encode()
@@ -139,7 +139,7 @@ def folder(tmp_path, monkeypatch, files):
 
 
 def held(folder):
-    """All files of a folder, and what they hold."""
+    """All files of a folder, with their contents."""
     return {
         str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
         for path in folder.rglob("*")
@@ -147,7 +147,7 @@ def held(folder):
 
 
 def assert_refused(outcome, exit_code, folder, before, *, as_json=False):
-    """One line that says what is wrong, and no file is written or touched."""
+    """Check for one line that says what is wrong, and that no file is written or touched."""
     code, out, err = outcome
     assert (code, out) == (exit_code, ""), err
     assert error_text(err, as_json=as_json)
@@ -163,7 +163,7 @@ def module_of(name):
     return importlib.import_module(f"{commands.__name__}.{name}")
 
 
-# What a command is.
+# Definitions of commands.
 
 
 def test_the_tables_name_all_commands():
@@ -233,15 +233,15 @@ def test_options_are_named_alike(name):
     for parameter in options.values():
         assert parameter.help
         assert parameter.help.endswith((".", ")"))
-        # A Python type says nothing to a person.
+        # The name of a Python type means nothing to a user.
         assert parameter.metavar or getattr(parameter, "is_flag", False)
 
 
-# What a command prints.
+# Output of commands.
 
 
 def documented_keys(stated):
-    """The keys that docs/formats.md lists of a format in its table's first column."""
+    """The keys of a format that docs/formats.md lists in its table's first column."""
     text = FORMATS_PAGE.read_text("utf-8")
     heading = "## A calibration" if stated == "trisquare/1" else f"**`{stated}`**"
     assert heading in text, stated
@@ -360,7 +360,7 @@ def test_what_is_unlike_everything_suggests_nothing(run, folder):
         assert "id you mean" not in err
 
 
-# What a command reads and writes.
+# Input and output files of commands.
 
 
 def make_bad(path, kind):
@@ -407,7 +407,7 @@ def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("arguments", [*PICTURES_READ, *FILES_READ], ids=" ".join)
 def test_a_pipe_that_nobody_writes_to_is_not_waited_for(run, folder, arguments):
-    # OpenSSL opens certificates by their names, pipes as well.
+    # OpenSSL opens certificates by name, including pipes.
     is_serve = arguments[0] == "serve"
     reason = "is no regular file" if is_serve else "is a pipe that nobody writes to"
     os.mkfifo(folder / "pipe.json")
@@ -419,7 +419,7 @@ def test_a_pipe_that_nobody_writes_to_is_not_waited_for(run, folder, arguments):
 
 @pytest.mark.skipif(not os.path.exists("/dev/fd"), reason="needs /dev/fd")
 def test_what_is_written_to_a_pipe_is_waited_for(run, folder):
-    """As of ``<(curl ...)`` in a shell."""
+    """Such as ``<(curl ...)`` in a shell."""
     source, sink = os.pipe()
     with ThreadPoolExecutor(1) as threads, open(sink, "wb") as sending:
         sent = threads.submit(send_late, sending, (folder / "photo.png").read_bytes())
@@ -479,7 +479,7 @@ def test_an_output_that_fails_when_it_is_written_exits_2(run, folder, arguments)
     before = held(folder)
     code, out, err = run(*with_argument(arguments, "OUT", "/proc/out"))
     assert "/proc/out" in error_text(err)
-    # A calibration takes long: it is shown all the same.
+    # A calibration takes long: it is printed nevertheless.
     assert (code, "fx" in out) == (2, arguments[0] == "calibrate")
     assert held(folder) == before
 
@@ -487,7 +487,7 @@ def test_an_output_that_fails_when_it_is_written_exits_2(run, folder, arguments)
 @pytest.mark.parametrize("arguments", WRITTEN, ids=" ".join)
 def test_a_folder_is_no_output(run, folder, arguments):
     output = folder / arguments[-1].replace("OUT", "out")
-    # Photographs are put into a folder; there it is their own name that cannot be written.
+    # Photographs are written into a folder; their own name there cannot be written.
     (output / "photo.png").mkdir(parents=True)
     before = held(folder)
     assert_refused(run(*with_argument(arguments, "OUT", "out")), 2, folder, before)
@@ -502,7 +502,7 @@ def test_no_input_is_overwritten(run, folder, arguments):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs names of any bytes")
 def test_names_need_not_be_text(run, folder):
-    """OpenCV crashes on them."""
+    """OpenCV crashes on such names."""
     odd = os.fsdecode(b"o\xff")
     for arguments in WRITTEN[1:]:
         code, _, err = run(*with_argument(arguments, "OUT", odd), "-q")
@@ -573,7 +573,7 @@ def test_names_that_cannot_be_encoded_are_escaped(folder, encoding):
     ids=" ".join,
 )
 def test_control_characters_of_names_do_not_reach_a_terminal(run, folder, files, arguments):
-    """They would colour, clear or retitle it, or end the line and say what was not done."""
+    """They would colour, clear or retitle the terminal, or begin a line with a false message."""
     name = "a\x1b[31m\x1b]0;title\x07\u202e\rb\nwrote all.png"
     (folder / name).write_bytes(files["photo.png"])
     code, out, err = run(*with_argument(arguments, "NAME", name))
@@ -596,7 +596,7 @@ def test_a_negative_coordinate_is_no_option(run, folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".tif", ".bmp", ".pgm"])
 def test_opencv_adds_nothing_to_the_line(folder, files, suffix):
-    """In a process of its own, where OpenCV is not loaded before the command is."""
+    """In a process of its own, where OpenCV is loaded only after the command."""
     picture = cv2.imencode(suffix, PHOTO)[1].tobytes()
     (folder / f"cut{suffix}").write_bytes(picture[: len(picture) // 2])
     done = subprocess.run(
@@ -606,7 +606,7 @@ def test_opencv_adds_nothing_to_the_line(folder, files, suffix):
     assert (done.returncode, done.stdout, done.stderr) == (5, "", said)
 
 
-# How a command ends.
+# Ends of commands.
 
 
 def fail_with(monkeypatch, error):

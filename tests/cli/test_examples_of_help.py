@@ -1,4 +1,4 @@
-"""The examples that the help of every command shows run, on files of the names that they have."""
+"""The examples in the help of every command run, with files of the names in them."""
 
 import glob
 import json
@@ -18,7 +18,7 @@ from trisquare.cli.framework import SUMMARIES, load_command
 
 pytestmark = pytest.mark.slow
 
-# They never end, or need a cluster.
+# Commands that never end, or need a cluster.
 ELSEWHERE = ("trisquare serve", "--dask")
 EXAMPLES = [
     example
@@ -30,7 +30,7 @@ EXAMPLES = [
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory):
-    """Make every file that an example names."""
+    """Make every file named in an example."""
     folder = tmp_path_factory.mktemp("given")
     demo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
     photo = cv2.imdecode(np.frombuffer(demo, np.uint8), cv2.IMREAD_COLOR)
@@ -80,7 +80,7 @@ def test_an_example_of_the_help_runs(example, given, tmp_path, monkeypatch, run)
     shutil.copytree(given, folder)
     monkeypatch.chdir(folder)
     words = []
-    for word in shlex.split(example)[1:]:  # as a shell would, where nothing is quoted
+    for word in shlex.split(example)[1:]:  # split as by a shell, where nothing is quoted
         is_pattern = "*" in word and f"'{word}'" not in example
         words += sorted(glob.glob(word)) if is_pattern else [word]
     code, out, err = run(*words)

@@ -1,4 +1,4 @@
-"""What messages advise, as options of the command line."""
+"""Advice in messages, as options of the command line."""
 
 import pytest
 

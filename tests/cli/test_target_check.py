@@ -20,7 +20,7 @@ from trisquare_scenes.spoilt_corner import folded_off
 
 @pytest.fixture(scope="module")
 def photographs():
-    """A good sheet; one folded to 80 degrees; one of which two faces are hidden; none."""
+    """A good sheet; one folded to 80 degrees; one with two hidden faces; none."""
     rng = np.random.default_rng(9301)
     scene = simulate.corner_scene(rng, page=PAGE)
     wrong = folded_off(scene, PAGE, 1, 10.0)
@@ -36,7 +36,7 @@ def photographs():
 
 @pytest.fixture(scope="module")
 def calibrated():
-    """Calibrate as the command does, but each of `photographs` once."""
+    """Calibrate as the command does, but only once for each of `photographs`."""
     known = {}
 
     def calibrate(photo, **options):
@@ -70,12 +70,12 @@ def test_a_good_sheet(run, folder):
     ]
     assert "83.580 +- 0.084 mm" in findings[-1]
     assert last == "the sheet: ok"
-    assert sorted(folder.iterdir()) == before  # no PDF
+    assert sorted(folder.iterdir()) == before  # no PDF is written
     assert run("target", "--check", "good.png")[1].endswith("ok but for what it cannot tell\n")
 
 
 def test_a_sheet_of_which_nothing_is_told_is_not_ok(run, folder, monkeypatch):
-    """Nothing is surer than three of these standard deviations."""
+    """No finding is certain at this number of standard deviations."""
     monkeypatch.setattr(sheet_check, "SURE", 1e9)
     code, out, _ = run("target", "--check", "good.png")
     assert code == 0
@@ -99,7 +99,7 @@ def test_a_sheet_is_not_called_ok_beside_a_high_warning(run, folder, monkeypatch
 def test_a_sheet_that_is_folded_wrongly(run, folder):
     code, out, err = run("target", "--check", "folded.png")
     assert code == 6
-    # The face that leans inward hides part of another's frame, as the calibration says.
+    # The face that leans inward hides part of another's frame, as the calibration's warning says.
     assert all(line.startswith("warning (") for line in err.splitlines())
     (wrong,) = (line for line in out.splitlines() if line.split()[1:3] == ["not", "ok"])
     assert "meet at 80.0" in wrong or "meet at 79.9" in wrong

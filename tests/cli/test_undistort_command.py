@@ -1,4 +1,4 @@
-"""`trisquare undistort`: what it writes and prints, and what it refuses."""
+"""`trisquare undistort`: its files, its output, and its refusals."""
 
 import json
 from dataclasses import replace
@@ -210,7 +210,7 @@ def test_jpeg_is_written_as_well_as_the_help_says(undistort, folder):
 
 
 def test_what_the_lens_does_not_reach_is_said(undistort, folder):
-    """The polynomial turns back within the picture: its corners have no direction."""
+    """The polynomial folds back within the picture: its corners have no direction."""
     camera = ts.Camera(CAMERA.K, [-0.45, 0, 0, 0, 0], IMAGE_SIZE, "radial1")
     pixels = np.stack(np.meshgrid(*map(np.arange, IMAGE_SIZE)), axis=-1).reshape(-1, 2)
     beyond = np.hypot(*(pixels - camera.K[:2, 2]).T) > camera.valid_radius_px
@@ -223,14 +223,14 @@ def test_what_the_lens_does_not_reach_is_said(undistort, folder):
     assert code == 0
     assert abs(float(warning.split()[0]) - part) < 0.6
     assert warning.split(None, 1)[1].startswith("% of the photograph is left out: it lies beyond")
-    # With no black pixel there is nothing to wonder about; nor is there with a lens that reaches.
+    # There is no warning without black pixels, nor with a lens that covers the picture.
     assert json.loads(undistort(*words, 0)[1])["warnings"] == []
     assert json.loads(undistort(*words, 1, "--camera", "camera.json")[1])["warnings"] == []
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
 def test_the_orientation_tag_is_kept_or_missed(undistort, folder, suffix):
-    """A picture that was shown upright is shown upright again."""
+    """The output of a picture with an orientation tag is shown upright as well."""
     tagged = with_orientation((folder / "photo.png").read_bytes(), 6)
     (folder / "turned.png").write_bytes(tagged)
     code, _, err = undistort("turned.png", "--camera", "camera.json", "-o", f"out{suffix}")
@@ -277,7 +277,7 @@ def test_a_pinhole_that_is_too_wide_is_said(undistort, folder, field, warned):
 
 
 def test_what_the_calibration_warns_of_the_rim_is_said_again(undistort, folder):
-    """A straight line there comes out bent; and so does all of a doubtful camera's picture."""
+    """A straight line there is bent in the output, as is any line with a doubtful camera."""
     about = "the lens is known to 16 px in 42 % of the picture only"
     rim = ts.CalibrationWarning(about, "lens_extrapolated")
     other = ts.CalibrationWarning("plane 1 is odd", "plane_disagrees")

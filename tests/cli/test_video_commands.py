@@ -1,4 +1,4 @@
-"""Videos given to commands: what is written, what is calibrated, and what is refused."""
+"""Videos as inputs of commands: their outputs, calibrations and refusals."""
 
 import json
 import os
@@ -47,7 +47,7 @@ def folder(given, tmp_path, monkeypatch):
 
 @pytest.fixture
 def views(folder):
-    """Three photographs of one camera, each sharp once in five frames."""
+    """Three views by one camera, in five frames each, of which one is sharp."""
     blurs = (2, 1.5, 0, 1.7, 2.2)
     frames = [cv2.GaussianBlur(v, (0, 0), b) if b else v for v in VIEWS for b in blurs]
     write_frames(folder / "views.avi", frames)
@@ -55,7 +55,7 @@ def views(folder):
 
 
 def shown_as(folder, options):
-    """The frames of the clip, undistorted one by one and encoded alike."""
+    """The frames of the clip, undistorted one by one and encoded in the same way."""
     with Video(folder / "clip.mp4") as video:
         undistorter = ts.Undistorter(CAMERA, **options)
         straight = [undistorter.undistort(frame) for frame in video.frames()]
@@ -100,7 +100,7 @@ def test_a_turned_video_is_shown_upright_again(run, folder):
     frame = read_frames(folder / "out.avi")[0]
     assert frame.shape == (640, 480, 3)
     expected = np.rot90(ts.undistort(FRAMES[0], CAMERA), -1)
-    assert np.abs(frame.astype(int) - expected).mean() < 8  # by the coding
+    assert np.abs(frame.astype(int) - expected).mean() < 8  # from the coding
 
 
 def test_frames_that_come_unevenly_are_told(run, folder):
@@ -137,7 +137,7 @@ def test_a_bar_shows_how_much_of_the_video_is_done(folder):
 
 @pytest.fixture(scope="module")
 def damaged(given, tmp_path_factory):
-    """What videos hold that are cut, or empty."""
+    """Contents of videos that are cut or empty."""
     long, empty = (tmp_path_factory.mktemp("videos") / name for name in ("long.avi", "empty.avi"))
     write_frames(long, moving(60, SIZE, 1))
     cv2.VideoWriter(str(empty), cv2.VideoWriter.fourcc(*"MJPG"), 10, SIZE).release()
@@ -152,7 +152,7 @@ def damaged(given, tmp_path_factory):
 
 @pytest.fixture
 def faulty(folder, damaged):
-    """The folder with videos that are wrong beside the whole one."""
+    """The folder with faulty videos beside the intact one."""
     for name, content in damaged.items():
         (folder / name).write_bytes(content)
     return folder
@@ -229,7 +229,7 @@ def test_a_camera_is_calibrated_from_frames_of_a_video(run, views):
 
 
 def test_a_video_with_fewer_frames_and_a_photograph(run, folder):
-    """Of 5 frames there are 3: pictures are written for these and the photograph alone."""
+    """The video has 3 of the 5 frames: pictures are written only for these and the photograph."""
     cv2.imwrite("view.png", VIEWS[0])
     write_frames(folder / "views.avi", VIEWS)
     words = ("view.png", "views.avi", "--frames", 5, "--debug-image", "d.png", "--json")

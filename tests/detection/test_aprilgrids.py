@@ -24,7 +24,7 @@ NAME = "APRILTAG_36H11"
 
 @pytest.fixture(scope="module")
 def box():
-    """A box with a grid of 4 x 4 tags on each of three faces, numbered from 0, 16 and 32 on."""
+    """A box with a grid of 4 x 4 tags on each of three faces, numbered from 0, 16 and 32."""
     rng = np.random.default_rng(31)
     scene = aprilgrid_box_scene(rng, (4, 4))
     return scene, photograph(scene, rng, noise=2.0, blur=0.8, jpeg_quality=85)[0]
@@ -51,7 +51,7 @@ def corners_of(scene):
 
 @pytest.mark.slow
 def test_a_slanted_blurred_grid_grows_from_the_tags_that_are_read_together():
-    """The corners of its tags are up to 5 px off: one tag alone does not lead to the next."""
+    """The corners of its tags are up to 5 px off: one tag alone does not predict the next."""
     rng = np.random.default_rng([57, 5])
     scene = aprilgrid_box_scene(rng, (4, 4))
     picture, _ = photograph(scene, rng, noise=2.6, blur=1.0, tone="srgb", jpeg_quality=85)
@@ -87,7 +87,7 @@ def test_every_tag_is_read_where_it_is(drawn, request):
     expected = corners_of(scene)
     assert [len(grid.tags) for grid in grids] == [len(tags) for tags in expected]
     for grid in grids:
-        # Which of the targets it is, the nearest tells: the copies have the same numbers.
+        # The grid belongs to the nearest target, because the copies have the same numbers.
         off = [
             max(np.abs(tag.corners - tags.get(tag.number, 1e9)).max() for tag in grid.tags)
             for tags in expected
@@ -115,7 +115,7 @@ def test_grids_calibrate_a_camera_untold(drawn, request):
     assert abs(result.camera.fx - scene.camera.fx) < 4.0 * result.std["fx"]
     assert abs(result.camera.fx / scene.camera.fx - 1.0) < 0.005
     bound = simulate.cramer_rao_bound(scene, simulate.pixel_sigma(2.0, 175.0, 0.8))
-    # JPEG's errors come on top of the noise.
+    # JPEG's errors are added to the noise.
     assert result.std["fx"] < 2.5 * bound["fx"]
     assert not result.rejected
 
@@ -221,7 +221,7 @@ def test_lone_tags_and_pictures_of_nothing_are_no_grid():
 
 @pytest.mark.parametrize("gap", first_quick([0.2, 0.4]))
 def test_a_grid_of_usual_tags_with_white_gaps_is_no_aprilgrid(gap):
-    """Sampled as if their borders were wider, some of its tags come near to their codes as well."""
+    """Sampled with wider borders, some of its tags are close to AprilGrid codes as well."""
     book = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     side, cols, rows = 96, 5, 4
     pitch = round(side * (1.0 + gap))

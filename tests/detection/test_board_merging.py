@@ -1,4 +1,4 @@
-"""Pieces of boards: put together where they continue each other, completed where they are faint."""
+"""Pieces of boards: joined where they continue each other, completed where they are faint."""
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ CAMERA = simulate.TrueCamera(1100.0, 1100.0, 640.0, 480.0, [-0.25, 0.06, 0, 0, 0
 
 
 def board(turn, centre=(0.0, 0.0, 30.0)):
-    """A board of 10 x 8 crossings, turned about an axis aslant."""
+    """A board of 10 x 8 crossings, turned about an oblique axis."""
     rotation = cv2.Rodrigues(np.radians(turn) * np.array([0.6, 0.8, 0.0]))[0]
     return simulate.Target(rotation, np.array(centre), "chessboard", inner_corners=(10, 8))
 
@@ -34,7 +34,7 @@ def test_a_board_behind_an_arm_is_one_lattice():
 
 
 def test_faint_crossings_are_found_by_their_neighbours():
-    """A row whose contrast is a tenth has no saddles to find, but cells that alternate."""
+    """A row with a tenth of the contrast has no detectable saddles, but its cells alternate."""
     scene = simulate.Scene(CAMERA, (board(15.0),))
     picture = simulate.render(scene, np.random.default_rng(97), noise=0.5, shading=0.0)
     faded = scene.image_points(0, np.array([[-5.6, 3.1], [5.6, 3.1], [5.6, 4.0], [-5.6, 4.0]]))
@@ -50,7 +50,7 @@ def test_faint_crossings_are_found_by_their_neighbours():
 
 
 def two_boards(turn, corners, offset):
-    """Two boards of `corners` whose middles are `offset` cells apart, on one plane."""
+    """Two boards of `corners` with centres `offset` cells apart, on one plane."""
     rotation = cv2.Rodrigues(np.radians(turn) * np.array([0.6, 0.8, 0.0]))[0]
     way = rotation[:, :2] @ np.array(offset, dtype=float)
     targets = tuple(

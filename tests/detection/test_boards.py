@@ -1,4 +1,4 @@
-"""Chessboards are found without being told of them, and nothing else is taken for one."""
+"""Chessboards are found without options, and nothing else is taken for one."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ def test_of_boards_of_a_stated_size_all_are_found_also_in_part():
     boards = chessboards_among(found, 7, 5)
     assert [board.present.shape for board in boards] == [(5, 7)] * 2
     assert [board.present.shape for board in chessboards_among(found, 5, 7)] == [(7, 5)] * 2
-    # Of a board of 9 x 9, less than a half is seen.
+    # Less than half of a board of 9 x 9 is visible.
     assert [len(chessboards_among(found, *size)) for size in ((9, 6), (9, 9), (4, 4))] == [2, 0, 1]
 
 
@@ -74,7 +74,7 @@ def test_rendered_boards_are_found_whole(inner_corners, seed):
 
 
 def flat_board(along, down, cells, blur, rng):
-    """A board without perspective whose cells have these sides, on light ground, noisy."""
+    """A noisy board without perspective with given sides of its cells, on light ground."""
     ys, xs = np.mgrid[0:960, 0:1280].astype(np.float64)
     sides = np.linalg.inv(np.column_stack([along, down]))
     u, v = np.tensordot(sides, np.stack([xs - 640.0, ys - 480.0]), axes=1)
@@ -103,7 +103,7 @@ def test_small_slanted_cells_are_linked(along, down):
 
 @pytest.mark.parametrize("blur", [0.7, 2.0])
 def test_tiles_apart_from_each_other_are_no_board(blur):
-    """Blurred, they look like a chessboard on its corner."""
+    """When blurred, they look like a chessboard turned by 45 degrees."""
     ys, xs = np.mgrid[0:480, 0:640]
     for pitch, tile in ((14, 7), (18, 9), (30, 20), (40, 18)):
         inside = (xs % pitch < tile) & (ys % pitch < tile)
@@ -139,7 +139,7 @@ def test_boards_of_real_photographs():
 
 
 def room_corner(rng, cells=(7, 6)):
-    """Two boards that meet at a fold, their cells going on round it."""
+    """Two boards that meet at a fold, with their cells continuing across it."""
     camera = simulate.TrueCamera(1200.0, 1200.0, 640.0, 480.0, [-0.2, 0.03, 0, 0, 0])
     lean = cv2.Rodrigues(np.array([0.35, 0.0, rng.uniform(-0.2, 0.2)]))[0]
     columns, rows = cells
@@ -167,7 +167,7 @@ def test_boards_that_meet_at_a_fold_are_two_planes(columns, seed):
     for number, lattice in enumerate(lattices):
         truth = scene.image_points(number, scene.targets[number].board_corners())
         assert worst_gap(truth, lattice.crossings[lattice.present]) < 2.0
-        half = 0.5 * columns  # with the fold's own crossings, which belong to either
+        half = 0.5 * columns  # including the fold's own crossings, which belong to both boards
         rim = np.stack(
             np.meshgrid(np.arange(columns + 1) - half, np.arange(7) - 3.0), axis=-1
         ).reshape(-1, 2)
@@ -199,7 +199,7 @@ def test_faces_of_the_cube_with_markers_in_its_light_cells():
                 np.linalg.norm(corners[:, None] - lattice.crossings[lattice.present], axis=2)
                 for lattice in lattices
             ]
-            # The corners are some other finder's, and the markers disturb both.
+            # The corners are from another detector, and the markers disturb both.
             assert max(np.mean(gap.min(axis=1) < 1.5) for gap in gaps) > 0.85
 
 

@@ -1,4 +1,4 @@
-"""Damaged scenes are what they say, their squares are found, and the damage is named."""
+"""Damaged scenes have the stated damage, their squares are found, and the damage is named."""
 
 import re
 from functools import cache
@@ -39,7 +39,7 @@ def test_a_polygon_covers_its_area_and_a_spot_ends_where_it_says():
     triangle = np.array([[20.3, 10.1], [70.8, 30.2], [35.5, 60.9]])
     (a, b), (c, d) = triangle[1:] - triangle[0]
     mask = polygon_mask(triangle, (100, 80), 1.0)
-    # OpenCV fills the pixels that the outline touches: half of an eighth of a pixel all round.
+    # OpenCV fills the pixels that the outline touches: half of an eighth of a pixel on all sides.
     perimeter = np.linalg.norm(triangle - np.roll(triangle, 1, axis=0), axis=1).sum()
     area = 0.5 * abs(a * d - b * c)
     assert area < mask.sum() < area + perimeter / 8.0
@@ -146,6 +146,6 @@ def test_a_hidden_stretch_is_named_and_does_no_harm(kind):
     side = int(np.linalg.norm(sides - hidden, axis=1).argmin())
     named = rf"plane {plane}: (\d+) % of side {side}\b"
     parts = [int(match[1]) for text in result.warnings if (match := re.match(named, text))]
-    # What is left out holds what is hidden, and a stretch at either end.
+    # The omitted part includes the hidden part, and a stretch at either end.
     assert len(parts) >= 1
     assert 50.0 * damage.extent < parts[0] < 100.0 * damage.extent + 20.0

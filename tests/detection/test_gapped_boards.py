@@ -1,4 +1,4 @@
-"""Boards whose dark cells do not touch, or overlap, are found; tiles apart from each other not."""
+"""Boards whose dark cells do not touch, or overlap, are found; separate tiles are not."""
 
 import cv2
 import numpy as np
@@ -20,7 +20,8 @@ def test_boards_with_gaps_or_overlaps_are_found_whole(gap, cell):
     truth = scene.image_points(0, scene.targets[0].board_corners())
     assert np.count_nonzero(lattice.present) == len(truth)
     gaps = np.linalg.norm(truth[:, None] - lattice.crossings.reshape(-1, 2), axis=2)
-    # Amid a gap of 3 pixels the grey levels are nearly flat, and the edges alone tell the place.
+    # Inside a gap of 3 pixels the grey levels are nearly flat, and only the edges give the
+    # position.
     assert gaps.min(axis=1).max() < 1.5
 
 

@@ -20,8 +20,9 @@ from trisquare.simulate.render import render_into
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data"
 CORNER_TOLERANCE = 3.0
 SIDE_TOLERANCE = 1.6
-"""Pixels. The outlines are coarse by design, and a blur of linear light moves an edge by up to
-a pixel in the coded picture; what measures them searches wider than this."""
+"""Maximum distance of a side in pixels. The outlines are coarse by design, and a blur of linear
+light moves an edge by up to a pixel in the coded picture; edge localisation searches wider than
+this."""
 
 
 def photographs() -> list[Path]:
@@ -71,12 +72,12 @@ def check_outline(outline: Outline, truth: np.ndarray, places: int) -> None:
     assert np.array_equal(closed[:, 0], outline.corners)
     assert np.allclose(closed[:, -1], np.roll(outline.corners, -1, axis=0), atol=1e-3)
     for side, true_side in zip(outline.sides, truth, strict=True):
-        # Away from the corners: which side a point near a corner belongs to is not defined.
+        # Away from the corners: near a corner, the side of a point is not defined.
         assert distances_to(side[2:-2], true_side).max() < SIDE_TOLERANCE
 
 
 def check_found(found: list[SquareOutline], scene: Scene) -> None:
-    """Exactly the scene's targets, polarity, kind and numbering included."""
+    """Check for exactly the scene's targets, including polarity, kind and numbering."""
     assert len(found) == len(scene.targets)
     for index, target in enumerate(scene.targets):
         truths = true_outlines(scene, index)
@@ -101,7 +102,7 @@ def upright(x: float, y: float, width: float, height: float | None = None) -> np
 
 
 def photograph(picture: np.ndarray, seed: int = 0) -> np.ndarray:
-    """Blur and noise over an aliased drawing."""
+    """Add blur and noise to an aliased drawing."""
     noise = np.random.default_rng(seed).normal(0.0, 2.0, picture.shape)
     blurred = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 1.0)
     return np.clip(np.rint(blurred + noise), 0, 255).astype(np.uint8)
@@ -110,8 +111,8 @@ def photograph(picture: np.ndarray, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize(
     ("kind", "dark", "contrast", "seed"),
     [
-        # One draw of every other is quick, which has each kind with each ink and each contrast, in
-        # turn without, with some and with much clutter.
+        # The quick draws are one of every other case. They have each kind with each ink and each
+        # contrast, with no, some and much clutter in turn.
         pytest.param(
             *case,
             seed,
@@ -202,7 +203,7 @@ def test_other_shapes_are_no_squares(name):
     elif name == "cut":
         draw(picture, upright(-40, 150, 180), 40)
     found = find_squares(photograph(picture))
-    # A marker's single bits are squares, small ones; the marker itself is none.
+    # Single bits of a marker are small squares; the marker itself is not found.
     sides = [np.linalg.norm(square.outer.corners[1] - square.outer.corners[0]) for square in found]
     assert [side for side in sides if side > 40.0] == []
     assert name == "bits" or found == []
@@ -211,7 +212,7 @@ def test_other_shapes_are_no_squares(name):
 def test_a_square_on_a_sheet_is_solid():
     picture = np.full((480, 640), 90, np.uint8)
     draw(picture, upright(180, 100, 260), 220)
-    draw(picture, upright(240, 160, 140), 30)  # concentric, but the desk is no ink
+    draw(picture, upright(240, 160, 140), 30)  # concentric, but the desk is not printed
     (square,) = find_squares(photograph(picture))
     assert square.inner is None
     assert square.outer.dark_inside

@@ -1,4 +1,4 @@
-"""Outlines drawn by hand: the edges are measured wherever a coarse outline says they are."""
+"""Outlines drawn by hand: the edges are measured near a coarse outline."""
 
 import json
 import re
@@ -28,12 +28,12 @@ HEIGHT, WIDTH = PHOTO.shape
 
 @cache
 def searched():
-    """What a search finds in the photograph."""
+    """The result of a search in the photograph."""
     return ts.calibrate(PHOTO)
 
 
 def drawn(scene, seed=0, off=5.0):
-    """Corners of all outlines of each target, each corner within so many pixels of its place."""
+    """Corners of all outlines of each target, each displaced by up to `off` pixels."""
     rng = np.random.default_rng([seed, 7])
     targets = []
     for number, target in enumerate(scene.targets):
@@ -67,7 +67,7 @@ def labelme_file(targets, name="photo.png", size=(WIDTH, HEIGHT)):
 
 
 def assert_same(result, reference, sigmas=0.1, of_std=0.05):
-    """Both found the same edges: they differ by far less than the pixels' noise allows."""
+    """Check that both used the same edges: they differ by far less than by the pixels' noise."""
     assert len(result.planes) == len(reference.planes)
     for name in ("fx", "fy", "cx", "cy"):
         gap = getattr(result.camera, name) - getattr(reference.camera, name)
@@ -139,7 +139,7 @@ def test_a_side_that_the_lens_bends_is_found_from_its_corners_alone():
     )
     scene = squares(33, camera=camera)
     photo = simulate.render(scene, np.random.default_rng(3), noise=2.0, tone="srgb")
-    # With the tone told: how well a curve fits depends on which of the pixels are asked.
+    # With a stated tone curve, because its fit depends on the pixels that are used.
     result = ts.calibrate(photo, outlines=own_file(drawn(scene)), tone="srgb")
     assert_same(result, ts.calibrate(photo, tone="srgb"))
 
@@ -155,7 +155,7 @@ def test_an_outline_without_an_edge_is_named_and_left_out():
     assert any(rejected.reason in warning for warning in result.warnings)
     with pytest.raises(ts.DetectionError, match=r"squares\[0\].corners") as failed:
         ts.calibrate(PHOTO, outlines=own_file([nowhere]))
-    # Told once, and what a search would have passed over is not.
+    # Reported once, without the candidates that a search would have rejected.
     (reason,) = [candidate.reason for candidate in failed.value.rejected]
     assert str(failed.value).count(reason) == 1
     with pytest.raises(ts.DetectionError, match=r"outlines\[0\]"):
@@ -170,7 +170,7 @@ def test_nothing_else_is_searched():
 @pytest.mark.slow
 @pytest.mark.parametrize("targets", first_quick(["a4", "rectangle"]))
 def test_outlines_are_of_the_rectangles_that_are_sought(targets):
-    """Taken for squares, these sheets would give a focal length that is off by a third."""
+    """As squares, these sheets would give a focal length that is off by a third."""
     rng = np.random.default_rng(2)
     scene = simulate.random_scene(rng, image_size=SIZE, aspect=2.0**0.5)
     picture = simulate.render(scene, rng)
@@ -192,7 +192,7 @@ def test_a_frame_is_no_sheet_of_paper():
 
 @pytest.mark.parametrize("targets", ["chessboard:9x6", "charuco:10x10:0.75"])
 def test_outlines_of_boards_are_refused(targets):
-    """A board is no square: what is drawn round it would give a wrong camera."""
+    """A board is no square: an outline around it would give a wrong camera."""
     with pytest.raises(ValueError, match="names a board"):
         ts.calibrate(PHOTO, targets=targets, outlines=own_file(drawn(SCENE)))
     with pytest.raises(ValueError, match="names a board"):
@@ -366,7 +366,7 @@ def area_of(corners):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_corners_of_a_polygon_enclose_the_largest_area(seed):
-    """By trying all fours of its points."""
+    """Compared with all sets of four of its points."""
     rng = np.random.default_rng(seed)
     square = np.array([[10, 10], [90, 12], [88, 95], [8, 90], [10, 10]]) + rng.normal(0, 4, (5, 2))
     square[4] = square[0]
@@ -411,7 +411,7 @@ def test_shapes_of_a_group_are_one_frame_in_any_order():
 
 @pytest.mark.parametrize("place", ["corners", "polygon", "sides"])
 def test_a_long_string_among_numbers_takes_no_memory(place):
-    """NumPy would give each number as much of it as the longest string has."""
+    """NumPy would allocate the length of the longest string for each number."""
     points = [[number, "x" * 100_000 if number == 7 else 1] for number in range(500)]
     square = {place: 4 * [points] if place == "sides" else points}
     members = {"format": "trisquare-outlines/1", "squares": [square]}

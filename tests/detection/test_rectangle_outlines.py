@@ -10,11 +10,11 @@ from trisquare.detection.squares.rectangle_shape import RectangleShape
 A4 = RectangleShape(2.0**0.5)
 SHEET = np.array([[60, 80], [330, 60], [350, 260], [50, 250]], np.float64)
 TOLERANCE = 2.0
-"""Pixels."""
+"""Maximum distance of the corners in pixels."""
 
 
 def sheet(*things):
-    """A sheet on a darker ground, right on some things: `(centre, radius, level)` or a line."""
+    """A sheet on a darker ground, on top of some things: `(centre, radius, level)` or a line."""
     picture = np.full((320, 420), 90, np.uint8)
     for where, size, level in things:
         if np.ndim(size) == 0:
@@ -26,7 +26,7 @@ def sheet(*things):
 
 
 def distance_from_sheet(found):
-    """How far the corners are from the sheet's at most, in whichever order they are, pixels."""
+    """The largest distance of the corners from the sheet's, in any order, in pixels."""
     corners = found.outer.corners
     return min(np.abs(np.roll(corners, k, axis=0) - SHEET).max() for k in range(4))
 

@@ -1,4 +1,4 @@
-"""How large squares must be, by the picture's size: what the error says, and what is found."""
+"""Minimum size of squares for a picture's size: as the error states it, and as found."""
 
 import re
 
@@ -12,7 +12,7 @@ SIZES = [800, 1600, 2100]
 
 
 def picture(size, width, *, is_plain=False):
-    """Three dark squares on plain ground, or beside something as dark."""
+    """Three dark squares on plain ground, or beside something equally dark."""
     pixels = np.full((size, size), 220, np.uint8)
     for turn, middle in enumerate(((0.3, 0.3), (0.7, 0.35), (0.5, 0.7))):
         angles = 0.4 + turn + np.arange(4) * np.pi / 2.0
@@ -27,7 +27,7 @@ def picture(size, width, *, is_plain=False):
 
 
 def widths_said(size):
-    """What the error says: of any square, and of each of three that alone are dark."""
+    """The widths stated by the error: of any square, and of three that alone are dark."""
     with pytest.raises(ts.DetectionError) as error:
         ts.detect(np.full((size, size), 128, np.uint8), targets="squares")
     said = re.fullmatch(

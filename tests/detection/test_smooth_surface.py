@@ -1,4 +1,4 @@
-"""A cubic that follows a bent sheet, whatever a few of its points say."""
+"""A cubic surface fitted to a bent sheet, robust against a few wrong points."""
 
 from __future__ import annotations
 

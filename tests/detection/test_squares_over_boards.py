@@ -1,4 +1,4 @@
-"""Squares before a chessboard are found; the board's own cells and its sheet are no squares."""
+"""Squares in front of a chessboard are found, but not the board's own cells and its sheet."""
 
 from functools import cache
 
@@ -14,7 +14,7 @@ from trisquare.simulate.render import render_into
 SIZE = (1280, 960)
 INNER_CORNERS = (9, 6)
 
-# The mean of a tilted square's corners is some pixels from where its middle is seen.
+# The mean of a tilted square's corners is some pixels from the image of its centre.
 NEAR = 30.0
 
 

@@ -1,4 +1,4 @@
-"""Tags, found by their codes, and sheets of markers whose layout is known."""
+"""Tags, found by their codes, and sheets of markers with a known layout."""
 
 import json
 import pickle
@@ -55,19 +55,19 @@ def test_tags_are_found_with_their_numbers_and_corners(tagged):
     for target, number in zip(scene.targets, numbers, strict=True):
         unit = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
         corners = scene.camera.project(target.to_camera(unit))
-        # The first corner is the top left one of the code, however the tag lies.
+        # The first corner is the top left one of the code, however the tag is turned.
         assert np.abs(found[number].outer.corners - corners).max() < 1.5
 
 
 @pytest.mark.parametrize("name", first_quick(["6X6_250", "4X4_50", "APRILTAG_36H11"]))
 def test_tags_far_away_are_read(name):
-    """Their sides are 8 to 20 pixels of the halved picture: too short to be fitted there."""
+    """Their sides are 8 to 20 pixels of the halved picture: too short for a fit there."""
     rng = np.random.default_rng([24, len(name)])
     scene, numbers = tag_scene(rng, name, sides=(28.0, 45.0))
     picture = simulate.render(scene, rng, noise=2.5, blur=0.8, jpeg_quality=85)
     found = tags_in(picture)
     assert sorted(outline.tag.number for outline in found if outline.tag) == sorted(numbers)
-    # Neither their sheets nor cells of theirs are taken for squares.
+    # Neither their sheets nor their cells are taken for squares.
     assert len(found) == len(numbers)
 
 
@@ -96,7 +96,7 @@ def test_the_family_that_was_asked_for_is_the_one_found(tagged):
     assert len(tags_in(picture, "aruco")) == len(tags_in(picture, "tags:6x6_250")) == 3
     assert tags_in(picture, "apriltag") == []
     assert tags_in(picture, "tags:36h11") == []
-    # The first hundred codes of a dictionary are those of its shorter edition.
+    # The first hundred codes of a dictionary are those of its shorter version.
     few = [outline.tag.number for outline in tags_in(picture, "tags:6X6_100")]
     assert sorted(few) == sorted(number for number in numbers if number < 100)
 
@@ -122,7 +122,7 @@ def test_codes_are_opencv_s(name):
 
 
 def test_many_quads_are_read_with_little_memory():
-    """A window front has thousands of them: 3,000 took 300 MB, and take 40."""
+    """A window front has thousands of them: 3,000 used to take 300 MB, and now take 40."""
     grey = np.full((400, 400), 230, np.uint8)
     grey[100:300, 100:300] = np.random.default_rng(3).integers(0, 60, (200, 200))
     corners = np.tile(
@@ -180,7 +180,7 @@ def test_a_charuco_box_calibrates_a_camera(box):
 
 
 def test_the_layout_of_a_sheet_under_a_tone_curve_costs_nothing():
-    """Its markers were moved by what the tone curve does to the grid's lines, which is less."""
+    """Its markers used to be moved by the tone curve's smaller shift of the grid lines."""
     rng = np.random.default_rng(1)
     scene = charuco_box_scene(rng, squares=5, name="4X4_1000")
     picture = simulate.render(scene, rng, tone="srgb", noise=1.0)
@@ -196,7 +196,7 @@ def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
     for plane in range(3):
         figures = [figure for figure in edges if figure.plane == plane]
         grid, *markers = [len(figure.lines) for figure in figures]
-        # Markers are measured where they stand clear of the grid lines.
+        # Markers are measured where they are clear of the grid lines.
         assert grid == 6
         assert set(markers) <= {4}
         assert len(markers) <= 8
@@ -204,7 +204,7 @@ def test_boards_of_a_layout_are_told_apart_by_their_numbers(box):
 
 
 def test_the_white_round_markers_is_measured(box):
-    """In cells of 25 pixels and more, to a few hundredths of a pixel; nothing in a plain board."""
+    """In cells of 25 pixels and more, to a few hundredths of a pixel; none in a plain board."""
     scene, picture = box
     plain = [replace(target, codes=np.zeros((0, 1, 1), bool)) for target in scene.targets]
     empty = simulate.render(replace(scene, targets=tuple(plain)), np.random.default_rng(1))
@@ -229,7 +229,7 @@ def test_a_tag_s_edges_say_how_wide_its_border_is(tagged):
 
 
 def test_markers_of_known_places_bear_witness_together():
-    """Their common plane is far more certain than one small marker's, whichever comes first."""
+    """Their common plane is far more certain than that of one small marker, in any order."""
     rng = np.random.default_rng(6)
     box = charuco_box_scene(rng, squares=4, name="4X4_1000")
     arrangement = parse_layout("aruco:3x3:0.4").sheets[0].arrangements[0]
@@ -255,7 +255,7 @@ def test_markers_of_known_places_bear_witness_together():
 
 
 def misfit(figures):
-    """Root mean square distance of a plane's samples from its lines, seen without distortion."""
+    """Root mean square distance of a plane's samples from its lines, without distortion."""
     lines = np.concatenate([figure.lines for figure in figures])
     points = [side for figure in figures for side in figure.points]
     ends = [(side[0], side[-1]) for side in points]
@@ -328,7 +328,7 @@ def test_grids_of_markers_lie_on_one_plane(targets, drawn):
 
 @pytest.mark.parametrize("tone", ["srgb", 1.6, "auto"])
 def test_a_wrong_tone_or_ink_that_spreads_does_not_bend_a_sheet(tone):
-    """The picture is linear; as sRGB its markers' edges are half a pixel off, all alike."""
+    """The picture is linear; taken as sRGB, all its markers' edges are half a pixel off."""
     picture = grid_picture(4, 3, gap=0.25, name="5X5_100")
     edges = ts.detect(picture, targets="aruco:4x3:0.25:5X5_100", tone=tone)
     assert misfit(edges) < 0.05
@@ -349,7 +349,7 @@ def test_a_layout_may_come_from_a_file(tmp_path):
     edges = ts.detect(picture, targets=str(path), tone="linear")
     assert len(edges) == 4
     assert misfit(edges) < 0.05
-    # Two sheets, one of which is not as it should be: the other is still used.
+    # Two sheets, one of them faulty: the other is still used.
     wrong = {"2": markers["2"], "3": (square + np.array([140, 60])).tolist()}
     left = {number: markers[number] for number in "01"}
     sheets = [{"name": "a", "markers": left}, {"name": "b", "markers": wrong}]

@@ -1,4 +1,4 @@
-"""Boards and tags on pictures of fisheye lenses, to whose rim sides bend by a tenth."""
+"""Boards and tags in pictures of fisheye lenses; near the border their sides bend by a tenth."""
 
 from __future__ import annotations
 

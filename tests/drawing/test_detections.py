@@ -1,4 +1,4 @@
-"""What is told when a calibration fails or is asked: what was found, where, and what was not."""
+"""Detections of a failed or requested search: found targets, their places, and the rejected."""
 
 import io
 import pickle
@@ -32,7 +32,7 @@ def photograph(scene, seed=72, **settings):
 
 
 def seen_at(pixel, side, rotation=TURNED, printed=None):
-    """A square, or what is printed instead, whose middle is seen at a pixel."""
+    """A square, or the shape `printed`, with its centre seen at a pixel."""
     centre = np.append(CAMERA.undistort(np.array([pixel], float))[0], 1.0) * CAMERA.fx / side
     return simulate.Target(rotation, centre, printed=printed)
 
@@ -44,7 +44,7 @@ def failure(picture, **options):
 
 
 def assert_at(place, corners, pixels=3.0):
-    """Whether a place's corners are those expected, wherever their numbering begins."""
+    """Check a place's corners, starting from any of them."""
     gaps = [np.abs(np.roll(place.corners, k, axis=0) - corners).max() for k in range(4)]
     assert min(gaps) < pixels, (place, corners)
 
@@ -105,7 +105,7 @@ def test_edges_without_a_picture_keep_the_plain_error():
     assert (caught.value.found, caught.value.rejected) == ((), ())
 
 
-# What the search passes over, and why.
+# Candidates that the search rejects, and the reasons.
 
 
 def reasons(scene, **settings):
@@ -176,7 +176,7 @@ def test_noise_is_explained_without_harm(shape):
 
 
 def test_a_board_measured_in_one_direction_is_no_plane():
-    """It would leave its homography open, and with it the whole calibration."""
+    """It would leave its homography undetermined, and with it the whole calibration."""
     y, x = np.mgrid[100:260:40, 100:260:40].astype(float)
     lattice = Lattice(np.stack([x, y], axis=2), np.ones((4, 4), bool))
     found = Board.of(lattice, np.zeros((400, 400), np.uint8))
@@ -213,7 +213,7 @@ def test_accepted_and_rejected_are_drawn_in_their_colours_where_they_are():
             for share in (0.25, 0.5, 0.75):
                 x, y = np.rint(start + share * (end - start)).astype(int)
                 assert has_colour[y - 2 : y + 3, x - 2 : x + 3].any()
-    # The label of what was found is short, the reason of what was not is long.
+    # The label of a found target is short, the reason of a rejected one is long.
     inside = pixels_of(REJECTED_COLOUR, drawn)[510:890, 710:1090]
     assert inside.sum() > 200
 
@@ -255,7 +255,7 @@ def test_any_picture_can_be_drawn_on(dtype, shape, scale):
 
 
 def test_labels_keep_off_each_other():
-    """Nine labels of two lines: room enough, and never one upon the other."""
+    """There is enough room for nine labels of two lines without overlap."""
     blank = np.full((800, 1200), 128, np.uint8)
     refused = [
         replace(REFUSED, corners=square_around(x, y, 40))

@@ -1,4 +1,4 @@
-"""The overlay: true distances of samples from the model, drawn where they belong."""
+"""The overlay: true distances of samples from the model, drawn in the right places."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ FRAMES = simulate.random_scene(np.random.default_rng(22), kind="frame")
 
 
 def residual_pixels(picture):
-    """How many pixels have the residuals' colour, but for the smoothing of their borders."""
+    """The number of pixels with the residuals' colour, without their antialiased borders."""
     return (np.abs(picture.astype(int) - RESIDUAL_COLOUR) < 60).all(axis=2).sum()
 
 
@@ -27,7 +27,7 @@ def calibrated(scene, noise=0.0, spacing=4.0):
 
 
 def of_pictures(photo, calibration):
-    """The same calibration, said to be of pictures of a photo's size."""
+    """The same calibration, with the size of a photograph's picture."""
     camera = replace(calibration.camera, image_size=photo.shape[1::-1])
     return replace(calibration, camera=camera)
 
@@ -62,7 +62,7 @@ def test_a_residual_leads_from_the_model_to_its_sample():
         normal, rays = plane.rotation[:, 2], result.camera.unproject(feet)
         depths = (normal @ plane.translation) / (rays @ normal)
         x, y, _ = plane.rotation.T @ (rays * depths[:, None] - plane.translation).T
-        # Of a side of some 350 px: a hundredth of a pixel, where the samples are half of one off.
+        # With sides of some 350 px: a hundredth of a pixel, where the samples are half a pixel off.
         np.testing.assert_allclose(line[0] * x + line[1] * y + line[2], 0.0, atol=3e-5)
 
 
@@ -84,7 +84,7 @@ def test_what_is_drawn_lies_at_the_squares():
     plain, full = (draw_overlay(photo, result) for result in (without, calibration))
     assert full.dtype == np.uint8
     assert full.shape == (*photo.shape[:2], 3)
-    # Smoothed red comes near.
+    # Antialiased red is similar.
     assert residual_pixels(plain) < 50
     assert residual_pixels(full) > 1000
     changed = (plain != full).any(axis=2)
@@ -132,7 +132,7 @@ def test_the_exaggeration_lengthens_the_residuals(exaggeration):
         draw_overlay(photo, calibration, exaggeration=factor)
         for factor in (exaggeration, 4 * exaggeration)
     ]
-    # The rest is the legend, the same in both.
+    # The other pixels are the legend, which is the same in both.
     assert residual_pixels(drawn[1]) > residual_pixels(drawn[0]) + 100
 
 

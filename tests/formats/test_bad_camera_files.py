@@ -28,7 +28,7 @@ SIMPLE = Camera(
 
 @pytest.fixture(scope="module")
 def texts(tmp_path_factory):
-    """The camera in every format."""
+    """The camera in every format, as text."""
     folder = tmp_path_factory.mktemp("whole")
     for name, known in FILES.items():
         (SIMPLE if known in PANORAMA else CAMERA).save(folder / name, known)
@@ -36,12 +36,12 @@ def texts(tmp_path_factory):
 
 
 def size_for(path):
-    """What the caller must say of a file's pictures, where the file does not."""
+    """The size of a file's pictures that the caller must state, if the file does not."""
     return SIMPLE.image_size if path.name == "lensfun.xml" else None
 
 
 def refusal(path, **options):
-    """What is said about a file, which must begin with its name."""
+    """Return the error message about a file, which must begin with its name."""
     with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as info:
         Camera.load(path, **{"image_size": size_for(path), **options})
     return str(info.value)
@@ -53,7 +53,7 @@ def load_text(folder, name, text, **options):
     return refusal(path, **options)
 
 
-# The key that is missing, or of the wrong type.
+# A missing key, or one of the wrong type.
 @pytest.mark.parametrize(
     ("name", "written", "instead", "said"),
     [
@@ -145,7 +145,7 @@ def test_the_message_names_what_is_wrong(tmp_path, texts, name, written, instead
     text = texts[name].replace(written, instead, 1)
     if said:
         assert said in load_text(tmp_path, name, text, format=FILES[name])
-    else:  # not needed, or harmless
+    else:  # not required, or harmless
         (tmp_path / name).write_text(text)
         camera = Camera.load(tmp_path / name, image_size=size_for(tmp_path / name))
         assert camera.fx == pytest.approx(1000.5, rel=1e-15)
@@ -153,7 +153,7 @@ def test_the_message_names_what_is_wrong(tmp_path, texts, name, written, instead
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
-    """Text formats have no end mark: what is cut may still say all, but never something else."""
+    """Text formats have no end mark: a cut file may be complete, but must not give other values."""
     text, path = texts[name], tmp_path / name
     for length in range(0, len(text), 7):
         path.write_text(text[:length])
@@ -162,7 +162,7 @@ def test_a_truncated_file_is_refused_or_whole(tmp_path, texts, name):
         except ValueError:
             continue
         assert camera.image_size[0] == 1280
-        if FILES[name] not in PANORAMA:  # whose numbers may be cut within
+        if FILES[name] not in PANORAMA:  # whose numbers may be cut
             assert (camera.fx, camera.fy) == (1000.5, 1001.5)
 
 
@@ -208,7 +208,7 @@ BOMBS = {
     "object.yaml": "camera_matrix: !!python/object/apply:os.system ['true']\ndistortion_model: a\n",
     "no-integer.yaml": "camera_matrix: !!int\ndistortion_model: !!timestamp 2026-99-99\n",
     "digits.json": '{"format": "trisquare-camera/1", "image_size": [' + "9" * 5000 + "]}",
-    # Of these a reader that tries each place anew makes minutes.
+    # A reader that restarts at each position would take minutes for these.
     "digits.cameramodel": "{'lensmodel': " + "1" * 10 * DEEP + "}",
     "lines.txt": "\n" * 3 * DEEP,
     "lenses.xml": "<lensdatabase>" + "<lens>" * DEEP + "</lens>" * DEEP + "</lensdatabase>",
@@ -246,7 +246,7 @@ LONG = {
         "a: [" + "!!str 1," * (MB // 8) + "1]",
     ),
 }
-"""Texts of a megabyte that took the reader from seconds to minutes, and what is said of them."""
+"""Texts of a megabyte that used to take the reader seconds to minutes, by error message."""
 
 
 @pytest.mark.parametrize(

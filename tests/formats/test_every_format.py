@@ -1,4 +1,4 @@
-"""What holds of the files of every format."""
+"""Common properties of the files of every format."""
 
 import cv2
 import numpy as np
@@ -23,9 +23,10 @@ def test_what_is_written_is_read_back(tmp_path, name, model):
         size = SIZE if FILES[name] == "lensfun" else None
         read = load_camera(saved(camera, tmp_path / name), image_size=size)
         assert (read.format, read.approximation) == (FILES[name], None)
-        # Moving the origin of a principal point by half a pixel may round its last digit.
+        # Moving the origin of a principal point by half a pixel may change its last digit by
+        # rounding.
         shifted = FILES[name] in ("colmap", "nerfstudio")
-        if FILES[name] in PANORAMA:  # whose numbers are others, of which ours are computed
+        if FILES[name] in PANORAMA:  # which store other numbers, from which ours are computed
             assert_same(read.camera, camera, tolerance=1e-12, distortion_tolerance=1e-15)
         else:
             assert_same(read.camera, camera, tolerance=2.3e-13 if shifted else 0.0)
@@ -110,7 +111,7 @@ def test_lenses_beyond_brown_s_come_back_exactly(tmp_path, model, distortion, na
         np.testing.assert_array_equal(loaded.distortion, camera.distortion)
     with pytest.raises(ts.LensModelError, match="cannot hold this camera"):
         camera.save(tmp_path / "camchain.yaml")
-    # OpenCV has no skew: the nearest of its lenses that can be fitted is named.
+    # OpenCV has no skew: the nearest of its lens models that can be fitted is named.
     skewed = Camera([[900.5, 1.5, 641.25], [0, 901, 480], [0, 0, 1]], distortion, SIZE, model)
     with pytest.raises(
         ts.LensModelError, match=r"skew 1\.5 px\); the nearest that it can is brown"

@@ -34,7 +34,7 @@ METASHAPE_CAMERA = {
 
 
 def projected_by_metashape(points, projection, **numbers):
-    """Pixels as "Camera models" of its manual has them, (0, 0) the corner of the first one."""
+    """Pixels by "Camera models" of its manual; (0, 0) is the corner of the first one."""
     v = dict.fromkeys(("k1", "k2", "k3", "k4", "p1", "p2"), 0.0) | METASHAPE_CAMERA | numbers
     x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
     if projection == "fisheye":
@@ -68,7 +68,7 @@ def test_metashape_s_cameras_are_what_its_manual_says(tmp_path, projection, mode
     points = np.array([[0.3, 0.2, 1.0], [-0.5, 0.1, 1.0], [0.6, -0.3, 1.0]])
     theirs = projected_by_metashape(points, projection, **further)
     np.testing.assert_allclose(camera.project(points) + 0.5, theirs, atol=1e-9)
-    # It writes what it has read: the principal point may lose a last digit on the way.
+    # The written camera is the one that was read, up to the last digit of the principal point.
     again = Camera.load(saved(camera, tmp_path / "metashape.xml"))
     assert_same(again, camera, tolerance=2.3e-13)
     assert again.model == camera.model

@@ -1,4 +1,4 @@
-"""Lenses that a camera or a format cannot hold, and the nearest that it can."""
+"""Lenses that a camera or a format cannot represent, and the nearest that it can."""
 
 import pickle
 
@@ -32,7 +32,7 @@ def test_a_lens_that_a_camera_cannot_be_is_refused_with_the_nearest(tmp_path):
     assert_same(error.nearest, loaded.camera)
     assert (loaded.approximation.rms, loaded.approximation.worst) == (error.rms, error.worst)
     assert f"{error.rms:.3g} px rms, {error.worst:.3g} px" in str(error)
-    # What is said of the error is what OpenCV finds.
+    # The stated error agrees with that computed by OpenCV.
     points = np.column_stack(
         [np.random.default_rng(1).uniform(-0.6, 0.6, (4000, 2)), np.ones(4000)]
     )
@@ -50,7 +50,7 @@ def test_the_nearest_lens_is_the_least_squares_one(tmp_path):
     pixels = pixel_grid(camera)
     family = Family("radtan", ("k1", "k2", "p1", "p2"))
     found = nearest(camera, family)
-    # On the grid that the fit is over, spaced like a fortieth of the width.
+    # On the grid of the fit, with a spacing of a fortieth of the width.
     x, y = np.linspace(0, 1279, 41), np.linspace(0, 959, 31)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rays = camera.unproject(pixels)
@@ -70,7 +70,7 @@ def test_the_nearest_lens_is_the_least_squares_one(tmp_path):
 
 
 def test_where_the_lens_itself_has_no_direction_nothing_is_fitted(tmp_path):
-    # Invertible up to 0.816, where it shows 0.544: 544 of the 800 px to the corner.
+    # Invertible up to a radius of 0.816, which is seen at 0.544: 544 of the 800 px to the corner.
     K = np.array([[1000.0, 0, 639.5], [0, 1000, 479.5], [0, 0, 1]])
     folded = Camera(K, [-0.5, 0, 0, 0, 1e-9], SIZE, "radial3")
     with pytest.raises(ts.LensModelError, match=r"of the \d\d % of the picture that have") as info:
@@ -94,7 +94,7 @@ def test_a_camera_that_kalibr_cannot_hold_is_written_only_if_asked(tmp_path):
         read.project(camera.unproject(pixel_grid(camera))) - pixel_grid(camera), axis=1
     )
     assert off.max() == pytest.approx(approximation.worst, rel=0.05)
-    # Leaving k3 out and the rest alone is worse.
+    # Only omitting k3 is worse.
     cut = Camera(camera.K, camera.distortion * [1, 1, 1, 1, 0], SIZE, "brown")
     cut_off = np.linalg.norm(
         cut.project(camera.unproject(pixel_grid(camera))) - pixel_grid(camera), axis=1

@@ -32,18 +32,18 @@ def test_nerfstudio_files_of_others(tmp_path):
     camera = Camera.load(path)
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (700, 700, 400, 299.5)
     assert (camera.distortion[0], camera.model) == (-0.1, "radial1")
-    # instant-ngp gives the angle of view.
+    # instant-ngp states the angle of view.
     path.write_text(json.dumps({"w": 800, "h": 600, "camera_angle_x": 2 * np.arctan(0.5)}))
     camera = Camera.load(path)
     assert camera.fx == pytest.approx(800)
     assert (camera.cx, camera.cy) == (399.5, 299.5)
-    # And the vertical one, and null for what it does not know.
+    # It may also state the vertical one, and null for what it does not know.
     angles = {"camera_angle_x": 1.2, "camera_angle_y": 0.6, "k3": None}
     path.write_text(json.dumps({"w": 1280, "h": 960, **angles}))
     camera = Camera.load(path)
     expected = (640 / np.tan(0.6), 480 / np.tan(0.3))
     np.testing.assert_allclose((camera.fx, camera.fy), expected)
-    # Of a fisheye instant-ngp says that it is one, without a name of the model.
+    # instant-ngp marks a fisheye without naming a model.
     fisheye = {**shared, "k1": -0.02, "k2": 0.003, "is_fisheye": True}
     path.write_text(json.dumps(fisheye))
     camera = Camera.load(path)
@@ -53,13 +53,14 @@ def test_nerfstudio_files_of_others(tmp_path):
     path.write_text(json.dumps({**fisheye, "is_fisheye": 1}))
     with pytest.raises(ValueError, match='"is_fisheye" must be true or false'):
         Camera.load(path)
-    # Intrinsics of each frame, the size of all of them.
+    # Intrinsics for each frame, and one size for all frames.
     frames = [{"file_path": name, "fl_x": fl_x} for name, fl_x in (("a.png", 500), ("b.png", 600))]
     path.write_text(json.dumps({"w": 800, "h": 600, "frames": frames}))
     with pytest.raises(ValueError, match=r"2 cameras, a\.png, b\.png"):
         Camera.load(path)
     assert Camera.load(path, name="b.png").fx == 600
-    # No model of trisquare has a coefficient of r^8: the nearest, against a computation by hand.
+    # No model of trisquare has a coefficient of r^8: compare the nearest with a computation by
+    # hand.
     path.write_text(json.dumps({**shared, "k4": 0.05}))
     with pytest.raises(ts.LensModelError, match="with k4") as info:
         Camera.load(path)

@@ -1,4 +1,4 @@
-"""Cameras in files that are open already."""
+"""Cameras in files that are already open."""
 
 import io
 import tempfile

@@ -73,7 +73,7 @@ def test_higher_coefficients_of_opencv_that_vanish_are_no_loss(tmp_path, length)
 @pytest.mark.parametrize("suffix", [".json", ".yaml"])
 @pytest.mark.parametrize("is_flat", [False, True])
 def test_opencvs_matrices_may_be_lists(tmp_path, suffix, is_flat):
-    """As scripts dump arrays, without FileStorage."""
+    """As written by scripts that dump arrays, without FileStorage."""
     K, distortion = [[900.0, 0, 640], [0, 901, 480], [0, 0, 1]], [-0.28, 0.1, 0.001, 0.002, 0.01]
     matrices = (np.ravel(K).tolist(), distortion) if is_flat else (K, [distortion])
     members = dict(zip(("mtx", "dist"), matrices, strict=True))

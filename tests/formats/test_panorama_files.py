@@ -1,4 +1,4 @@
-"""Lenses of Hugin and lensfun, used by both themselves."""
+"""Lenses of Hugin and lensfun, compared with both programs."""
 
 import re
 import shutil
@@ -13,7 +13,7 @@ from trisquare import Camera
 
 
 def seen_by_hugin(path, pixels):
-    """The ideal normalised points at pixels: of the flat panorama that Hugin itself makes."""
+    """The ideal normalised points at pixels, from the flat panorama made by Hugin."""
     width, height, view = re.search(r"^p f0 w(\d+) h(\d+) v(\d+)", path.read_text(), re.M).groups()
     answer = subprocess.run(
         ["pano_trafo", path, "0"],
@@ -37,7 +37,7 @@ def test_hugin_itself_sees_the_same(tmp_path, size):
         camera.save(path)
         pixels = pixel_grid(camera)
         ideal = np.c_[seen_by_hugin(path, pixels), np.ones(len(pixels))]
-        # Its inverse is iterated, and ends at some thousandth of a pixel.
+        # Its inverse is iterated, to some thousandth of a pixel.
         assert np.abs(camera.project(ideal) - pixels).max() < 5e-3
     camera = Camera(camera.K, [-0.1, 0.03, 0, 0, 0], size)
     approximation = camera.save(path, approximate=True)
@@ -77,14 +77,14 @@ def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
         info.value.nearest.project(np.c_[ideal, np.ones(3000)])[inside] - seen[inside], axis=1
     )
     assert 0.6 * info.value.worst < off.max() < 1.02 * info.value.worst < 1
-    # Without a and c it is k1, exactly.
+    # Without a and c, the model is k1, exactly.
     path.write_text(path.read_text().replace(f"a{a}", "a0").replace(f"c{c}", "c0"))
     camera = Camera.load(path)
     assert camera.model == "radial1"
     stretch = b * radius**2 + 1 - b
     seen = ideal * pinhole * stretch[:, None] + [499.5 + 5, 399.5 - 3]
     np.testing.assert_allclose(camera.project(np.c_[ideal, np.ones(3000)]), seen, atol=1e-10)
-    # Lenses that differ must be chosen from.
+    # One of several different lenses must be chosen by name.
     path.write_text(path.read_text().replace("v=0", "v40"))
     with pytest.raises(ValueError, match="2 cameras, 0, 1"):
         Camera.load(path)
@@ -92,7 +92,7 @@ def test_hugins_polynomial_is_the_one_of_its_documentation(tmp_path):
 
 
 def test_lensfuns_lenses_of_one_name_are_told_apart(tmp_path):
-    """A database lists a lens once for each size of sensor it is used with."""
+    """A database lists a lens once for each sensor size."""
     lens = (
         "<lens><maker>Canon</maker><model>EF 50mm</model><cropfactor>{}</cropfactor><calibration>"
         '<distortion model="poly3" focal="50" k1="-0.01"/></calibration></lens>'
@@ -127,13 +127,13 @@ def test_lensfun_itself_sees_the_same(tmp_path, size, distortion):
     modifier.initialize(lens.min_focal, 8.0, 1000.0, scale=1.0, flags=distortion_only)
     seen = modifier.apply_geometry_distortion().reshape(-1, 2)
     flat = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
-    # Its undistorted picture is a pinhole's of the focal length that the file says.
+    # Its undistorted picture is that of a pinhole with the focal length in the file.
     pinhole = lens.min_focal / np.hypot(36, 24) * np.hypot(width - 1, height - 1)
     ideal = (flat - camera.K[:2, 2]) / pinhole
     inside = np.all((seen >= 0) & (seen <= [width - 1, height - 1]), axis=1)
     assert inside.mean() > 0.5
     off = np.abs(camera.project(np.c_[ideal, np.ones(len(ideal))][inside]) - seen[inside])
-    # It adds up floats of 24 bits along a row.
+    # It accumulates floats of 24 bits along a row.
     single = 0.02
     if approximation is None:
         assert off.max() < single

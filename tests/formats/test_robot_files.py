@@ -73,7 +73,7 @@ projection_matrix:
             "-0.41527, 0.31874, -0.00197, 0.00071, 0",
             (-0.41527, 0.31874, -0.00197, 0.00071, 0),
         ),
-        # As libraries in C++ write small numbers.
+        # Small numbers as written by C++ libraries.
         ("plumb_bob", "1e-05, 0, 0, -2E-3, 0", (1e-05, 0, 0, -2e-3, 0)),
         ("rational_polynomial", "-0.1, 0, 0, 0, 0.02, 0, 0, 0", (-0.1, 0, 0, 0, 0.02)),
     ],
@@ -129,7 +129,7 @@ def test_a_chain_of_kalibrs_has_several_cameras(tmp_path):
     right = Camera.load(tmp_path / "rig.yaml", name="cam1")
     assert (right.image_size, right.model) == ((752, 480), "fisheye")
     np.testing.assert_array_equal(right.distortion, [0.003, -0.002, 0.0005, -0.0001])
-    # What stands in for a fisheye, measured with OpenCV's own.
+    # The substitute for a fisheye, compared with OpenCV's fisheye.
     with pytest.raises(ts.LensModelError, match="cannot hold this camera") as info:
         right.save(tmp_path / "right.cameramodel")
     pixels = np.stack(np.meshgrid(np.linspace(0, 751, 15), np.linspace(0, 479, 11)), axis=-1)

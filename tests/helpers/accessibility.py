@@ -1,11 +1,11 @@
-"""axe-core, which judges whether a page can be used by everybody."""
+"""Accessibility checks of a page by axe-core."""
 
 import json
 from importlib import resources
 
 
 def serious_findings(browser):
-    """Judge the page that a browser shows: what axe-core finds that is serious or critical.
+    """Return axe-core's serious and critical findings for the page in a browser.
 
     Each is the rule, and the first places where the page breaks it.
     """

@@ -1,4 +1,4 @@
-"""Pictures of several cameras, and work that stands in for calibrating."""
+"""Pictures of several cameras, and a stand-in for calibration."""
 
 import os
 import signal
@@ -49,7 +49,7 @@ def record_of(job, **more):
 
 
 def quick(job, limits):
-    """Answer at once; what the job's name begins with says how."""
+    """Return at once, or fail in the way that the job's name begins with."""
     kind = job.name.partition("-")[0]
     if kind == "die":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -57,7 +57,7 @@ def quick(job, limits):
         os.abort()
     if kind == "exit":
         os._exit(3)
-    if kind == "once":  # dies the first time only
+    if kind == "once":  # dies only the first time
         try:
             os.close(os.open(job.photographs[0], os.O_CREAT | os.O_EXCL))
         except FileExistsError:

@@ -1,4 +1,4 @@
-"""A headless Chromium, spoken to through its DevTools protocol over a pair of pipes."""
+"""A headless Chromium, controlled through its DevTools protocol over a pair of pipes."""
 
 import base64
 import json
@@ -10,15 +10,16 @@ import tempfile
 import time
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-# What may go wrong takes for ever; what goes right takes seconds, also on a busy machine.
+# Timeout in seconds: failures may wait for ever, while successes take seconds even on a busy
+# machine.
 PATIENCE = 60.0
 
 
 class Browser:
-    """One page of a browser that keeps no profile; a context manager.
+    """One page of a browser without a profile; a context manager.
 
-    `complaints` are what the page logged at the level of a warning or above, threw, or tried to
-    fetch from anywhere but `origin`, if that is given. `arguments` are Chromium's.
+    `complaints` are the page's log messages at the level of a warning or above, its exceptions, and
+    its requests to anywhere but `origin`, if that is given. `arguments` are Chromium's.
     """
 
     def __init__(self, *arguments, origin=None):
@@ -26,7 +27,7 @@ class Browser:
         to_browser, self._commands = os.pipe()
         self._answers, from_browser = os.pipe()
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]
-        command += ["--disable-dev-shm-usage"]  # which containers keep small
+        command += ["--disable-dev-shm-usage"]  # which is small in containers
         command += arguments
         self._own = ("file:", "data:", *(() if origin is None else (origin, f"blob:{origin}")))
         command += ["--remote-debugging-pipe", f"--user-data-dir={self._profile.name}"]
@@ -63,7 +64,7 @@ class Browser:
         self._profile.cleanup()
 
     def send(self, method, **params):
-        """Give a command and return its result."""
+        """Send a command and return its result."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": params}
         if self._session is not None:
@@ -83,7 +84,7 @@ class Browser:
             self._receive()
 
     def evaluate(self, expression):
-        """Return what an expression of JavaScript, or its promise, comes to."""
+        """Return the value of an expression of JavaScript, or of its promise."""
         done = self.send(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -91,7 +92,7 @@ class Browser:
         return done["result"].get("value")
 
     def wait_for(self, expression):
-        """Wait until an expression of JavaScript comes to something true, and return that."""
+        """Wait until an expression of JavaScript is true, and return its value."""
         end = time.monotonic() + PATIENCE
         while not (value := self.evaluate(expression)):
             assert time.monotonic() < end, f"in vain: {expression}"
@@ -99,11 +100,11 @@ class Browser:
         return value
 
     def forget_refusals(self, count=1):
-        """Forget that the server refused so many requests, which the log says a little later."""
+        """Wait for `count` complaints about requests that the server refused, and clear them."""
         end = time.monotonic() + PATIENCE
         while len(self.complaints) < count:
             assert time.monotonic() < end, "no request was refused"
-            self.evaluate("0")  # receives what has come
+            self.evaluate("0")  # receives pending messages
             time.sleep(0.05)
         assert all("status of 4" in each["text"] for each in self.complaints), self.complaints
         self.complaints.clear()
@@ -141,7 +142,7 @@ class Browser:
             self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def turn_wheel(self, x, y, by):
-        """Turn the wheel over a point, by so many pixels; downwards is positive."""
+        """Turn the wheel over a point by a number of pixels; positive is downwards."""
         event = "Input.dispatchMouseEvent"
         self.send(event, type="mouseWheel", x=x, y=y, deltaX=0, deltaY=by)
 
@@ -169,7 +170,7 @@ class Browser:
         self.send("Emulation.setEmulatedMedia", features=self._features)
 
     def media(self, kind):
-        """Show the page as on paper ("print") or on a screen ("")."""
+        """Show the page for media "print" or the screen ("")."""
         self.send("Emulation.setEmulatedMedia", media=kind, features=self._features)
 
     def screenshot(self):

@@ -1,4 +1,4 @@
-"""What a command says when it fails."""
+"""Error messages of commands."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Edge samples with errors that a calibration should notice."""
+"""Edge samples with errors that a calibration should detect."""
 
 import numpy as np
 

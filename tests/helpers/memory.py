@@ -1,4 +1,4 @@
-"""How much memory something takes, by Linux's account."""
+"""Memory use of a statement, as reported by Linux."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 
 
 def growth(statement, path):
-    """Kilobytes by which a statement raises a new process's peak, and what that says of an error.
+    """Return the growth in kilobytes of a new process's peak memory by a statement, and its errors.
 
     The statement has the path as ``sys.argv[1]``.
     """

@@ -1,4 +1,4 @@
-"""Pictures of straight and of curved edges, seen through a lens that is known."""
+"""Pictures of straight and of curved edges, seen through a known lens."""
 
 from functools import cache
 from typing import NamedTuple
@@ -15,14 +15,14 @@ FOCAL = 0.9
 
 
 class PlumbScene(NamedTuple):
-    """A picture, and the lens by which it was distorted."""
+    """A picture, and the lens that distorted it."""
 
     picture: np.ndarray
     K: np.ndarray
     distortion: np.ndarray
 
     def ideal(self, points):
-        """Where a pinhole would have seen what the picture shows at pixels."""
+        """Return where a pinhole would see the scene's points that are at given pixels."""
         return undistorted(np.asarray(points), self.K, self.distortion)
 
 
@@ -40,7 +40,7 @@ def undistorted(points, K, distortion):
 
 @cache
 def ideal_pixels(size, focal, cx, cy, distortion):
-    """Undistorted places of the pixels of a picture drawn `SUPERSAMPLING` times as large."""
+    """Undistorted positions of the pixels of a picture drawn `SUPERSAMPLING` times as large."""
     K = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
     x, y = ((np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5 for side in size)
     pixels = np.stack(np.meshgrid(x, y), axis=-1)
@@ -85,7 +85,7 @@ def small_windows(rng, canvas):
 
 
 def room(rng, canvas):
-    """Draw a wall of large windows above a floor of wood: its strands waver, and are many."""
+    """Draw a wall of large windows above a wooden floor, with many wavy strands."""
     height, width = canvas.shape[:2]
     for x in np.arange(0.12, 0.9, 0.2) * width:
         for y in (0.15, 0.36):
@@ -137,7 +137,7 @@ def circle(canvas, centre, radius, rng):
 
 
 def plumb_scene(rng, size, k1, draw=windows, centre=None, noise=2.0, k2=0.0, k3=0.0):
-    """Draw a plane scene, and see it through a radial lens."""
+    """Draw a plane scene, seen through a radial lens."""
     middle = (np.array(size) - 1) / 2
     focal = FOCAL * size[0]
     cx, cy = middle if centre is None else centre

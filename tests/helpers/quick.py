@@ -4,7 +4,7 @@ import pytest
 
 
 def first_quick(values, count=1):
-    """Parameters, of which those after the first `count` are slow."""
+    """Return the values as parameters; those after the first `count` are marked slow."""
     return [
         value if number < count else pytest.param(*as_tuple(value), marks=pytest.mark.slow)
         for number, value in enumerate(values)

@@ -1,4 +1,4 @@
-"""Cameras with random numbers, and how alike they are."""
+"""Cameras with random numbers, and comparisons of cameras."""
 
 import numpy as np
 from camera_files import FILES
@@ -50,7 +50,7 @@ def assert_same(read, camera, tolerance=0.0, distortion_tolerance=0.0):
 
 
 def camera_for_hugin(seed, coefficients):
-    """One with square pixels and no more than k1."""
+    """A camera with square pixels and no coefficient except k1."""
     camera = random_camera(seed, coefficients)
     K = camera.K.copy()
     K[1, 1] = K[0, 0]

@@ -1,4 +1,4 @@
-"""Raw pictures, and what else is in TIFF's format, byte by byte."""
+"""Raw pictures, and other files in TIFF's format, byte by byte."""
 
 import struct
 
@@ -6,7 +6,7 @@ SHORT, LONG, RATIONAL = 3, 4, 10
 
 
 def directory(entries, at=8):
-    """A little-endian TIFF directory of (tag, type, values), and what lies behind it."""
+    """A little-endian TIFF directory of (tag, type, values), followed by its data."""
     sizes = {1: "B", 2: "B", SHORT: "H", LONG: "I", RATIONAL: "i"}
     behind = at + 2 + 12 * len(entries) + 4
     listed, extra = b"", b""

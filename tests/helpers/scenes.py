@@ -1,4 +1,4 @@
-"""Scenes with known truth, their edges, and how far a result may be from the truth."""
+"""Scenes with known truth, their edges, and limits on the errors of a result."""
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ def squares(seed, camera=None, count=3, kind="square", **options):
 
 
 def parallel_squares(camera, tilt=(0.5, 0.3, 0.2), side=350.0):
-    """Three squares that face the same way."""
+    """Three squares with the same orientation."""
     rotation = cv2.Rodrigues(np.array(tilt))[0]
     rays = np.column_stack([camera.undistort(PLACES * camera.image_size), np.ones(3)])
     targets = [simulate.Target(rotation, ray * camera.fx / side) for ray in rays]
@@ -38,7 +38,7 @@ def edges_of(scene, noise=0.0, seed=0, spacing=4.0, tied=True):
 
 
 def camera_of(scene):
-    """The scene's camera as the package's results give it."""
+    """The scene's camera as a `Camera` of the package."""
     truth = scene.camera
     return Camera(truth.K, truth.distortion, truth.image_size, "brown")
 

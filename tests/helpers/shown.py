@@ -1,4 +1,4 @@
-"""What the README and the pages show: their blocks of code, and how a reader would run them."""
+"""The README and the pages: their blocks of code, run as a reader would."""
 
 import re
 import shlex
@@ -12,7 +12,7 @@ CHECKOUT = Path(__file__).parents[2]
 DOCS = CHECKOUT / "docs"
 PAGES = sorted(path.name for path in DOCS.glob("*.md"))
 
-# Lines of a shell that no test runs: they fetch packages, never end, or need what they start.
+# Lines of a shell that no test runs: they fetch packages, never end, or need such a process.
 ELSEWHERE = ("make ", "pip install ", "maturin ", "uvicorn ", "trisquare serve ", "curl ")
 SHELLS = ("sh", "bash", "console")
 
@@ -28,7 +28,7 @@ def blocks(text, *languages):
 
 
 def sessions(content):
-    """Return (command, lines shown below it) of a block of ``console``."""
+    """Return (command, lines shown below it) for each command of a block of ``console``."""
     shown = []
     for line in content.replace("\\\n", " ").splitlines():
         if line.startswith("$ "):
@@ -39,7 +39,7 @@ def sessions(content):
 
 
 def run_line(line):
-    """Run a command as a shell would, and return whether a test can."""
+    """Run a command as in a shell, and return whether a test can run it."""
     if line.startswith(ELSEWHERE):
         return False
     command, *arguments = shlex.split(line, comments=True)
@@ -51,9 +51,9 @@ def run_line(line):
 
 
 def run_page(name, capsys, languages=(*SHELLS, "python")):
-    """Run the commands and the Python of a page in order, and return the names it has made.
+    """Run the commands and the Python of a page in order, and return its variables.
 
-    What a ``console`` block shows must be what is printed.
+    The output shown in a ``console`` block must be what is printed.
     """
     names = {}
     for language, content in blocks(page(name), *languages):
@@ -71,9 +71,9 @@ def run_page(name, capsys, languages=(*SHELLS, "python")):
 
 
 def assert_same_text(printed, shown):
-    """Check that a text is the one that is shown.
+    """Check that a printed text is the one that is shown.
 
-    Space and rules are the terminal's; another processor may differ in the last digit of a number.
+    Spaces and rules depend on the terminal; the last digit of a number may depend on the processor.
     """
     words, expected = (re.sub(r"─+", "", text).split() for text in (printed, shown))
     assert len(words) == len(expected), printed

@@ -1,4 +1,4 @@
-"""Videos that tests write."""
+"""Videos written by tests."""
 
 import os
 import struct
@@ -12,11 +12,11 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 ENCODERS = {".avi": "MJPG", ".mp4": "mp4v", ".flv": "\2\0\0\0"}
 
 QUARTER_TURN = (0, 1 << 16, 0, -1 << 16, 0, 0, 0, 0, 1 << 30)
-"""Matrix of ISO 14496-12, section 8.3.2, that turns what is shown clockwise by 90 degrees."""
+"""Matrix of ISO 14496-12, section 8.3.2, for a clockwise turn by 90 degrees when shown."""
 
 
 def write_frames(path, frames, rate=10.0):
-    """Write grey or BGR frames by OpenCV alone."""
+    """Write grey or BGR frames with OpenCV alone."""
     height, width = frames[0].shape[:2]
     encoder = cv2.VideoWriter.fourcc(*ENCODERS[path.suffix])
     writer = cv2.VideoWriter(str(path), encoder, rate, (width, height))
@@ -26,7 +26,7 @@ def write_frames(path, frames, rate=10.0):
 
 
 def read_frames(path):
-    """Read all frames by OpenCV alone, turned as players do."""
+    """Read all frames with OpenCV alone, turned as by players."""
     capture, frames = cv2.VideoCapture(str(path)), []
     while (frame := capture.read())[0]:
         frames.append(frame[1])
@@ -34,7 +34,7 @@ def read_frames(path):
 
 
 def moving(count, size=(160, 120), step=4):
-    """A smooth pattern that moves to the left: each frame differs from the others."""
+    """A smooth pattern that moves to the left, so that all frames differ."""
     width, height = size
     noise = np.random.default_rng(3).integers(0, 256, (height, width + step * count, 3), np.uint8)
     pattern = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 3), None, 0, 255, cv2.NORM_MINMAX)
@@ -42,14 +42,14 @@ def moving(count, size=(160, 120), step=4):
 
 
 def turned_clockwise(encoded):
-    """The content of an MP4 file that says that it is shown so."""
+    """The content of an MP4 file that states such a turn."""
     at = encoded.index(b"tkhd") + 4 + 40
     matrix = struct.pack(">9i", *QUARTER_TURN)
     return encoded[:at] + matrix + encoded[at + len(matrix) :]
 
 
 def _video_tags(encoded):
-    """Yield where the tags of an FLV file's frames begin and end."""
+    """Yield the start and end of the tags of an FLV file's frames."""
     at = 13
     while at + 11 < len(encoded):
         end = at + 15 + int.from_bytes(encoded[at + 1 : at + 4], "big")
@@ -59,7 +59,7 @@ def _video_tags(encoded):
 
 
 def stamped(encoded, milliseconds):
-    """The content of an FLV file whose frames are shown at these times."""
+    """The content of an FLV file with given times of its frames."""
     content = bytearray(encoded)
     for (at, _), time in zip(_video_tags(encoded), milliseconds, strict=True):
         content[at + 4 : at + 7] = time.to_bytes(3, "big")
@@ -67,11 +67,11 @@ def stamped(encoded, milliseconds):
 
 
 def with_larger_frames(encoded, size, count):
-    """The content of an FLV file with more frames, each of which states a size of its own."""
+    """The content of an FLV file with `count` more frames, each with a size of its own."""
     _, (at, end), *_ = _video_tags(encoded)
     codec, picture = encoded[at + 11], encoded[at + 12 : end - 4]
     bits = "".join(f"{byte:08b}" for byte in picture)
-    assert bits[30:33] == "000"  # its size in 8 bits each; 001 is that of 16
+    assert bits[30:33] == "000"  # 8 bits per side; 001 is 16 bits
     bits = bits[:30] + "001" + "".join(f"{side:016b}" for side in size) + bits[49:]
     bits += "0" * (-len(bits) % 8)
     payload = bytes([codec, *(int(bits[i : i + 8], 2) for i in range(0, len(bits), 8))])

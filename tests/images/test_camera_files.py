@@ -1,4 +1,4 @@
-"""What cameras and phones write besides JPEG, and how a caller may hand pictures over."""
+"""Formats of cameras and phones besides JPEG, and ways to pass pictures."""
 
 import builtins
 import io
@@ -111,7 +111,7 @@ def test_a_damaged_heic_picture_is_refused(content):
 
 
 def test_a_raw_picture_calibrates_as_the_sensor_recorded_it(tmp_path):
-    """Its tag asks to be turned; its values are linear."""
+    """Its tag, which asks for a turn, is ignored; its values are linear."""
     pytest.importorskip("rawpy")
     path = tmp_path / "photo.dng"
     linear = simulate.render(SCENE, np.random.default_rng(3), tone="linear", noise=0.5)

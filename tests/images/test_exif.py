@@ -1,4 +1,4 @@
-"""What Exif blocks say of the focal length; Pillow writes them."""
+"""The focal length in Exif blocks, which Pillow writes."""
 
 import io
 
@@ -25,7 +25,7 @@ def encoded(tags, *, kind="JPEG", orientation=None, size=SIZE):
     if orientation is not None:
         exif[0x0112] = orientation
     if kind == "TIFF":
-        return exif.tobytes()[len(b"Exif\0\0") :]  # the block alone is such a file, without pixels
+        return exif.tobytes()[len(b"Exif\0\0") :]  # the block alone is a TIFF file without pixels
     stream = io.BytesIO()
     Image.fromarray(np.zeros(size[::-1], np.uint8)).save(stream, kind, exif=exif)
     return stream.getvalue()
@@ -46,7 +46,7 @@ def test_units_of_the_resolution(unit, scale):
 
 
 def test_the_equivalent_for_film_stands_in_for_it():
-    """A picture of 36 x 24 mm has the same diagonal: with a crop of 2 it is half as long."""
+    """A picture of 36 x 24 mm has the same diagonal; a crop factor of 2 halves it."""
     size = (360, 240)
     found = stated_focal_length(encoded({FOCAL: 25.0, EQUIVALENT: 50}, size=size), size)
     assert found.is_nominal
@@ -62,7 +62,7 @@ def test_the_equivalent_for_film_stands_in_for_it():
         {FOCAL: 0.0, EQUIVALENT: 28},
         {FOCAL: 5.8, EQUIVALENT: 0},
         IN_FOCAL_PLANE,
-        {FOCAL: 5.8, **IN_FOCAL_PLANE, WIDTH: 128, HEIGHT: 96},  # it was made smaller since
+        {FOCAL: 5.8, **IN_FOCAL_PLANE, WIDTH: 128, HEIGHT: 96},  # the picture was reduced since
         {FOCAL: 5.8, X_RESOLUTION: 254.0},
         {FOCAL: 5.8, **IN_FOCAL_PLANE, UNIT: 9},
     ],
@@ -83,7 +83,7 @@ BLOCK = ExifBlock.find(WHOLE).start
 
 @given(st.integers(0, 220), st.binary(min_size=1, max_size=8), st.integers(0, 300))
 def test_damaged_blocks_are_harmless(at, inserted, cut):
-    """Whatever comes out, it is a number or nothing."""
+    """The result is a number or None."""
     damaged = WHOLE[: BLOCK + at] + inserted + WHOLE[BLOCK + at + len(inserted) :]
     for each in (damaged, damaged[: len(damaged) - cut], damaged[: BLOCK + cut]):
         found = stated_focal_length(each, SIZE)

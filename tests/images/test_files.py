@@ -22,7 +22,7 @@ COLOUR = np.dstack([GREY, 255 - GREY, GREY // 2])
 
 
 def png_with_text(image):
-    """A PNG with a metadata chunk, before whose end there is no IEND."""
+    """A PNG with a metadata chunk; there is no IEND before the end of the chunk."""
     encoded = encode_image(image, "a.png")
     chunk = b"tEXtcomment\0IEND"
     body = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
@@ -30,7 +30,7 @@ def png_with_text(image):
 
 
 def jpeg_with_thumbnail(image):
-    """A JPEG whose header holds a whole smaller JPEG, end marker included, as cameras write."""
+    """A JPEG with a complete smaller JPEG, end mark included, in its header, as cameras write."""
     encoded = encode_image(image, "a.jpg")
     thumbnail = encode_image(image[::4, ::4], "a.jpg")
     segment = b"\xff\xe1" + struct.pack(">H", len(thumbnail) + 2) + thumbnail

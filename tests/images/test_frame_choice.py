@@ -1,4 +1,4 @@
-"""Which frames of a video are chosen."""
+"""Choice of frames of a video."""
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ def numbers(frames):
 
 @pytest.fixture
 def panned(tmp_path):
-    """Four views of 7 frames each, of which the one in the middle is sharp."""
+    """Four views of 7 frames each, of which the middle one is sharp."""
     path = tmp_path / "panned.avi"
     blurs = (4, 3, 2, 0, 2, 3, 4)
     frames = [cv2.GaussianBlur(view, (0, 0), b) if b else view for view in VIEWS for b in blurs]
@@ -33,7 +33,7 @@ def test_the_sharpest_frame_of_each_view_is_chosen(panned):
     chosen = choose_frames(panned, 4)
     assert numbers(chosen) == [3, 10, 17, 24]
     for frame, view in zip(chosen, VIEWS, strict=True):
-        assert np.abs(frame.pixels.astype(int) - view).mean() < 6  # by the coding
+        assert np.abs(frame.pixels.astype(int) - view).mean() < 6  # from the coding
         assert frame.video == str(panned)
 
 
@@ -43,7 +43,7 @@ def test_fewer_than_there_are_views_are_different_and_sharp(panned):
 
 
 def test_the_contrast_and_the_exposure_do_not_matter(tmp_path):
-    """A dim sharp frame is worth more than a bright blurred one of the same view."""
+    """A dim sharp frame is preferred to a bright blurred one of the same view."""
     dim = [cv2.convertScaleAbs(view, alpha=0.4, beta=20) for view in VIEWS]
     blurred = [cv2.GaussianBlur(view, (0, 0), 4) for view in VIEWS]
     frames = [frame for pair in zip(dim, blurred, strict=True) for frame in pair]
@@ -52,7 +52,7 @@ def test_the_contrast_and_the_exposure_do_not_matter(tmp_path):
 
 
 def test_equal_and_empty_frames_are_not_chosen(tmp_path):
-    """Many frames are asked for: there are two views, and a fade from black."""
+    """There are only two views and a fade from black, although many frames are requested."""
     black = np.zeros_like(VIEWS[0])
     write_frames(tmp_path / "clip.avi", [black] * 5 + [VIEWS[0]] * 5 + [VIEWS[1]] * 5)
     assert numbers(choose_frames(tmp_path / "clip.avi", 10)) == [5, 10]

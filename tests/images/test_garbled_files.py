@@ -1,4 +1,4 @@
-"""What people write or damage: outlines, the names of targets, and results, of any JSON."""
+"""Files that people write or damage: outlines, names of targets, and results, as any JSON."""
 
 import json
 from contextlib import suppress
@@ -100,7 +100,7 @@ def test_a_damaged_rejected_square_is_refused_or_whole(key, value):
         members[key] = value
     with suppress(ValueError):
         candidate = record_from_members(Rejected, JsonFields(members, "rejected"))
-        # What was accepted can be written and read again.
+        # Accepted values can be written and read again.
         text = json.dumps(record_members(candidate), allow_nan=False)
         again = record_from_members(Rejected, JsonFields(json.loads(text), "rejected"))
         np.testing.assert_array_equal(again.corners, candidate.corners)

@@ -1,4 +1,4 @@
-"""A picture's content is refused alike as a path, as bytes and as an open file."""
+"""A picture's content is refused in the same way as a path, as bytes and as an open file."""
 
 import io
 import struct
@@ -82,7 +82,7 @@ def test_the_limit_of_bytes_is_that_of_any_form(tmp_path, monkeypatch):
 
 
 def test_a_file_that_is_open_as_text_is_no_picture(tmp_path):
-    """Its text would otherwise name a file."""
+    """Otherwise its text would be taken for the name of a file."""
     path = tmp_path / "photo.png"
     path.write_bytes(PNG)
     with path.open(encoding="utf-8") as file, pytest.raises(TypeError, match="open as binary"):
@@ -101,7 +101,7 @@ def test_a_file_that_cannot_be_read_is_an_image_error(tmp_path):
         ts.calibrate(Broken())
     with tempfile.SpooledTemporaryFile() as file:
         file.write(PNG)
-        with pytest.raises(ts.ImageError, match="the file is empty"):  # it is at its end
+        with pytest.raises(ts.ImageError, match="the file is empty"):  # because it is at its end
             ts.calibrate(file)
 
 

@@ -1,4 +1,4 @@
-"""Which way up pictures are, where it is not JPEG, PNG or TIFF that says so."""
+"""Orientation of pictures in formats other than JPEG, PNG and TIFF."""
 
 import io
 import struct
@@ -53,7 +53,7 @@ def webp(orientation):
 
 
 def webp_as_jpeg(orientation):
-    """As Pillow and others wrote it before: the block begins as in a JPEG."""
+    """The older form by Pillow and others: the block begins as in a JPEG."""
     plain = webp(orientation)
     place = plain.index(b"EXIF")
     block = plain[place + 8 :]
@@ -113,7 +113,7 @@ def box(kind, content, *, is_long=False):
 
 
 def container(turns, *, version=0, is_wide=False, is_long=False, of_none=False):
-    """A file without pixels whose second item, the primary one, is turned by these boxes."""
+    """A file without pixels whose second item, the primary one, is turned by the given boxes."""
     item, index = "I" if version else "H", "H" if is_wide else "B"
     essential = 0x8000 if is_wide else 0x80
     turned = [0] * of_none + [essential | (at + 2) for at in range(len(turns))]

@@ -1,4 +1,4 @@
-"""Pictures that the camera or a program spoilt."""
+"""Pictures with faults by the camera or a program."""
 
 import re
 
@@ -93,7 +93,7 @@ def test_wings_of_a_blur_contradict_no_stated_tone(seed):
 
 @pytest.mark.parametrize("seed", first_quick([150, 151, 152, 153]))
 def test_a_blur_that_is_not_normal_is_no_tone_curve(seed):
-    """A disc makes the shoulders of an edge narrower, which a curve does to one of them."""
+    """A disc makes both shoulders of an edge narrower, a tone curve only one of them."""
     scene = squares(seed)
     picture = photo(PictureFault(on_light=[defocused(1.6)]), seed, scene)
     result = ts.calibrate(picture)
@@ -150,7 +150,7 @@ def test_a_picture_out_of_focus_is_told(blur, is_told):
     ("seed", "blur"), first_quick([(31, 2.0), (32, 4.0), (36, 2.0), (33, 8.0)])
 )
 def test_a_blur_after_the_coding_hides_a_shift_that_is_reckoned_with(seed, blur):
-    """Blurred values show nearly no tone curve, but where it has moved the edges they still lie."""
+    """Blurred values show nearly no tone curve, but its shift of the edges remains."""
     scene = squares(seed)
     picture = simulate.render(scene, np.random.default_rng(seed), noise=2.0, blur=0.8, tone="srgb")
     assert_within(ts.calibrate(cv2.GaussianBlur(picture, (0, 0), blur)), scene, 4)
@@ -239,7 +239,7 @@ def test_blooming_is_told_as_overexposed_and_carried(seed):
     try:
         result = ts.calibrate(photo(fault, seed, scene))
     except ts.DegenerateGeometryError:
-        return  # it leaves too little
+        return  # too little is left
     assert "overexposed" in {warning.code for warning in result.warnings}
     assert abs(errors_in_std(result, scene)["fx"]) < 4
 

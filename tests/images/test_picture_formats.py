@@ -1,4 +1,4 @@
-"""What is read of the formats that photographs come in, and which way up."""
+"""Formats of photographs: their content and orientation."""
 
 import io
 import struct
@@ -70,7 +70,7 @@ def jpeg_with_orientation(image, orientation, order=">"):
     encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
     block = b"Exif\0\0" + exif(orientation, order)
     segment = b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block
-    return encoded[:20] + segment + encoded[20:]  # after JFIF's own segment
+    return encoded[:20] + segment + encoded[20:]  # after the JFIF segment
 
 
 def png_chunk(kind, content):
@@ -159,7 +159,7 @@ def test_a_truncated_tiff_is_noticed(tmp_path, compression, image):
     written = cv2.imencode(".tif", image, flag)[1].tobytes()
     for whole in (written, tiff(image)):
         np.testing.assert_array_equal(read(tmp_path, whole), image)
-        # The last four bytes say where a further picture is.
+        # The last four bytes state the position of a further picture.
         for length in {*range(0, len(whole) - 4, len(whole) // 9), len(whole) - 5}:
             with pytest.raises(ImageError, match="photo: "):
                 read(tmp_path, whole[:length])

@@ -1,4 +1,4 @@
-"""Pictures that are too large are refused by their header, before anything is decoded."""
+"""Pictures that are too large are refused by their header, before decoding."""
 
 import struct
 import subprocess
@@ -24,7 +24,7 @@ def encoded(suffix):
 
 
 def png_bomb(width, height):
-    """A small PNG of black pixels, as large as it says."""
+    """A small PNG of black pixels with the stated size."""
 
     def chunk(kind, content):
         checked = kind + content
@@ -56,7 +56,7 @@ def test_a_header_that_is_cut_or_damaged_says_nothing_or_a_size(suffix):
     rng = np.random.default_rng(1)
     for end in range(0, min(len(whole), 200)):
         size = stated_size(whole[:end])
-        # Of the numbers that are text, digits may be missing.
+        # Numbers stored as text may lack digits.
         assert size is None or size == (64, 48) or (suffix == ".ppm" and size < (64, 48))
     for _ in range(300):
         damaged = bytearray(whole[:300])
@@ -112,7 +112,7 @@ def test_a_size_of_a_thousand_digits_is_refused_in_a_line(tmp_path):
 def test_larger_files_than_allowed_are_not_read(tmp_path):
     path = tmp_path / "photo.png"
     with path.open("wb") as file:
-        file.truncate(MAX_BYTES + 1)  # which takes no room
+        file.truncate(MAX_BYTES + 1)  # which takes no disk space
     with pytest.raises(ts.ImageError, match="more than the 2147483647 that max_bytes allows"):
         read_image(path)
 
@@ -164,7 +164,7 @@ def test_the_command_takes_limits(tmp_path, run, option, too_little):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's account of memory")
 def test_a_small_file_that_unfolds_to_much_costs_nothing(tmp_path):
-    """By default, and measured in a process of its own: decoded it is a gigabyte."""
+    """With the default limit, in a process of its own: the decoded picture is a gigabyte."""
     path = tmp_path / "bomb.png"
     path.write_bytes(png_bomb(32768, 32767))
     assert path.stat().st_size < 1 << 20
@@ -189,7 +189,7 @@ def test_what_is_no_amount(text):
 
 
 def jpeg_of_many_scans(count):
-    """A progressive JPEG whose last scan is repeated; each is decoded over the whole picture."""
+    """A progressive JPEG with repeated scans, each of which is decoded over the whole picture."""
     options = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
     whole = cv2.imencode(".jpg", PICTURE, options)[1].tobytes()
     last = whole.rindex(b"\xff\xda")

@@ -20,7 +20,7 @@ RESULT = ts.calibrate(PHOTO, tone="linear")
 
 
 def distances(points, scene):
-    """How far pixels are from the nearest true outline of a scene."""
+    """Distances of pixels from the nearest true outline of a scene."""
     share = np.linspace(0, 1, 250)[:, None]
     nearest = np.full(len(points), np.inf)
     for number, target in enumerate(scene.targets):
@@ -35,7 +35,7 @@ def distances(points, scene):
     return nearest
 
 
-# Every figure in one tone is quick, and every tone.
+# The quick cases have every figure in one tone, and every tone.
 @pytest.mark.parametrize(
     ("kind", "dark", "tone"),
     [
@@ -63,7 +63,7 @@ def test_photo_like_pictures_are_calibrated_with_default_settings(seed):
 
 
 def test_the_wrong_tone_curve_moves_the_answer():
-    # Else `tone` would not be in the model at all: about a thousandth in fx.
+    # Without an effect, `tone` would not be in the model: it is about a thousandth of fx.
     other = ts.calibrate(PHOTO, tone="srgb")
     assert abs(other.camera.fx - RESULT.camera.fx) > 3 * RESULT.std["fx"]
 
@@ -75,7 +75,7 @@ def test_detect_measures_the_sides_as_well_as_it_says(dark, polarity):
     figures = ts.detect(photo, tone="linear")
     assert [figure.kind for figure in figures] == ["frame"] * 6
     assert [figure.freedom for figure in figures[1::2]] == ["size"] * 3
-    # The ring is dark between its outlines, so the inner figure is of the other polarity.
+    # The ring is dark between its outlines, so the inner figure has the opposite polarity.
     assert [figure.polarity for figure in figures] == [polarity, -polarity] * 3
     assert len({figure.plane for figure in figures}) == 3
     points = np.vstack([side for figure in figures for side in figure.points])
@@ -88,7 +88,7 @@ def test_the_edges_of_a_picture_are_enough():
     result = ts.calibrate_edges(ts.detect(PHOTO, tone="linear"), IMAGE_SIZE)
     assert result.stage == "edges"
     assert_within(result, SCENE, 4)
-    # Both stages see the same noise, so that they differ by less than they err.
+    # Both stages have the same noise, so that they differ by less than their errors.
     for name in ("fx", "fy", "cx", "cy"):
         difference = getattr(result.camera, name) - getattr(RESULT.camera, name)
         assert abs(difference) < 2 * result.std[name]
@@ -151,7 +151,7 @@ def test_floats_are_linear_by_default():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_lens_that_darkens_the_corners_biases_nothing(seed):
-    """By a quarter, as usual ones do: light that is linear along sides left fx off by 0.1 %."""
+    """By a quarter, as usual lenses do: a model of light linear along sides gave 0.1 % in fx."""
     rng = np.random.default_rng([77, seed])
     scene = simulate.random_scene(rng)
     light = simulate.render(scene, rng, noise=0.0, blur=1.2, dtype=np.float32)
@@ -205,7 +205,7 @@ def test_the_tone_of_sixteen_bits_is_estimated_by_default(tone, gamma):
 
 @pytest.mark.parametrize("gamma", [2.0, 2.6])
 def test_a_stated_tone_that_the_pixels_contradict_is_named_with_its_consequence(gamma):
-    """The edges' profiles alone do not tell these from sRGB."""
+    """The edges' profiles alone do not distinguish these from sRGB."""
     photo = simulate.render(SCENE, np.random.default_rng(62), noise=2.0, tone=gamma)
     result = ts.calibrate(photo, tone="srgb")
     told = result.warnings[0]

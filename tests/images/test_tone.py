@@ -1,4 +1,4 @@
-"""Pictures whose tone curve is not told."""
+"""Pictures with an unknown tone curve."""
 
 import json
 import pickle
@@ -63,7 +63,7 @@ def test_where_no_curve_fits_the_edges_share_one_shift():
 
 @pytest.mark.slow
 def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
-    # The curve that fits compressed profiles best moves edges by more than its own deviation says.
+    # The curve that fits compressed profiles best moves edges by more than its own std implies.
     camera = simulate.TrueCamera(1500, 1500, 1005, 745, (0.08, -0.15, 0, 0, 0), (2000, 1500))
     errors = []
     for seed in range(8):
@@ -77,14 +77,14 @@ def test_what_jpeg_does_to_profiles_is_in_the_standard_deviations():
 
 
 def contrasted(picture):
-    """The picture with a contrast curve that is no gamma."""
+    """The picture with a contrast curve that is not a gamma."""
     level = np.arange(256) / 255.0
     curve = 255.0 * (level - np.sin(2.0 * np.pi * level) / (4.0 * np.pi))
     return np.rint(curve).astype(np.uint8)[picture]
 
 
 def test_boards_need_no_tone_curve_wherever_the_light_falls():
-    """Along their lines the dark changes sides, and with it the shift that no curve describes."""
+    """Along their lines the dark side alternates, and with it the shift that no curve describes."""
     rng = np.random.default_rng(95)
     camera = simulate.random_camera(rng)
     scenes = [simulate.chessboard_scene(rng, camera) for _ in range(4)]
@@ -111,7 +111,7 @@ def beside_a_square(board, rng):
 
 
 def test_a_square_beside_a_board_does_not_make_its_lines_uncertain():
-    """The square is shifted by its light, the board is not."""
+    """The light shifts the edges of the square, but not those of the board."""
     rng = np.random.default_rng([95, 1])
     camera = simulate.random_camera(rng)
     scenes = [beside_a_square(simulate.chessboard_scene(rng, camera), rng) for _ in range(4)]
@@ -135,7 +135,7 @@ def test_results_with_an_estimated_tone_are_kept_exactly():
     for copy in (ts.Calibration.from_json(result.to_json()), pickle.loads(pickle.dumps(result))):
         assert (copy.tone, copy.tone_std) == (result.tone, result.tone_std)
     members = json.loads(result.to_json())
-    del members["tone_std"]  # as versions before it wrote
+    del members["tone_std"]  # as written by earlier versions
     assert ts.Calibration.from_json(json.dumps(members)).tone_std is None
 
 
@@ -177,10 +177,10 @@ def test_estimating_the_curve_moves_no_side_by_itself():
         for before, after, std in zip(one.points, other.points, one.std, strict=True):
             along = before[-1] - before[0]
             normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-            # Few samples may differ, beside something that only one curve lets through.
+            # A few samples may differ, beside an object that only one curve accepts.
             shifts.append(np.mean(after @ normal) - np.mean(before @ normal))
             stds.append(np.mean(std) / np.sqrt(len(std)))
-    # One shift to the dark for all; what a side has beyond it all of its samples would share.
+    # There is one common shift to the dark; the rest of a side's shift is shared by its samples.
     assert np.std(shifts) < 0.5 * np.mean(stds)
 
 
@@ -205,7 +205,7 @@ def test_a_tone_curve_that_costs_next_to_nothing_is_not_told():
 
 @pytest.mark.parametrize("seed", [15, 23, 28])
 def test_an_estimated_shift_leaves_the_lens_one_that_sees_all_of_the_picture(seed):
-    """Far from the targets the distortion is free, and the step that freed the shift turned it."""
+    """Far from the targets the distortion is free; the step that freed the shift folded it."""
     rng = np.random.default_rng([17, seed])
     camera = simulate.TrueCamera(1080, 1078, 655, 468, (-0.25, 0.08, 7e-4, -5e-4, 0), (1280, 960))
     scene = simulate.random_scene(rng, camera=camera)
@@ -225,7 +225,7 @@ def test_an_estimated_shift_leaves_the_lens_one_that_sees_all_of_the_picture(see
 
 
 def _towards(middle, side):
-    """Return the unit normal of a side that points to a place."""
+    """Return the unit normal of a side that points towards `middle`."""
     x, y = side[-1] - side[0]
     normal = np.array([-y, x]) / np.hypot(x, y)
     return normal * np.sign(normal @ (middle - side.mean(axis=0)))

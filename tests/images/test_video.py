@@ -1,4 +1,4 @@
-"""Videos: their frames, what is refused, and their sound."""
+"""Videos: their frames, refusals, and their sound."""
 
 import os
 import shutil
@@ -82,7 +82,7 @@ def test_an_odd_column_and_row_are_left_out(tmp_path):
 @pytest.mark.parametrize("kept", [0.5, 0.9])
 @pytest.mark.parametrize("suffix", [".avi", ".mp4"])
 def test_a_truncated_video_is_refused(tmp_path, suffix, kept):
-    """An MP4 file ends with what says where its frames are; an AVI file states their number."""
+    """An MP4 file ends with the positions of its frames; an AVI file states their number."""
     path = tmp_path / f"clip{suffix}"
     write_frames(path, moving(50))
     encoded = path.read_bytes()
@@ -118,7 +118,7 @@ def test_what_is_no_video_is_refused(tmp_path):
     ],
 )
 def test_what_names_other_videos_is_not_opened(tmp_path, monkeypatch, playlist):
-    """FFmpeg would read the files and addresses in it."""
+    """FFmpeg would read the files and addresses in the list."""
     write_frames(tmp_path / "clip.avi", FRAMES)
     path = tmp_path / "list.mp4"
     path.write_text(playlist)
@@ -128,7 +128,7 @@ def test_what_names_other_videos_is_not_opened(tmp_path, monkeypatch, playlist):
 
 
 def test_a_reader_that_gives_up_is_told(tmp_path, monkeypatch):
-    """As OpenCV's own does of an AVI file whose chunks are larger than it allows."""
+    """OpenCV's reader stops at chunks of an AVI file that are larger than it allows."""
     path = tmp_path / "clip.avi"
     write_frames(path, FRAMES)
 
@@ -165,7 +165,7 @@ def test_frames_that_ffmpeg_may_not_allocate_are_refused(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's account of memory")
 def test_a_header_that_states_a_long_text_costs_nothing(tmp_path):
-    """The text of an AVI file, measured in a process of its own: as stated it has 1.9 GB."""
+    """A text of an AVI file with a stated length of 1.9 GB, measured in a process of its own."""
     path = tmp_path / "clip.avi"
     write_frames(path, FRAMES)
     file = bytearray(path.read_bytes())
@@ -183,7 +183,7 @@ def test_a_header_that_states_a_long_text_costs_nothing(tmp_path):
 def test_frames_that_take_as_long_as_far_larger_ones_are_refused(
     tmp_path, monkeypatch, each, is_read
 ):
-    """A frame may state a size of its own, which OpenCV decodes and scales to that of the first."""
+    """A frame may have a size of its own, which OpenCV decodes and scales to that of the first."""
     path = tmp_path / "clip.avi"
     write_frames(path, FRAMES)
     clock = SimpleNamespace(now=0.0)
@@ -294,7 +294,7 @@ def test_without_ffmpeg_the_sound_is_said_to_be_missing(tmp_path, monkeypatch):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a script as a program")
 @pytest.mark.parametrize("fails", [True, False])
 def test_what_ffmpeg_is_asked_for_and_says(tmp_path, monkeypatch, fails):
-    """In its place stands a script that writes down what it was asked for."""
+    """It is replaced by a script that writes its arguments to a file."""
     path = tmp_path / "clip.mp4"
     path.write_bytes(b"silent")
     program = tmp_path / "bin" / "ffmpeg"

@@ -1,4 +1,4 @@
-"""Squares that are blurred, shaken, noisy, faint or coded badly: found, and their errors stated."""
+"""Squares with blur, motion, noise, low contrast or bad coding: found, with true stds."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from trisquare import simulate
 
 STDS = 4.0
 SMALL = (960, 720)
-"""Not halved before it is searched: the hardest size for blur and noise."""
+"""A size that is not halved for the search: the hardest one for blur and noise."""
 
 CONDITIONS = {
     "defocus": {"blur": 4.0},
@@ -37,7 +37,7 @@ def test_squares_in_bad_light_are_found_and_measured(name):
 
 
 def edge_errors(picture, scene):
-    """Mean distance, outward, of each side's samples from the true side, pixels."""
+    """Mean outward distance of each side's samples from the true side, in pixels."""
     means = []
     for edges, target in zip(
         ts.detect(picture, tone="srgb"), by_place(picture, scene), strict=True
@@ -51,7 +51,7 @@ def edge_errors(picture, scene):
 
 
 def by_place(picture, scene):
-    """The targets' true sides, densely, in the order in which they are detected."""
+    """Dense samples of the targets' true sides, in the order of detection."""
     sides = simulate.edge_points(scene, np.random.default_rng(0), noise=0.0, spacing=0.25)
     centres = [np.concatenate(outline).mean(axis=0) for outline in sides]
     for edges in ts.detect(picture):
@@ -60,7 +60,7 @@ def by_place(picture, scene):
 
 
 def offsets(points, side, centre):
-    """Distances of points from a dense side, positive away from the centre."""
+    """Distances of points from a densely sampled side, positive away from the centre."""
     gaps = np.linalg.norm(points[:, None] - side[None], axis=2)
     nearest = np.clip(gaps.argmin(axis=1), 1, len(side) - 2)
     along = side[nearest + 1] - side[nearest - 1]
@@ -88,7 +88,7 @@ def test_a_lamp_nearby_passes_for_no_tone_curve(seed):
 
 
 def test_a_motion_moves_no_edge():
-    # With a normal blur in the box's place, the sides would lie 0.01-0.02 px off, all inward.
+    # With a normal blur instead of the box, the sides would be 0.01-0.02 px off, all inward.
     scene = squares(7351)
     motion = simulate.Motion(6.0, 30.0)
     rng = np.random.default_rng(1)
@@ -116,7 +116,7 @@ def test_motion_spreads_light_evenly_along_its_path(length, direction):
     x, y = np.meshgrid(steps, steps)
     angle = np.deg2rad(direction)
     along, across = x * np.cos(angle) + y * np.sin(angle), x * np.sin(angle) - y * np.cos(angle)
-    # Sharing out between pixels adds 1/6 on average, up to 1/4 between two rows.
+    # Distribution between pixels adds 1/6 on average, up to 1/4 between two rows.
     assert abs((kernel * along**2).sum() - length**2 / 12.0) < 0.25
     assert (kernel * across**2).sum() < 0.25
 

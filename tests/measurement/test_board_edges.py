@@ -1,4 +1,4 @@
-"""Grid lines of chessboards: measured through their crossings, whatever is missing of the board."""
+"""Grid lines of chessboards: measured through their crossings, even on incomplete boards."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def measured(picture, lattices, tone="linear"):
     ids=["large cells", "usual", "blurred", "15-pixel cells"],
 )
 def test_boards_reach_the_bound_of_their_grid_lines(inner_corners, blur):
-    """Stated deviations near the bound of all pixels, and errors that these own."""
+    """The stated stds are near the bound of all pixels, and the errors agree with them."""
     scene, rng = board_scene(1, inner_corners)
     picture = simulate.render(scene, rng, noise=2.0, blur=blur, contrast=175.0, tone="linear")
     figures = measured(picture, [true_lattice(scene, i, rng) for i in range(3)])
@@ -73,7 +73,7 @@ def test_boards_reach_the_bound_of_their_grid_lines(inner_corners, blur):
 
 
 def test_hidden_and_missing_crossings_leave_the_rest_as_good():
-    """A hand over a part, of which the search found the crossings missing."""
+    """A hand covers a part, where the search found no crossings."""
     scene, rng = board_scene(2, 6, image_size=(800, 600))
     picture = simulate.render(scene, rng, noise=1.0, blur=0.8, contrast=175.0, tone="linear")
     lattices = [true_lattice(scene, i, rng) for i in range(3)]
@@ -94,7 +94,7 @@ def test_hidden_and_missing_crossings_leave_the_rest_as_good():
 
 
 def test_shade_is_judged_by_the_whole_board():
-    """Neither which cell comes first nor a wrong tone curve moves the lines."""
+    """Neither the choice of the first cell nor a wrong tone curve moves the lines."""
     scene, rng = board_scene(3, 5)
     picture = simulate.render(scene, rng, noise=1.0, blur=0.8, contrast=175.0, tone="srgb")
     lattices = [true_lattice(scene, i, rng) for i in range(3)]
@@ -110,7 +110,7 @@ def test_shade_is_judged_by_the_whole_board():
 @pytest.mark.parametrize("ratio", [0.5, 0.6, 0.7, 0.85])
 @pytest.mark.parametrize("codes", [cv2.aruco.DICT_4X4_250, cv2.aruco.DICT_7X7_250])
 def test_the_black_border_of_markers_is_no_dark_cell(codes, ratio):
-    """With 4 x 4 cells and a ratio of 0.6 it lies around a quarter of a cell from the edge."""
+    """With 4 x 4 cells and a ratio of 0.6, it is about a quarter of a cell from the edge."""
     dictionary = cv2.aruco.getPredefinedDictionary(codes)
     board = cv2.aruco.CharucoBoard((8, 6), 1.0, ratio, dictionary).generateImage((640, 480))
     crossings = 80.0 * np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 6.0)), axis=-1)
@@ -123,7 +123,7 @@ def test_the_black_border_of_markers_is_no_dark_cell(codes, ratio):
 
 
 def test_stray_parts_of_a_lattice_are_no_lines():
-    """A row with nothing but separate crossings has no span; one beyond the columns has its own."""
+    """A row of only separate crossings has no span; one beyond the columns has its own."""
     grid = np.stack(np.meshgrid(np.arange(6.0), np.arange(5.0)), axis=-1)
     present = np.ones((5, 6), dtype=bool)
     present[4] = [True, False, True, False, False, True]
@@ -137,7 +137,7 @@ def test_stray_parts_of_a_lattice_are_no_lines():
     assert first.crossings == [(11 + column, column) for column in range(6)]
     assert first.polarity == 1.0
     assert spans[1].polarity == -1.0
-    # The first column goes down to the crossing of the last row, which is no line.
+    # The first column extends to the crossing in the last row, which is not a line.
     assert spans[4].crossings[-1] == (None, 4)
 
 

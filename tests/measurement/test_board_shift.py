@@ -1,4 +1,4 @@
-"""The shift of a board's edges toward the dark, measured from their zigzag."""
+"""The shift of a board's edges towards the dark, measured from their zigzag."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_the_shift_of_a_zigzag_is_taken_out():
 
 
 def test_a_shift_that_grows_along_the_line_is_taken_out():
-    # Ink that spreads evenly on a board that is nearer at one end; one line differs from the rest.
+    # Ink that spreads evenly on a board that is nearer at one end; one line has another shift.
     def line(shift):
         points, *rest = line_of(shift)
         flat = line_of(0.0)[0]
@@ -78,6 +78,6 @@ def test_a_wrong_tone_curve_no_longer_tears_the_lines_of_a_board():
         scene = simulate.chessboard_scene(rng, simulate.random_camera(rng))
         picture = simulate.render(scene, rng, noise=2.0, blur=0.8, tone="srgb")
         ratios.append(zigzag_of(picture, "linear") / zigzag_of(picture, "srgb"))
-    # About crossings a little is left, the more the flatter a board is looked at: half of them
+    # A remainder is left near crossings, which grows with the tilt of a board: half of the boards
     # stay below 1.1.
     assert np.median(ratios) < 1.3

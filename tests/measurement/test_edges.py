@@ -1,4 +1,4 @@
-"""PlaneEdges: what it accepts, what it refuses, and how a square's sides become its model."""
+"""PlaneEdges: what it accepts and refuses, and the model of a square's sides."""
 
 import json
 import pickle
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from trisquare.edges import PlaneEdges
 from trisquare.errors import NotEnoughDataError
 
-# Normals inward. The second keeps X along side 0 and Z away from the camera the other way round.
+# Normals inward. The second has X along side 0 and Z away from the camera for the opposite order.
 CLOCKWISE_SQUARE = ((0.0, 1.0, 0.5), (-1.0, 0.0, 0.5), (0.0, -1.0, 0.5), (1.0, 0.0, 0.5))
 COUNTER_CLOCKWISE_SQUARE = ((0.0, -1.0, 0.5), (-1.0, 0.0, 0.5), (0.0, 1.0, 0.5), (1.0, 0.0, 0.5))
 
@@ -144,7 +144,7 @@ def test_a_square_has_four_sides():
 
 
 def same(first, second):
-    """Whether two sets of edges agree to the last bit."""
+    """Return whether two sets of edges agree to the last bit."""
     assert first.std is not None
     pairs = zip(
         (first.lines, *first.points, *first.std),

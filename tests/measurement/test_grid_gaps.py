@@ -12,7 +12,7 @@ LENS = 0.25
 
 
 def grid_lines(gap, *, seed, tags=TAGS, hidden=0.0):
-    """Samples on the sides of tags, and on the dark squares between them, bent by a lens."""
+    """Samples on the sides of tags and of the dark squares between them, distorted by a lens."""
     rng = np.random.default_rng(seed)
     numbers = np.arange(2 * tags)
     places = numbers // 2 * (1.0 + gap) + numbers % 2

@@ -1,4 +1,4 @@
-"""Rendered scenes as people photograph them: what they show is what their truth says."""
+"""Rendered scenes as people photograph them: the pictures agree with their truth."""
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ DRAWN = {}
 
 
 def case_of(kind):
-    """One picture of a kind; rendering boards takes a second or two."""
+    """One picture of a kind, cached: rendering boards takes a second or two."""
     if kind not in DRAWN:
         rng = np.random.default_rng([81, KINDS.index(kind)])
         DRAWN[kind] = real_picture(rng, kind, (640, 480))
@@ -42,7 +42,7 @@ def test_crossings_in_sight_are_where_the_truth_has_them(kind):
         end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
         start = shown.astype(np.float32).reshape(-1, 1, 2)
         found = cv2.cornerSubPix(grey, start, (3, 3), (-1, -1), end)
-        # Cells of ten pixels, noise and JPEG: single saddles scatter, all together do not.
+        # Cells of ten pixels, noise and JPEG: single saddles scatter, their median does not.
         assert np.hypot(*np.median(found[:, 0] - shown, axis=0)) < 0.15
 
 
@@ -71,7 +71,7 @@ def test_part_of_the_crossings_is_out_of_sight(kind):
 
 
 def test_what_is_out_of_sight_tells_nothing():
-    """Hiding half of a scene's edges raises the bound; hiding one plane leaves it open."""
+    """Hiding half of a scene's edges raises the bound; hiding one plane leaves it undetermined."""
     scene = simulate.random_scene(np.random.default_rng(82))
     whole = simulate.cramer_rao_bound(scene, 0.1)
     thinned = simulate.cramer_rao_bound(
@@ -107,7 +107,7 @@ def test_the_same_seed_draws_the_same_picture():
     again = real_picture(rng, "tags", (640, 480))
     np.testing.assert_array_equal(again.picture, case.picture)
     assert again.bound() == case.bound()
-    # Neither the sensor's noise nor JPEG's are in the ideal picture, and they are small beside it.
+    # The ideal picture has neither the sensor's noise nor JPEG's errors, which are small.
     grey = again.picture if again.picture.ndim == 2 else cv2.cvtColor(again.picture, 6)
     wrong = np.std(grey - again.ideal)
     assert 0.5 * case.settings["noise"] < wrong < 3.0 * case.settings["noise"] + 10.0
@@ -123,7 +123,7 @@ def test_scenes_without_plain_boards_are_three_planes_to_calibrate_from(kind):
 
 @pytest.mark.slow
 def test_small_charuco_boards_are_found_whole_and_their_markers_rims_measured():
-    # Print beside crossings hides some of them, and blur the outer ones of the farthest boards.
+    # Print beside crossings hides some of them; blur hides the outer ones of the farthest boards.
     boards, whole = 0, 0
     for index in range(8):
         case = real_picture(np.random.default_rng([100, index]), "charuco box")

@@ -17,7 +17,7 @@ def thin_frames(seed, *, inner, blur):
 
 @pytest.mark.parametrize("seed", [1, 4, 6])
 def test_the_far_edge_of_a_bar_does_not_move_the_near_one(seed):
-    """Bars of 4 to 8 px, whose edges were 0.005 to 0.1 px off."""
+    """With bars of 4 to 8 px, the edges used to be 0.005 to 0.1 px off."""
     scene, picture = thin_frames(seed, inner=0.95, blur=0.7)
     result = ts.calibrate(picture)
     assert len(result.planes) == 3

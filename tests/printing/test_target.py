@@ -1,4 +1,4 @@
-"""The target to print: its layout, its PDF as a printer would see it, and the folded corner."""
+"""The printed target: its layout, its PDF as rendered for a printer, and the folded corner."""
 
 import json
 import re
@@ -28,7 +28,7 @@ WITHIN = 0.05  # mm, as the target promises
 
 
 def rastered(pdf, folder, *, page=1, dpi=DPI):
-    """One page as pdftoppm of Debian's poppler-utils prints it, grey."""
+    """One page in grey, as rendered by pdftoppm of Debian's poppler-utils."""
     if shutil.which("pdftoppm") is None:
         pytest.skip("pdftoppm is not here: apt install poppler-utils")
     (folder / "target.pdf").write_bytes(pdf)
@@ -38,9 +38,10 @@ def rastered(pdf, folder, *, page=1, dpi=DPI):
 
 
 def edge_position(picture, start, end, side):
-    """Where an upright dark edge is, mm: `side` is 0 for one across x, 1 across y.
+    """Position of an upright dark edge, in mm: `side` is 0 for one across x, 1 across y.
 
-    The window from `start` to `end` (x, y; mm) holds one step; its white part tells the place.
+    The window from `start` to `end` (x, y; mm) contains one step; its white part gives the
+    position.
     """
     (left, top), (right, bottom) = np.rint(np.array([start, end]) * PER_MM).astype(int)
     profile = picture[top:bottom, left:right].mean(axis=side) / 255.0
@@ -52,7 +53,7 @@ def edge_position(picture, start, end, side):
 
 
 def measured_outline(picture, corners):
-    """Left, right, top and bottom edge of an upright square, each measured near both its ends."""
+    """Left, right, top and bottom edge of an upright square, each measured near both ends."""
     (left, top), (right, bottom) = corners[0], corners[2]
     reach, bit = 2.0, 1.5
     found = []
@@ -89,8 +90,8 @@ def test_squares_are_printed_where_and_as_large_as_stated(tmp_path, kind, page, 
         assert np.ptp(hole, axis=0) == pytest.approx([0.6 * side, 0.6 * side], abs=1e-9)
         for corners in (outer, hole):
             assert np.abs(measured_outline(picture, corners)).max() < WITHIN
-        # Nothing but paper comes near the frame, all round.
-        margin = 0.12 * side - 0.3  # but for a fold's line
+        # There is only paper around the frame.
+        margin = 0.12 * side - 0.3  # except for a fold's line
         (left, top), (right, bottom) = np.rint(
             np.array([outer[0] - margin, outer[2] + margin]) * PER_MM
         ).astype(int)
@@ -98,7 +99,7 @@ def test_squares_are_printed_where_and_as_large_as_stated(tmp_path, kind, page, 
         inside = int((margin - 0.1) * PER_MM)
         surrounding[inside:-inside, inside:-inside] = 255
         assert surrounding.min() == 255
-    # The check ruler: between the middles of its first and last marks.
+    # The check ruler, between the centres of its first and last marks.
     x, y = np.array(first.ruler) * PER_MM
     rows = picture[round(y - 4 * PER_MM) : round(y - 3 * PER_MM)].mean(axis=0)
     ends = []
@@ -125,7 +126,7 @@ def test_three_flat_sheets_differ_only_in_their_number(tmp_path):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_board_is_what_it_says(page):
-    """Half of its cells are dark, the upper left one among them, and none touch but at corners."""
+    """Half of the cells are dark, including the upper left one, and they touch only at corners."""
     target = ts.printed_target("boards", page=page)
     assert len(target.pages) == 1
     for board in target.pages[0].frames:
@@ -143,7 +144,7 @@ def test_a_board_is_what_it_says(page):
         np.testing.assert_allclose(low + cell * number, cells[:, 0], atol=1e-9)
         assert len(np.unique(number, axis=0)) == len(cells)
         assert not (number.sum(axis=1) % 2).any()
-        # A cell's width of white round it, or what printers leave white.
+        # A white margin of one cell's width, or that of printers.
         margin = 0.5 * (target.pages[0].face - board.side)
         assert margin >= min(cell, 7.0)
 
@@ -168,7 +169,7 @@ def test_all_that_is_printed_is_on_the_paper(page, side, kind):
         assert ruler[1] + 13.0 + 2 * 5.5 < height - 7.0
         for line in sheet.text:
             assert stringWidth(line, "Helvetica", 10.0) * 25.4 / 72 < width - 2 * 10.0
-        assert len(sheet.text) == 3  # what it is, and two lines of instructions
+        assert len(sheet.text) == 3  # its title, and two lines of instructions
 
 
 DRAWN = [
@@ -186,7 +187,7 @@ def test_the_drawing_shows_the_folded_corner_in_free_room(page, side, kind):
     assert low[0] >= sheet.ruler[0] + 100.0 + 10.0  # right of the ruler and its label
     assert high[1] <= sheet.ruler[1] + 13.0 - 10.0 * 25.4 / 72  # above the text
     assert high[0] <= PAGES[page][0] - 7.0
-    # One camera sees the corners of the folded figures where they are drawn.
+    # One camera sees the corners of the folded figures at their drawn positions.
     apart, drawn = [], []
     for number, (figure, (rotation, centre)) in enumerate(
         zip(sheet.frames, folded_frames(sheet), strict=True)
@@ -224,7 +225,7 @@ def test_the_drawing_is_no_target(tmp_path, page, kind, dpi):
     blurred = 30.0 + 0.75 * cv2.GaussianBlur(around, (0, 0), 0.8)
     noise = 2.0 * np.random.default_rng(7021).standard_normal(blurred.shape)
     figures = ts.detect(np.clip(blurred + noise, 0, 255).astype(np.uint8))
-    if kind == "corner":  # boards that are not folded yet may be taken for one
+    if kind == "corner":  # unfolded boards may be taken for one
         assert len({figure.plane for figure in figures}) == 3
     faces = (target.pages[0].apex[1] + target.pages[0].face) * dpi / 25.4 + 40
     assert max(points[:, 1].max() for figure in figures for points in figure.points) < faces
@@ -339,7 +340,7 @@ def test_without_reportlab_it_says_what_to_install(run, tmp_path, monkeypatch):
 
 
 def folded(page, face, point):
-    """Where a point of the sheet, mm, comes to be when the face that holds it is folded."""
+    """Position of a point of the sheet, in mm, after its face is folded."""
     frame, (rotation, translation) = page.frames[face], folded_frames(page)[face]
     on_plane = np.append(np.subtract(point, frame.centre), 0.0)
     return rotation @ on_plane + translation
@@ -352,7 +353,7 @@ def test_the_sheet_folds_into_a_corner():
         for point in fold:
             once, again = (folded(page, face, point) for face in faces)
             np.testing.assert_allclose(once, again, atol=1e-9)
-    # The cut closes: the lower face's right edge meets the right face's lower one.
+    # The cut closes: the lower face's right edge coincides with the right face's lower edge.
     np.testing.assert_allclose(
         folded(page, 2, (apex[0], apex[1] + page.face)), folded(page, 1, right), atol=1e-9
     )
@@ -361,11 +362,11 @@ def test_the_sheet_folds_into_a_corner():
     normals = np.array([rotation[:, 2] for rotation in rotations])
     np.testing.assert_allclose(normals @ normals.T, np.eye(3), atol=1e-12)
     assert [round(np.linalg.det(rotation)) for rotation in rotations] == [1, 1, 1]
-    # Print inside: every frame is on the side that every other one shows its print to.
+    # The print is inside: every frame is on the printed side of the others.
     for i, (_, translation) in enumerate(folded_frames(page)):
         others = np.delete(normals, i, axis=0)
         assert (others @ translation < 0.0).all()
-    # The tab stays behind the face that it is glued to.
+    # The tab stays behind the face to which it is glued.
     outline = np.array(page.tab) - apex
     assert outline.min() >= 0.0
     assert outline.max() <= page.face
@@ -374,13 +375,13 @@ def test_the_sheet_folds_into_a_corner():
 
 
 def assert_calibrated(picture, truth, *, right_angles=False):
-    """With no options: three planes, and the camera within its stated errors."""
+    """Check for three planes, and the camera within its stated errors, without options."""
     result = ts.calibrate(picture)
     assert len(result.planes) == 3
     for name in ("fx", "fy", "cx", "cy"):
         error = getattr(result.camera, name) - getattr(truth, name)
         assert abs(error) < 4.0 * result.std[name]
-        assert result.std[name] < 0.5  # px: a sound corner tells much
+        assert result.std[name] < 0.5  # px, because a sound corner determines the camera well
     if right_angles:
         normals = np.array([plane.rotation[:, 2] for plane in result.planes])
         cosines = (normals @ normals.T)[np.triu_indices(3, 1)]
@@ -413,7 +414,7 @@ def test_a_folded_board_is_counted_in_cells():
     for target, (_, centre) in zip(scene.targets, folded_frames(page), strict=True):
         assert target.extent == (9.0, 9.0)
         assert target.rim == pytest.approx(0.5 * (page.face / 60.0 - 1.0) * 18)
-        # As far from the first board as the folded sheet says.
+        # At the same distance from the first board as on the folded sheet.
         apart = np.linalg.norm(target.translation - scene.targets[0].translation) * 60.0 / 18.0
         assert apart == pytest.approx(np.linalg.norm(centre - folded_frames(page)[0][1]))
 
@@ -434,11 +435,11 @@ def test_the_corner_is_seen_from_near_its_diagonal():
         assert (high - low)[1] > 0.75 * 960
 
 
-# Pixels of 0.075 mm, of which every length of A4's corner is a multiple: pdftoppm places edges to
-# a quarter of a pixel only, and that would be the sheet's own error.
+# Pixel size of which every length of A4's corner is a multiple: pdftoppm places edges only to a
+# quarter of a pixel, which would be an error of the sheet.
 FINE_MM = 0.075
-# The picture is made so much finer, and then averaged: as fine as the sheet, or its edges would be
-# taken from between its pixels.
+# Factor by which the picture is rendered finer, before averaging: as fine as the sheet, because its
+# edges would otherwise be interpolated between pixels.
 FINER = 6
 CAMERA = TrueCamera(1105.0, 1101.0, 652.3, 471.8)
 
@@ -447,7 +448,7 @@ def photographed(papers, rng):
     """Photograph printed sheets: (raster, paper's outline mm, frame, its target in the scene)."""
     width, height = CAMERA.image_size
     light = np.full((FINER * height, FINER * width), 0.2, np.float32)
-    # Pixel centres: of a sheet's raster in mm, and of the finer picture.
+    # Maps between pixel centres: from a sheet's raster to mm, and to the finer picture.
     mm_of_raster = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1 / FINE_MM]]) * FINE_MM
     offset = 0.5 * (FINER - 1)
     finer_of_pixel = np.array([[FINER, 0, offset], [0, FINER, offset], [0, 0, 1]])
@@ -472,7 +473,7 @@ def box(left, top, right, bottom):
 
 @pytest.mark.slow
 def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
-    """The very PDF, with its folds and cuts, folded in front of a camera."""
+    """The actual PDF, with its folds and cuts, folded in front of a camera."""
     target = ts.printed_target("corner")
     (page,) = target.pages
     sheet = rastered(target.to_pdf(), tmp_path, dpi=25.4 / FINE_MM)
@@ -486,7 +487,7 @@ def test_a_photograph_of_the_folded_sheet_calibrates(tmp_path):
 
 @pytest.mark.slow
 def test_a_photograph_of_the_flat_sheets_calibrates(tmp_path):
-    """The very PDF, with its ruler and its text in the picture."""
+    """The actual PDF, with its ruler and its text in the picture."""
     target = ts.printed_target("flat", side=150.0)
     rng = np.random.default_rng(7004)
     camera = ts.Camera(CAMERA.K, CAMERA.distortion, CAMERA.image_size)

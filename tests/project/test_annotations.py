@@ -1,4 +1,4 @@
-"""What a type checker accepts of a program that uses trisquare, and what it refuses."""
+"""Programs that use trisquare, as accepted or refused by a type checker."""
 
 import subprocess
 import sys
@@ -30,7 +30,7 @@ ts.undistort("a.jpg", result, interpolation="cubc")
 
 
 def complaints(code, folder):
-    """The numbers of the lines that a type checker complains of."""
+    """The numbers of the lines with errors by a type checker."""
     (folder / "used.py").write_text(code)
     command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "used.py"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

@@ -72,7 +72,7 @@ def test_a_page_with_a_fault_is_found(browser, tmp_path):
 
 
 def test_help_leads_to_its_section(site):
-    """Every code that the page explains is where `help` says it is."""
+    """`help` links to the section of every code on the page."""
     codes = re.findall(r"^### `(\w+)`$", (DOCS / "faq.md").read_text("utf-8"), re.MULTILINE)
     assert len(codes) > 40
     anchors = re.findall(r'<section id="([^"]+)"', (site / "faq.html").read_text("utf-8"))

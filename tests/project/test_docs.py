@@ -1,4 +1,4 @@
-"""What the documentation shows is what works."""
+"""The documentation shows what works."""
 
 import json
 import re
@@ -28,9 +28,9 @@ LONG = ("batch.md", "report.md", "start.md")
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory):
-    """Make the files that a reader has: two photographs of one camera, a video, a calibration.
+    """Make the files of a reader: two photographs of one camera, a video, a calibration.
 
-    And the limits for production of the page on batches.
+    Also the limits for production from the page on batches.
     """
     folder = tmp_path_factory.mktemp("given")
     demo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
@@ -59,7 +59,7 @@ def given(tmp_path_factory):
 
 @pytest.fixture
 def folder(given, tmp_path, monkeypatch):
-    """Work in a copy of what a reader has."""
+    """Work in a copy of the reader's files."""
     for path in given.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     monkeypatch.chdir(tmp_path)
@@ -99,16 +99,16 @@ def test_the_tutorial_leads_to_a_straight_video(folder, capsys):
         expected = names["undistorter"].undistort(seen[1])
         there_is_one, frame = straight.read()
         assert there_is_one
-        # It was compressed; the distorted frame differs from it by more than ten levels.
+        # The video is compressed; the distorted frame differs from it by more than ten levels.
         assert np.abs(frame.astype(float) - expected).mean() < 3
         frames += 1
     assert frames == 12
     assert not straight.read()[0]
-    # Points of straight.png are where its squares are found: resampling costs 0.2 px at a corner.
+    # Points of straight.png are at the squares found in it: resampling costs 0.2 px at a corner.
     located = ts.locate("straight.png", names["pinhole"])
     off = np.linalg.norm(names["straight_corners"] - [it.corners for it in located], axis=2)
     assert off.max(axis=1).min() < 0.5
-    # The two photographs are of one camera.
+    # Both photographs are by one camera.
     assert ts.compare(names["result"], names["later"]).same
 
 
@@ -139,7 +139,7 @@ def test_the_outlines_of_the_photograph_calibrate_it(folder):
     corners = [np.array(square["corners"]) for square in json.loads(outlines)["squares"]]
     found = [plane.corners for plane in ts.Calibration.load("camera.json").planes]
     off = np.linalg.norm(np.subtract(corners, found), axis=2)
-    assert 2 < off.max() <= 5  # as the page promises
+    assert 2 < off.max() <= 5  # as stated on the page
 
 
 def test_the_camera_is_read(folder):
@@ -240,7 +240,7 @@ def test_the_numbers_of_photographs_are_those_of_today(row, photographs, options
 
 
 def table_rows(text, heading):
-    """The cells of the table whose first line begins so, without that line."""
+    """The cells of the table with the given heading, without the heading."""
     (table,) = re.findall(rf"^\| {re.escape(heading)}.*\n\|[ -|]*\n((?:\|.*\n)+)", text, re.M)
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
 
@@ -256,7 +256,7 @@ LENSES = {
     "`fx` ≠ `fy`": ("none", {}),
     "skew": ("none", {}),
 }
-"""A camera for each column of the table of lenses: its model and what of it is not zero."""
+"""A camera for each column of the table of lenses: its model and its nonzero coefficients."""
 
 
 def camera_of_column(column):
@@ -314,7 +314,7 @@ def test_the_modules_of_all_formats_are_in_the_reference():
 
 
 def test_what_is_read_needs_no_build():
-    """A page on a forge shows nothing where Sphinx would put what a module says."""
+    """A page on a forge does not show what Sphinx inserts from a module."""
     for path in DOCS.glob("*.md"):
         assert "automodule" not in path.read_text("utf-8"), path
 
@@ -386,7 +386,7 @@ def test_a_benchmark_that_cannot_be_measured_keeps_its_rows(benchmarks, monkeypa
 
     module.measure = measure
     for variable in run.THREAD_LIMITS:
-        monkeypatch.setenv(variable, "1")  # put back afterwards
+        monkeypatch.setenv(variable, "1")  # restored afterwards
     monkeypatch.setitem(sys.modules, name, module)
     files = (results_page.PAGE, results_file.FILE)
     before = [file.read_bytes() for file in files]

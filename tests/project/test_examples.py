@@ -1,4 +1,4 @@
-"""Every function, class and method that a user calls has an example."""
+"""Every function, class and method for users has an example."""
 
 import doctest
 import inspect
@@ -11,7 +11,7 @@ from trisquare import report
 
 
 def called():
-    """What users call, by name: all that is public, with the methods of the classes."""
+    """Everything that users call, by name: all that is public, with the methods of the classes."""
     found = {"trisquare": ts, "report.report_page": report.report_page}
     for name in set(ts.__all__) - {"__version__"}:
         public = getattr(ts, name)
@@ -29,7 +29,7 @@ CALLED = called()
 
 @pytest.mark.parametrize("name", sorted(CALLED))
 def test_there_is_an_example(name):
-    """`test_fresh_interpreter.py` runs it."""
+    """The examples are run by `test_fresh_interpreter.py`."""
     assert doctest.DocTestParser().get_examples(CALLED[name].__doc__)
 
 

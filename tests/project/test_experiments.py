@@ -1,4 +1,4 @@
-"""The page of the experiments, its plots, and the runner that writes them."""
+"""The page of the experiments, its plots, and the script that writes them."""
 
 import json
 import os
@@ -12,12 +12,12 @@ import pytest
 
 CHECKOUT = Path(__file__).parents[2]
 DOCS = CHECKOUT / "docs"
-LARGEST = 60_000  # bytes of a plot
+LARGEST = 60_000  # maximum size of a plot in bytes
 
 
 @pytest.fixture
 def experiments(monkeypatch):
-    """Import what the runner imports, as it does."""
+    """Import the modules of the script in the same way."""
     pytest.importorskip("matplotlib")
     before = set(sys.modules)
     monkeypatch.syspath_prepend(str(CHECKOUT / "benchmarks"))
@@ -38,7 +38,7 @@ def test_the_page_has_the_numbers_of_the_results(experiments):
 
 
 def test_no_line_of_the_page_is_a_comment(experiments):
-    """A line that begins with a per cent sign is one in MyST, and disappears."""
+    """In MyST, a line that begins with a per cent sign is a comment and is not shown."""
     lines = experiments["page"].text(experiments["results"].read()).splitlines()
     assert [line for line in lines if line.startswith("%")] == []
 
@@ -60,12 +60,12 @@ def test_the_plots_are_small_and_follow_the_scheme():
         assert len(svg.encode()) < LARGEST, name
         assert "<text" in svg
         assert "prefers-color-scheme: dark" in svg
-        # Every colour is one of the scheme's.
+        # Every colour is from the palette.
         assert not re.findall(r"#[0-9a-f]{6}", svg.partition("</style>")[2]), name
 
 
 def with_another_number(experiments):
-    """The results, one of them changed, which one plot shows."""
+    """The results with one changed number, which one plot shows."""
     found = experiments["results"].read()
     found["sweeps"]["tilt"][-1]["edges"]["cx"]["rms"] *= 1.5
     return found
@@ -88,7 +88,7 @@ def test_a_change_of_a_number_is_drawn(experiments):
 
 
 def without_photographs(experiments):
-    """The results where no photographs were there."""
+    """The results without photographs."""
     found = experiments["results"].read()
     found["gallery"], found["lengths"]["real"] = [], {}
     return found
@@ -120,7 +120,7 @@ def test_errors_are_summed_up(experiments):
 
 
 def test_intervals_hold_the_truth(experiments):
-    """The bootstrap's interval of an rms, over draws of which it is known."""
+    """The bootstrap's interval of an rms, over draws with a known rms."""
     rng = np.random.default_rng(3)
     held = 0
     for _ in range(200):
@@ -169,7 +169,7 @@ def test_a_quick_run_writes_page_plots_and_numbers(tmp_path, experiments):
     written = {path.name for path in (tmp_path / "experiments").glob("*.svg")}
     shown = {f"{name}.svg" for name in experiments["plots"].drawn(found)}
     assert written == shown | ({"gallery.svg"} if found["gallery"] else set())
-    # Two scenes of the usual kind, from edge points that are known to 0.01 px.
+    # Two scenes of the usual kind, from edge points with a noise of 0.01 px.
     usual = found["sweeps"]["noise"][0]["edges"]
     assert usual["answered"] == usual["scenes"] == 2
     assert 0.0 < experiments["page"].pixel_rms(usual) < 1.0

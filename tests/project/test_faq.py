@@ -1,4 +1,4 @@
-"""Every code of an error or a warning has its section, and every section is of a code."""
+"""Every code of an error or a warning has a section, and every section is about a code."""
 
 import ast
 import json
@@ -34,7 +34,7 @@ def text_of(node):
 
 
 def warning_codes():
-    """The codes in the crate, and those in calls and remarks of the package."""
+    """The codes in the crate, and those in the package's calls and remarks."""
     crate = CHECKOUT / "rust" / "trisquare" / "src" / "result" / "warning.rs"
     codes = set(re.findall(r"=> \"(\w+)\"", crate.read_text("utf-8").split("fn code")[1]))
     codes |= set(_ADVICE)
@@ -48,7 +48,7 @@ def warning_codes():
 
 
 def error_codes(*rooms):
-    """The classes of errors, and the names that rooms give."""
+    """The classes of errors, and the names used in given rooms."""
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
     own = {kind.__name__ for kind in kinds if issubclass(kind, Exception)}
     given = {
@@ -80,7 +80,7 @@ def test_warnings_that_come_together_name_each_other():
 
 
 def test_help_names_the_section():
-    """As Sphinx names it: small letters, and hyphens for underscores."""
+    """In Sphinx's form: lower case, and hyphens for underscores."""
     warning = ts.CalibrationWarning("a text", "lens_beyond_model", "high")
     assert warning.help == help_of("lens_beyond_model") == "faq.html#lens-beyond-model"
     assert ts.MissingImageError("x").help == "faq.html#missingimageerror"
@@ -97,7 +97,7 @@ def test_the_http_statuses_are_those_of_services():
 
 
 def opencv_error(text, code):
-    """As OpenCV raises it; what C++ throws has no code."""
+    """As raised by OpenCV; errors of C++ have no code."""
     error = cv2.error(text)
     if code is not None:
         error.code = code

@@ -1,4 +1,4 @@
-"""Each example runs in an interpreter that has loaded nothing but what the example asks for."""
+"""Each example runs in an interpreter that has loaded only what the example imports."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What `make fuzz` does to files, on a few of them."""
+"""The damage of `make fuzz`, on a few files."""
 
 import json
 import random
@@ -35,7 +35,7 @@ def test_a_case_is_always_the_same_and_never_too_large(name):
 
 
 def test_texts_are_damaged_in_what_they_say():
-    """Of many a half is still JSON, with other values, types and keys."""
+    """About half of many are still JSON, with other values, types and keys."""
     parsed = []
     for seed in range(300):
         with suppress(ValueError, RecursionError):
@@ -49,7 +49,7 @@ def test_texts_are_damaged_in_what_they_say():
 
 @pytest.mark.slow
 def test_readers_are_run(tmp_path):
-    """In processes of their own; whole files are read first."""
+    """They run in processes of their own; undamaged files are read first."""
     names = ("limits/", "layout/", "picture/a.png", "frames/a.avi")
     done = subprocess.run(
         [sys.executable, str(FUZZ / "readers.py"), "--cases", "40", *names],

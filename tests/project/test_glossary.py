@@ -1,4 +1,4 @@
-"""One term for one thing: the glossary has each once, and nothing uses another."""
+"""One term for one thing: the glossary has each term once, and other terms are not used."""
 
 import re
 from pathlib import Path
@@ -10,12 +10,12 @@ import trisquare as ts
 
 GLOSSARY = page("glossary.md")
 USED, NOT_USED = GLOSSARY.split("## Terms that are not used")
-# Where other programs' own terms are named, and what benchmarks have written.
+# Pages with other programs' own terms, and with texts of benchmarks.
 OTHERS_TERMS = ("glossary.md", "migration.md", "measured.md")
 
 
 def prose():
-    """The pages, the README, and the comments and texts of the package and the crate."""
+    """Yield the pages, the README, and the sources of the package and the crate."""
     yield from (DOCS / name for name in PAGES if name not in OTHERS_TERMS)
     yield from (DOCS / "api").glob("*.rst")
     yield CHECKOUT / "README.md"

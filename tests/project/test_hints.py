@@ -1,4 +1,4 @@
-"""What natural mistakes are answered with."""
+"""Answers to natural mistakes."""
 
 import inspect
 import typing
@@ -45,7 +45,7 @@ def test_the_names_that_are_meant_are_there(owner, result):
     assert own.other_names
     for name, meant in own.other_names.items():
         assert not hasattr(own, name)
-        # Fails where there is no such attribute; a formula names the plane itself.
+        # It fails without such an attribute; a formula names the plane itself.
         eval(meant if "plane." in meant else f"own.{meant}", {"np": np, "own": own, "plane": own})
 
 
@@ -71,7 +71,7 @@ def test_an_error_within_a_call_is_left_alone(result):
 
 @pytest.mark.parametrize("name", ts.__all__)
 def test_annotations_are_read_at_run_time(name):
-    """As programs do that make forms or command lines of functions."""
+    """Programs that make forms or command lines from functions do so."""
     public = getattr(ts, name)
     called = vars(public) if inspect.isclass(public) else {name: public}
     for own, one in called.items():

@@ -1,4 +1,4 @@
-"""What imports may name; in which row a room stands is checked by import-linter."""
+"""Names allowed in imports; import-linter checks the rows of the rooms."""
 
 import ast
 import pickle
@@ -19,7 +19,7 @@ FILES = sorted(ROOT.rglob("*.py"))
 
 
 def imports_of(path):
-    """Every module that a file names in an import, with the names that it takes of it."""
+    """Yield every module that a file imports, with the imported names."""
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             yield from ((alias.name, None) for alias in node.names)
@@ -30,7 +30,7 @@ def imports_of(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_file_imports_the_facade_or_what_another_keeps_to_itself(path):
-    """import-linter takes the compiled `trisquare._core` for the façade: so this looks itself."""
+    """import-linter takes the compiled `trisquare._core` for the façade, hence this test."""
     for module, name in imports_of(path):
         if module.startswith("trisquare"):
             assert module != "trisquare", f"{path}: imports through the façade"

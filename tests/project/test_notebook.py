@@ -1,4 +1,4 @@
-"""The notebook runs, comes to the truth, and is committed without outputs."""
+"""The notebook runs, finds the true camera, and is committed without outputs."""
 
 import re
 from importlib import resources
@@ -27,7 +27,7 @@ def test_it_is_committed_without_outputs(notebook):
 
 
 def run(notebook):
-    """Execute it; return what its cells print, and how many pictures they show."""
+    """Execute it; return the output of its cells, and its number of pictures."""
     pytest.importorskip("ipykernel", reason="needs Python 3.11")
     NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]

@@ -1,4 +1,4 @@
-"""What the README shows is what works."""
+"""The README shows what works."""
 
 import re
 from importlib import resources
@@ -14,7 +14,7 @@ MAX_LINES = 150
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Work in a folder that has the demo's photograph alone."""
+    """Work in a folder with only the demo's photograph."""
     photo = (resources.files("trisquare") / "data" / "demo.png").read_bytes()
     (tmp_path / "photo.jpg").write_bytes(photo)
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Under a service: threads, repetition, arrays that callers go on using, and memory."""
+"""Use in a service: threads, repetition, arrays that callers continue to use, and memory."""
 
 import contextlib
 import gc
@@ -22,15 +22,15 @@ from trisquare.measurement.side_spans import SideSpan
 THREADS = 8
 SMALL = (640, 480)
 
-# One calibration in so many threads at once would pass by luck; each is repeated out of step.
+# One round of parallel calibrations could pass by luck; each is repeated with shifted starts.
 ROUNDS = 2
 
-# Bytes that the allocator may take for good while a process runs in: measured below 0.1 MB. One
-# copy of the samples kept per calibration would make 2.4 MB of 500.
+# Maximum growth in bytes while a process warms up: measured below 0.1 MB. One copy of the samples
+# kept per calibration would make 2.4 MB of 500.
 LARGEST_GROWTH = 1e6
 CALIBRATIONS = 500
 
-# Calls within a few milliseconds each in which another thread must once get to run.
+# Maximum number of calls, of a few milliseconds each, during which another thread must run once.
 BUSY_ROUNDS = 50
 
 
@@ -54,7 +54,7 @@ def one_picture(edges):
     return ts.calibrate_edges(edges, IMAGE_SIZE)
 
 
-# What eight callers may ask for at once: every kind of target, pixel and entry point.
+# Simultaneous calls of eight callers: every kind of target, pixel and entry point.
 EDGES = [
     edges_of(squares(seed, kind=kind), 0.1, seed) for seed, kind in ((76, "square"), (77, "frame"))
 ]
@@ -71,7 +71,7 @@ ASKED = {
 
 
 def bits(result):
-    """Every number of a result, exactly."""
+    """All numbers of a result, exactly."""
     arrays = [result.camera.K, result.camera.distortion, result.covariance]
     for plane in result.planes:
         arrays += [plane.corners, plane.rotation, plane.translation]
@@ -79,7 +79,7 @@ def bits(result):
 
 
 def in_threads(calls):
-    """The results of all calls, each made in a thread of its own, all begun at once."""
+    """The results of all calls, each in a thread of its own, all started at the same time."""
     begin = threading.Barrier(len(calls))
 
     def made(call):
@@ -94,7 +94,7 @@ def test_eight_threads_give_the_bits_of_one():
     assert len(ASKED) == THREADS
     jobs = [asked() for asked in ASKED.values()]
     alone = [bits(call(given)) for call, given in jobs]
-    assert len(set(alone)) == THREADS  # they are different pictures
+    assert len(set(alone)) == THREADS  # all pictures are different
     for first in range(ROUNDS):
         turned = jobs[first:] + jobs[:first]
         found = in_threads([lambda job=job: bits(job[0](job[1])) for job in turned])
@@ -139,7 +139,7 @@ def test_what_a_caller_does_to_his_arrays_afterwards_changes_nothing():
 
 @pytest.mark.parametrize("name", ["calibrate", "localise", "fit_distortion"])
 def test_the_core_lets_other_threads_run(name, monkeypatch):
-    """Python itself never takes the GIL from a thread here: it has to be given away."""
+    """Python never takes the GIL from a thread here: the core has to release it."""
     entry = getattr(_core, name)
     ticks, during = [0], []
 
@@ -158,7 +158,8 @@ def test_the_core_lets_other_threads_run(name, monkeypatch):
     }
 
     def work():
-        # Again where a busy machine let nobody else run; with the GIL held, nobody ever does.
+        # Repeated, because on a busy machine no other thread may run; with the GIL held, none ever
+        # does.
         for _ in range(BUSY_ROUNDS):
             calls[name]()
             if max(during) > 0:
@@ -172,7 +173,7 @@ def test_the_core_lets_other_threads_run(name, monkeypatch):
         worker.start()
         while worker.is_alive():
             ticks[0] += 1
-            time.sleep(1e-4)  # gives the GIL away
+            time.sleep(1e-4)  # releases the GIL
         worker.join()
     finally:
         sys.setswitchinterval(interval)

@@ -1,4 +1,4 @@
-"""The documentation's service, run as it stands there."""
+"""The documentation's service, run as printed there."""
 
 import asyncio
 import os
@@ -144,7 +144,7 @@ def test_a_photograph_that_is_too_large_is_not_even_received(client, service):
     [
         ("max_pixels", 1_000_000, {"ImageError"}, {415}),
         ("max_seconds", 0.001, {"TimeLimitError"}, {422}),
-        # Where an allocation in C fails, the process may not live to say so.
+        # Where an allocation in C fails, the process may die before it can report it.
         ("max_memory", 1.0, {"MemoryError"}, {422}),
     ],
 )
@@ -187,7 +187,7 @@ def test_a_client_that_leaves_before_its_turn_is_not_computed_for(leaves):
 
     async def receive():
         if not messages:
-            await asyncio.Event().wait()  # the client waits, too
+            await asyncio.Event().wait()  # the client waits as well
         return messages.pop(0)
 
     async def send(message):
@@ -195,7 +195,7 @@ def test_a_client_that_leaves_before_its_turn_is_not_computed_for(leaves):
 
     async def answered():
         async with app.router.lifespan_context(app):
-            for _ in range(service["PROCESSES"]):  # all turns are taken
+            for _ in range(service["PROCESSES"]):  # all turns are in use
                 await app.state.turns.acquire()
             asking = asyncio.create_task(app(scope, receive, send))
             while messages:

@@ -1,4 +1,4 @@
-"""What is published: the wheel and the source distribution, used away from the checkout.
+"""The published wheel and source distribution, used outside the checkout.
 
 `make` compiles them in less time than releases take; their files and metadata are the same.
 """
@@ -17,11 +17,11 @@ from trisquare.results.calibration import Calibration
 
 CHECKOUT = Path(__file__).parents[2]
 
-pytestmark = pytest.mark.slow  # it compiles the core
+pytestmark = pytest.mark.slow  # because it compiles the core
 
 
 def run(*command, folder, **environment):
-    """Run a command that must succeed; what it says is shown if it does not."""
+    """Run a command that must succeed; its output is shown if it does not."""
     done = subprocess.run(
         [str(word) for word in command],
         cwd=folder,
@@ -40,7 +40,7 @@ def only(folder, pattern):
 
 
 def building():
-    """Let one of pytest's processes at a time build in the checkout's target folder."""
+    """Let only one of pytest's processes build in the checkout's target folder at a time."""
     return FileLock(CHECKOUT / "target" / "wheel.lock")
 
 
@@ -57,7 +57,7 @@ def wheel(tmp_path_factory):
 def wheel_from_sdist(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sdist")
     run(sys.executable, "-m", "maturin", "sdist", "--out", folder, folder=CHECKOUT)
-    # The dependencies are compiled already; the checkout's target folder spares doing it again.
+    # The checkout's target folder has the compiled dependencies, which need not be compiled again.
     with building():
         run(
             *(sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
@@ -99,7 +99,7 @@ def test_the_wheel_holds_types_data_and_licences(wheel):
 
 
 def test_the_source_distribution_builds_the_same_wheel(wheel, wheel_from_sdist):
-    # pip leaves the claim of working on every Linux (manylinux) to those who publish.
+    # pip leaves the tag for every Linux (manylinux) to the publisher.
     assert wheel_from_sdist.name.rsplit("-", 1)[0] == wheel.name.rsplit("-", 1)[0]
     assert names_in(wheel_from_sdist) == names_in(wheel)
 

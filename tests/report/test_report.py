@@ -1,4 +1,4 @@
-"""The report: true numbers, true drawings, and nothing in it that could run or be fetched."""
+"""The report: true numbers, true drawings, and nothing that could run or be fetched."""
 
 import base64
 import json
@@ -43,7 +43,7 @@ HOSTILE = "<img src=x onerror=alert(1)>\"'&<script>alert(2)</script>"
 
 
 class Page(HTMLParser):
-    """The elements of a page, its visible text, and what it says of other files."""
+    """The elements of a page, its visible text, and its references to other files."""
 
     def __init__(self, content):
         super().__init__()
@@ -177,7 +177,7 @@ def test_the_radial_displacement_is_that_of_the_coefficients(model, valid_radius
     end = corner if valid_radius is None else 900 * 0.5 * (1 + k1 * 0.5**2 + k2 * 0.5**4)
     assert observed[0] == 0
     assert observed[-1] == pytest.approx(end, rel=0.01)
-    assert displacement[-1] < 0  # barrel: toward the middle
+    assert displacement[-1] < 0  # barrel: towards the middle
 
 
 def test_the_page_says_how_far_the_lens_can_be_undone(undrawn, calibration):
@@ -200,7 +200,7 @@ FOCAL, EQUIVALENT, WIDTH, HEIGHT, RESOLUTION, UNIT = 0x920A, 0xA405, 0xA002, 0xA
 
 @pytest.mark.parametrize("tags", [{EQUIVALENT: 31}, {RESOLUTION: IFDRational(2000), UNIT: 3}])
 def test_the_focal_length_is_said_in_millimetres(undrawn, calibration, tmp_path, tags):
-    """By the resolution in the focal plane with its std, or about; by photographs of two lenses."""
+    """From the focal-plane resolution with a std, or from the film equivalent; for two lenses."""
     camera = calibration.camera
     width, height = camera.image_size
     exif, paths = Image.Exif(), []
@@ -212,7 +212,7 @@ def test_the_focal_length_is_said_in_millimetres(undrawn, calibration, tmp_path,
     said = re.findall(r"In millimetres .*", Page(report_page(calibration, paths)).text)
     assert [re.search(r"Exif states ([\d.]+) mm", each)[1] for each in said] == ["5.8", "7"]
     if EQUIVALENT in tags:
-        # 31 mm on a diagonal of 43.27 mm are the lens's 5.8 mm on its sensor's.
+        # 31 mm on a diagonal of 43.27 mm correspond to the lens's 5.8 mm on its sensor's diagonal.
         per_mm = np.hypot(width, height) / 43.2666 * 31 / 5.8
         found = re.search(r"is about ([\d.]+) mm;", said[0])[1]
         assert float(found) == pytest.approx(camera.fx / per_mm, rel=0.01)
@@ -225,7 +225,7 @@ def test_the_focal_length_is_said_in_millimetres(undrawn, calibration, tmp_path,
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Leave out the plots, which take most of a report's time: for tests of its words."""
+    """Leave out the plots, which take most of a report's time, for tests of the text."""
     names = ("displacement", "by_side", "by_radius", "beyond_scale", "uncertainty")
     monkeypatch.setattr("trisquare.report.page._plots", lambda *_: dict.fromkeys(names))
 
@@ -311,7 +311,7 @@ def polylines(path):
 
 
 def bend(line):
-    """How far a polyline leaves its chord."""
+    """The largest distance of a polyline from its chord."""
     chord = line[-1] - line[0]
     across = np.array([-chord[1], chord[0]]) / np.hypot(*chord)
     return np.abs((line - line[0]) @ across).max()
@@ -326,7 +326,7 @@ def test_sides_lie_on_the_samples_and_are_straight_once_undistorted(calibration,
             assert max(gaps) < np.hypot(*np.diff(line, axis=0).T).max()
     assert max(bend(line) for plane in layers.planes for line in polylines(plane.sides)) > 1.0
     for plane in layers.undistorted_planes:
-        assert max(bend(line) for line in polylines(plane.sides)) < 0.15  # of tenths
+        assert max(bend(line) for line in polylines(plane.sides)) < 0.15  # rounded to tenths
 
 
 def test_needles_are_the_residuals_times_the_stated_exaggeration(calibration, edges):
@@ -347,7 +347,7 @@ def test_many_residuals_are_thinned_and_the_page_says_so(calibration, scene):
 
 
 def side(residual, plane, *, at, normal, count=20):
-    """Samples around one place that all have one residual."""
+    """Samples around one position, all with one residual."""
     points = np.array(at, float) + np.linspace(-1.0, 1.0, count)[:, None] * [normal[1], -normal[0]]
     return MeasuredSide(
         points,
@@ -369,7 +369,7 @@ def test_the_plot_by_side_shows_each_sides_mean(calibration, edges):
 
 
 def test_the_plot_by_radius_counts_outward_as_positive(calibration):
-    """Whichever way the sides' normals point, and only where sides run across the radius."""
+    """For either direction of the normals, and only for sides that run across the radius."""
     centre = np.array([calibration.camera.cx, calibration.camera.cy])
     sides = [
         side(+0.2, 0, at=np.add(centre, [300, 0]), normal=[1, 0]),
@@ -401,7 +401,7 @@ def test_the_map_covers_the_picture_and_not_what_the_lens_does_not_reach(calibra
 
 
 def test_the_part_that_the_lens_does_not_cover_is_that_of_all_pixels(calibration):
-    """The map runs from border to border: what lies beyond a corner weighs too much in it."""
+    """The map extends to the border, so that points beyond a corner have too much weight in it."""
     size = 300, 200
     K = np.array([[200.0, 0, 149.5], [0, 200, 99.5], [0, 0, 1]])
     camera = ts.Camera(K, [-0.3, 0, 0, 0, 0], size, "radial1")
@@ -516,7 +516,7 @@ def test_warnings_of_low_severity_are_not_in_the_box(calibration):
 
 
 def turned(plane):
-    """The plane, standing elsewhere than its samples say."""
+    """The plane in another orientation than its samples show."""
     return replace(plane, rotation=np.roll(plane.rotation, 1, axis=1))
 
 
@@ -557,7 +557,7 @@ def test_pictures_are_shown_in_eight_bits_and_no_larger_than_needed():
     shown = shown_pixels(deep, linear=False)
     assert (shown.dtype, shown.shape) == (np.uint8, (400, LARGEST_SHOWN, 3))
     assert np.unique(shown).tolist() == [128]
-    # Half the light is 188 of 255 as sRGB codes it.
+    # Half the light is coded as 188 of 255 in sRGB.
     assert np.unique(shown_pixels(deep, linear=True)).tolist() == [188]
     assert np.unique(shown_pixels(np.full((2, 2), 0.5, np.float32), linear=True)).tolist() == [188]
     bright = np.array([[-1.0, 2.0]], np.float32)
@@ -570,11 +570,11 @@ def test_of_several_photographs_the_first_are_shown(undrawn, calibration):
     page = report_page(calibration, photographs)
     text, content = Page(page).text, page.decode()
     assert "2 more photographs are not shown" in text
-    # All but the first are folded, and the numbers come before them.
+    # All except the first are collapsed, and the numbers precede them.
     assert [content.count(tag) for tag in ("<details open>", "<details>")] == [1, 5]
     assert content.index("<h2>The planes</h2>") < content.index("<details open>")
     assert "<details" not in report_page(calibration, photographs[:2]).decode()
-    assert "picture 7" in text  # among the files
+    assert "picture 7" in text  # in the list of files
 
 
 def test_refusals(calibration, tmp_path):
@@ -602,7 +602,7 @@ def test_nobodys_own_settings_matter(calibration, edges, page, demo):
 
 
 def test_threads_do_not_disturb_each_other(calibration, bare_page):
-    """Settings of matplotlib belong to the process."""
+    """matplotlib's settings are global to the process."""
     with ThreadPoolExecutor(2) as pool:
         pages = list(pool.map(lambda _: report_page(calibration), range(2)))
     assert pages == [bare_page] * 2
@@ -631,7 +631,7 @@ def test_the_command_writes_a_report_that_says_how_to_repeat_it(undrawn, run, tm
     assert code == 0
     found = Page(report.read_bytes())
     (told,) = re.findall(r"^trisquare calibrate .*$", found.text, re.MULTILINE)
-    assert "--method" not in told  # which is as it would be anyway
+    assert "--method" not in told  # because it has the default value
     report.unlink()
     code, again, _ = run(*shlex.split(told)[1:])
     assert code == 0

@@ -1,4 +1,4 @@
-"""The report as a browser shows it: nothing complains, everything loads, the slider moves."""
+"""The report in a browser: no complaints, everything loads, the slider moves."""
 
 import re
 import shutil
@@ -21,14 +21,14 @@ pytestmark = pytest.mark.skipif(
 
 HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script><svg onload=alert(3)>"
 
-# What is measured of the slider's picture, in pixels of the page.
+# The area of the slider's picture in pixels of the page.
 STAGE = "document.querySelector('.stage').getBoundingClientRect()"
 BOX = f"(({{x, y, width, height}}) => [x, y, width, height])({STAGE})"
 CLIP = "getComputedStyle(document.querySelector('.photograph')).clipPath"
 
 FRAME = "requestAnimationFrame"
 
-# What the scene writes, and where.
+# The texts of the scene, and their positions.
 SCENE = "document.querySelector('.scene svg')"
 TEXTS = f"Object.fromEntries([...{SCENE}.children].filter(n => n.localName === 'text')" + (
     ".map(n => [n.textContent, [n.getAttribute('x'), n.getAttribute('y')].map(Number)]))"
@@ -36,7 +36,7 @@ TEXTS = f"Object.fromEntries([...{SCENE}.children].filter(n => n.localName === '
 
 
 def drawn(browser):
-    """Where the texts of the scene are, from the middle of its picture, in pixels."""
+    """Positions of the scene's texts relative to the middle of its picture, in pixels."""
     return {text: np.array(place) for text, place in browser.evaluate(TEXTS).items()}
 
 
@@ -48,7 +48,7 @@ def assert_drawn_alike(browser, before):
 
 
 def scene_middle(browser):
-    """Scroll to the scene, and return where its middle is, pixels."""
+    """Scroll to the scene, and return the position of its middle, in pixels."""
     browser.evaluate(f'{SCENE}.scrollIntoView({{behavior: "instant", block: "center"}})')
     x, y, width, height = browser.evaluate(
         f"(({{x, y, width, height}}) => [x, y, width, height])({SCENE}.getBoundingClientRect())"
@@ -61,14 +61,14 @@ def look_from(browser, view):
 
 
 def visible_part(browser):
-    """Per cent of the photograph, from its left, that is not cut off."""
+    """Per cent of the photograph, from its left, that is visible."""
     right = re.fullmatch(r"inset\(0px ([\d.]+)%? 0px 0px\)|inset\(0px\)", browser.evaluate(CLIP))
     return 100.0 - float(right[1] or 0.0)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two reports: of the demo, and of one whose every text would like to be a script."""
+    """Two reports: of the demo, and of a result whose every text contains a script."""
     folder = tmp_path_factory.mktemp("reports")
     photograph = folder / "photo.png"
     photograph.write_bytes((resources.files("trisquare") / "data" / "demo.png").read_bytes())
@@ -102,8 +102,8 @@ def demo(browser, folder):
     browser.colour_scheme("light")
     browser.media("")
     browser.open(folder / "demo.html")
-    # The observer of the scene's size reports once after the first frame, and the scene is fitted
-    # then: on a busy machine that came between two keys.
+    # The scene's resize observer fires once after the first frame and fits the scene; on a busy
+    # machine this happened between two key presses.
     browser.evaluate(f"new Promise(done => {FRAME}(() => {FRAME}(() => done())))")
     return browser
 
@@ -124,7 +124,7 @@ def test_everything_loads_and_nothing_complains(browser, folder, name):
 
 
 def test_a_script_that_is_not_the_pages_own_does_not_run(demo, folder):
-    """What escaping might ever miss, the page's policy stops."""
+    """The page's policy stops scripts that escaping might miss."""
     own = (folder / "demo.html").read_text()
     injected = folder / "injected.html"
     injected.write_text(own.replace("<main>", "<main><script>document.title = 'run'</script>"))
@@ -135,15 +135,15 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(demo, folder):
 
 
 def box_in_view(browser):
-    """Where the first photograph is, once the numbers above it are scrolled away."""
+    """The box of the first photograph, after scrolling past the numbers above it."""
     browser.evaluate('document.querySelector(".stage").scrollIntoView({behavior: "instant"})')
     return browser.evaluate(BOX)
 
 
 def test_the_slider_moves_by_pointer_and_by_key(demo):
-    """And what it uncovers is the other picture."""
+    """It uncovers the other picture."""
     x, y, width, height = (round(number) for number in box_in_view(demo))
-    top = y + round(demo.evaluate("window.scrollY"))  # on the page
+    top = y + round(demo.evaluate("window.scrollY"))  # in coordinates of the page
     assert visible_part(demo) == 50.0
     shots = {}
     for part in (0.9, 0.1):
@@ -169,14 +169,14 @@ def test_the_slider_follows_a_finger(demo):
 
 @pytest.mark.parametrize(("view", "axes"), [("above", ([0, 2], [1, -1])), ("camera", ([0, 1], 1))])
 def test_the_scene_has_true_directions_and_distances(demo, folder, view, axes):
-    """From above X is to the right and Z up, from the camera Y is down, all in one scale."""
+    """From above, X is to the right and Z up; from the camera, Y is down; all at one scale."""
     result = ts.Calibration.load(folder / "demo.json")
     look_from(demo, view)
     shown = drawn(demo)
     which, sign = axes
     places = np.array([plane.translation[which] * sign for plane in result.planes])
     found = np.array([shown[str(number)] for number in range(len(places))])
-    # Of perspective squares the mean of the corners is their centre within some hundredths.
+    # The mean of the corners of perspective squares is their centre to some hundredths.
     apart, expected = (np.diff(each, axis=0) for each in (found, places))
     scale = np.linalg.norm(apart) / np.linalg.norm(expected)
     np.testing.assert_allclose(apart / scale, expected, atol=0.05)
@@ -254,7 +254,7 @@ def luminance(rgb):
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
-# Colours as numbers from 0 to 1: every text's, and that of what it stands on.
+# Colours as numbers from 0 to 1: of every text, and of its background.
 CONTRASTS = """(() => {
   const numbers = (colour) => {
     const canvas = new OffscreenCanvas(1, 1).getContext("2d");
@@ -282,8 +282,8 @@ CONTRASTS = """(() => {
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_can_be_read_in_light_and_dark(demo, folder, scheme):
-    """By the contrast of 4.5 to 1 that WCAG 2 asks of text (level AA), in plots too."""
-    demo.open(folder / "hostile.html")  # which has a warning and a candidate that was not used
+    """The contrast of 4.5 to 1 that WCAG 2 requires for text (level AA), in plots too."""
+    demo.open(folder / "hostile.html")  # which has a warning and a rejected candidate
     demo.colour_scheme(scheme)
     found = demo.evaluate(CONTRASTS)
     assert len(found) > 60
@@ -354,7 +354,8 @@ def test_the_printed_pages_show_pictures_and_plots(demo, tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True)
     pages = [cv2.imread(str(path)) for path in sorted(tmp_path.glob("page*.png"))]
     assert 3 <= len(pages) <= 6
-    # White paper; after the numbers of the first page dark photographs, and the map's colours.
+    # The paper is white; the pages after the first, which has the numbers, show dark photographs
+    # and the map's colours.
     assert all(np.median(page) == 255 for page in pages)
     assert max((page.max(axis=2) < 100).mean() for page in pages[1:]) > 0.08
     assert max((np.ptp(page.astype(int), axis=2) > 60).mean() for page in pages[1:]) > 0.03

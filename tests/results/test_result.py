@@ -381,7 +381,7 @@ def test_warnings_keep_their_codes_and_older_files_are_read():
 
 
 def test_files_of_windows_editors_and_damaged_ones(tmp_path):
-    """They begin with a byte order mark; and what is no calibration is told by its own reason."""
+    """They begin with a byte order mark; a file that is no calibration has its own error."""
     path, result = tmp_path / "camera.json", calibration()
     path.write_text(result.to_json(), "utf-8-sig")
     assert Calibration.load(path) == result

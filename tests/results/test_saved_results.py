@@ -1,4 +1,4 @@
-"""Results kept in files, and compared."""
+"""Results saved in files, and compared."""
 
 import json
 from dataclasses import replace

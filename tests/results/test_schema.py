@@ -1,4 +1,4 @@
-"""The JSON Schema of `trisquare/1`: results obey it, it knows all their keys, and it refuses."""
+"""The JSON Schema of `trisquare/1`: results satisfy it, it has all their keys, and it refuses."""
 
 import json
 from importlib import resources
@@ -18,7 +18,7 @@ SIZE = (1280, 960)
 
 
 def closed(schema):
-    """The schema with no keys but those that it names: readers are to ignore others."""
+    """The schema without additional keys, which readers otherwise ignore."""
     if isinstance(schema, list):
         return [closed(each) for each in schema]
     if not isinstance(schema, dict):
@@ -28,7 +28,7 @@ def closed(schema):
 
 
 def faults(members, schema=SCHEMA):
-    """Where an object breaks the schema."""
+    """The places where an object violates the schema."""
     validator = jsonschema.Draft202012Validator(schema)
     return [f"{error.json_path}: {error.message}" for error in validator.iter_errors(members)]
 

@@ -1,4 +1,4 @@
-"""What is said of a photograph before it is taken, held against what it then tells."""
+"""Guidance before a photograph is taken, compared with the photograph's results."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
 def outlined(scene, rng=None, noise=0.0):
-    """The squares of a scene as a search finds them: along their curved sides."""
+    """The squares of a scene as found by a search: along their curved sides."""
     found = []
     for plane in range(len(scene.targets)):
         following = np.roll(CORNERS, -1, axis=0)
@@ -44,7 +44,7 @@ def standing(camera, *squares):
 
 @pytest.mark.parametrize("seed", first_quick(range(12), 3))
 def test_the_prediction_is_what_the_photograph_then_tells(seed):
-    """Within a factor of two, from outlines that are half a pixel off; the noise is not known."""
+    """Within a factor of two, from outlines that are half a pixel off; the noise is unknown."""
     rng = np.random.default_rng(seed)
     scene = squares(seed, image_size=SIZE)
     found = guide(outlined(scene, rng, 0.5), SIZE)
@@ -57,7 +57,7 @@ def test_the_prediction_is_what_the_photograph_then_tells(seed):
 
 
 def test_what_is_advised_does_help():
-    """Two good squares and one that faces the camera: it is to be tilted, and that is right."""
+    """Two good squares and one that faces the camera: the advice is to tilt it, which helps."""
     camera = centred_pinhole(1100.0, SIZE)
     good = [((990, 300), 380, 38, 120), ((640, 690), 380, 38, 240)]
     found = guide(standing(camera, ((270, 290), 380, 3, 0), *good), SIZE, camera)
@@ -125,7 +125,7 @@ def test_a_known_camera_is_taken_and_scaled():
 
 
 def test_a_known_fisheye_is_guided_too():
-    """Squares whose sides bend: no pinhole would place them."""
+    """Squares with bent sides, which no pinhole explains."""
     camera = Camera([[380, 0, 640], [0, 380, 480], [0, 0, 1]], [0.02, 0, 0, 0], SIZE, "fisheye")
     places = [((350, 300), 260, 35, 100), ((930, 330), 260, 35, 220), ((640, 740), 260, 35, 340)]
     plans = [
@@ -145,7 +145,7 @@ def test_a_known_fisheye_is_guided_too():
 
 
 def test_outlines_that_no_squares_have_are_no_failure():
-    """A live picture shows anything for a moment."""
+    """A live picture may briefly show any outlines."""
     rng = np.random.default_rng(0)
     for _ in range(10):
         quads = []

@@ -29,7 +29,7 @@ SCENE = squares(11, image_size=SIZE)
 PIXELS = simulate.render(SCENE, np.random.default_rng(12))
 TRUTH = [SCENE.image_points(plane, CORNERS) for plane in range(3)]
 
-# What the tests look at.
+# Expressions that the tests evaluate.
 SHOWN = "!document.getElementById('{}').hidden"
 TEXT = "document.getElementById('{}').textContent"
 POINT = """(([x, y]) => {{
@@ -40,7 +40,7 @@ DRAWN = """[...document.querySelectorAll('#drawing .corner .dot')]
   .map(dot => [+dot.getAttribute('cx'), +dot.getAttribute('cy')])"""
 LIST = "[...document.querySelectorAll('#squares label')].map(label => label.textContent.trim())"
 
-# Every text, its colour, and that of what it stands on, as numbers to 255.
+# Every text, its colour, and that of its background, as numbers to 255.
 COLOURS = """[...document.querySelectorAll('p, h1, h2, h3, label, button, th, td, li, dd, summary')]
   .filter(node => node.checkVisibility() && node.textContent.trim() && !node.closest('.unseen'))
   .map(node => {
@@ -72,7 +72,7 @@ def address():
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory):
-    """A camera that stands still before the squares, as Y4M: a second of grey pictures."""
+    """A camera at rest in front of the squares, as Y4M: a second of grey pictures."""
     path = tmp_path_factory.mktemp("film") / "film.y4m"
     width, height = SIZE
     frame = b"FRAME\n" + PIXELS.tobytes() + bytes([128]) * (width * height // 2)
@@ -93,7 +93,7 @@ def browser(address, film):
 
 @pytest.fixture
 def page(browser, address):
-    """The page, loaded anew; at the end it has had nothing to complain of."""
+    """The page, newly loaded; checked at the end to have no complaints."""
     browser.complaints.clear()
     browser.screen(1200)
     browser.colour_scheme("light")
@@ -104,7 +104,7 @@ def page(browser, address):
 
 
 def press(page, name):
-    """Click a button where it is."""
+    """Click a button at its position."""
     page.evaluate(f"document.getElementById({name!r}).scrollIntoView({{block: 'center'}})")
     box = page.evaluate(
         f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])"
@@ -114,7 +114,7 @@ def press(page, name):
 
 
 def at(page, point):
-    """Where a point of the photograph is on the screen."""
+    """Position of a point of the photograph on the screen."""
     page.evaluate("document.getElementById('drawing').scrollIntoView({block: 'center'})")
     width, height = SIZE
     return page.evaluate(POINT.format(width=width, height=height, point=list(map(float, point))))
@@ -191,7 +191,7 @@ def test_keys_move_a_corner_and_delete_a_square(page, photo):
     assert page.evaluate(SHOWN.format("magnifier")) is True
     label = page.evaluate("document.activeElement.getAttribute('aria-label')")
     assert label.startswith("Square 1, corner 1: ")
-    page.press_key("Tab")  # leaving it, the edges are measured
+    page.press_key("Tab")  # the edges are measured when the corner loses the focus
     page.wait_for(f"/measured|cannot/.test({LIST}[0])")
     page.evaluate("document.querySelector('#drawing .corner').focus()")
     page.press_key("Delete")
@@ -275,7 +275,7 @@ def board(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_board_is_not_edited_and_is_said_to_be_left_out(page, photo, board):
-    """Four corners are not all that is known of it: as a square it would give a wrong camera."""
+    """Four corners are only a part of a board: as a square, it would give a wrong camera."""
     opened(page, board, photo)
     assert len(drawn(page)) == 3
     assert page.evaluate(SHOWN.format("left-out")) is False
@@ -446,7 +446,7 @@ def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, ph
     assert page.evaluate(names) == [*frames, "photo.png"]
     problems = page.evaluate(TEXT.format("problem")).split("\n")
     assert [problem.split(":")[0] for problem in problems] == ["a.png", "b.mp4"]
-    for place in ("0", "document.body.scrollHeight"):  # in sight from both ends of the page
+    for place in ("0", "document.body.scrollHeight"):  # visible from both ends of the page
         top, bottom = page.evaluate(
             f"scrollTo(0, {place}), (({{top, bottom}}) => [top, innerHeight - bottom])"
             "(document.getElementById('problem').getBoundingClientRect())"
@@ -463,7 +463,7 @@ def test_frames_of_a_video_are_photographs_and_every_problem_stays_told(page, ph
 @pytest.mark.slow
 @pytest.mark.parametrize("is_whole", [True, False])
 def test_names_of_files_are_text_on_the_page(page, photo, tmp_path, is_whole):
-    """Not elements: what is shown of a picture, of an error and in labels."""
+    """Not elements: in the texts about a picture, in an error and in labels."""
     name = "<img src=x onerror=document.title='run'>&lt;b>.png"
     path = tmp_path / name
     path.write_bytes(photo.read_bytes() if is_whole else b"no picture")
@@ -557,7 +557,7 @@ def test_the_page_is_usable_by_keys_alone(page, photo):
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_can_be_read(page, photo, scheme):
-    """By the contrast of 4.5 to 1 that WCAG 2 asks of text (level AA)."""
+    """The contrast of 4.5 to 1 that WCAG 2 requires for text (level AA)."""
     page.colour_scheme(scheme)
     opened(page, photo)
     calibrated(page)
@@ -579,7 +579,7 @@ def luminance(rgb):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(1200, "light"), (390, "dark")])
 def test_axe_finds_nothing_serious(page, photo, width, scheme):
-    """As it is opened, with squares to correct, and with results."""
+    """As opened, with squares to correct, and with results."""
     page.screen(width, phone=width < 500)
     page.colour_scheme(scheme)
     assert serious_findings(page) == []

@@ -1,4 +1,4 @@
-"""`trisquare serve` itself: where it listens, what it prints, when it ends."""
+"""`trisquare serve` itself: its address, output and end."""
 
 import json
 import os
@@ -25,7 +25,7 @@ COMMAND = (sys.executable, "-m", "trisquare", "serve")
 
 @contextmanager
 def served(*options, errors=None, environment=()):
-    """Run the command on a free port, and end it by Ctrl-C; yields what it has printed."""
+    """Run the command on a free port, and end it by Ctrl-C; yield its printed address."""
     command = [*COMMAND, "--port", "0", "--json", *options]
     own = {**os.environ, **dict(environment)}
     with subprocess.Popen(
@@ -45,11 +45,11 @@ def served(*options, errors=None, environment=()):
             try:
                 assert server.wait(30) == 0
             finally:
-                server.kill()  # else the tests would wait for it
+                server.kill()  # otherwise the tests would wait for it
 
 
 def refused(*options):
-    """Return the one line that says why it does not serve."""
+    """Return the one line with the reason why it does not serve."""
     done = subprocess.run([*COMMAND, *options], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stdout == ""
@@ -136,7 +136,7 @@ def test_it_ends_when_nobody_asks():
 
 
 def test_what_is_being_answered_at_the_end_has_its_grace(tmp_path):
-    """Ended by Ctrl-C while it is computed, a search of some seconds is answered."""
+    """A search of some seconds is answered although Ctrl-C comes during the computation."""
     noise = np.random.default_rng(0).integers(0, 256, (400, 500), np.uint8)
     picture = cv2.imencode(".jpg", cv2.resize(noise, (3000, 2400)))[1].tobytes()
     form = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="a.jpg"\r\n\r\n'
@@ -156,7 +156,7 @@ def test_what_is_being_answered_at_the_end_has_its_grace(tmp_path):
     with served("--grace", "60", environment={"TMPDIR": str(folder)}) as address:
         asking = threading.Thread(target=ask, args=(address,))
         asking.start()
-        while not list(folder.glob("*/*/a.jpg")):  # it has arrived
+        while not list(folder.glob("*/*/a.jpg")):  # until it has arrived
             time.sleep(0.01)
     asking.join()
     assert [one["found"] for one in answers] == [[]]

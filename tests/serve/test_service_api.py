@@ -1,4 +1,4 @@
-"""The API: what its routes do, refuse and state, and that nobody gets in who should not."""
+"""The API: its routes, refusals and statements, and access only with the token."""
 
 import json
 import os
@@ -259,7 +259,7 @@ def test_pictures_are_pooled_and_outlines_belong_to_one_of_them(client):
     assert {plane["image"] for plane in both["result"]["planes"]} == {0, 1}
 
 
-# Who gets in.
+# Access.
 
 
 @pytest.mark.parametrize("path", ["/", "/main.js", "/api/status", "/api/schema", "/nothing"])
@@ -311,7 +311,7 @@ def test_all_addresses_of_the_page_are_below_its_own():
 
 
 def test_a_proxy_that_adds_the_token_keeps_it_out_of_all_addresses(client):
-    """The client's requests carry it in the header alone."""
+    """The client's requests have the token only in the header."""
     for name in ("", "main.js", "results.js"):
         text = client.get(f"/{name}").text
         assert '"./' in text
@@ -331,7 +331,7 @@ def test_the_names_that_a_proxy_passes_on_do_not_matter(client):
 
 
 def test_a_slash_too_many_is_an_address_that_is_not_there(client):
-    """A redirect would lead to the host that the request states, with the token."""
+    """A redirect would lead to the host stated in the request, with the token."""
     for path in ("/api/status/", "/main.js/"):
         answer = client.get(f"{path}?token={TOKEN}", headers={"Host": "elsewhere.example.org"})
         assert not answer.history
@@ -345,11 +345,11 @@ def test_no_other_file_is_served(client, path):
     error_of(client.get(path), 404)
 
 
-# What is sent.
+# Contents of requests.
 
 
 def bomb(side):
-    """A PNG of few bytes whose header and rows say that it is square and large."""
+    """A PNG of few bytes whose header and rows state that it is square and large."""
 
     def chunk(kind, content):
         check = zlib.crc32(kind + content)
@@ -441,7 +441,7 @@ def test_what_is_no_file_of_the_page_is_not_found(client, name):
 
 
 def answered_after(app, token, headers=(), stated=None):
-    """Post a megabyte in pieces: the status, and how many pieces had been received before."""
+    """Post a megabyte in pieces; return the status, and the number of pieces received before it."""
     sent, received = [], []
     length = [] if stated is None else [(b"content-length", str(stated).encode())]
     scope = {
@@ -466,9 +466,9 @@ def answered_after(app, token, headers=(), stated=None):
 
 @pytest.mark.parametrize(("token", "status"), [("of-somebody-else", 401), (TOKEN, 404)])
 def test_a_refusal_waits_until_the_request_has_arrived(client, token, status):
-    """A proxy that still sends would make a bad gateway of it."""
+    """Otherwise a proxy that is still sending would answer with a bad gateway."""
     assert answered_after(client.app, token) == (status, 10)
-    # Nobody waits for more than is allowed, nor for what the client holds back until it is asked.
+    # No more than the allowed size is awaited, nor a body that the client holds back until asked.
     assert answered_after(client.app, token, stated=LIMITS.max_bytes + 1)[1] == 0
     assert answered_after(client.app, token, [(b"expect", b"100-continue")]) == (status, 0)
 
@@ -582,7 +582,7 @@ def test_a_picture_of_another_camera_is_refused(client, result):
         assert "640 x 480" in error_of(post(client, route, small, **files), 400)["text"]
 
 
-# Many at a time.
+# Parallel requests.
 
 
 def in_threads(calls):
@@ -633,11 +633,11 @@ def test_a_folder_that_cannot_be_made_takes_no_place(monkeypatch):
         assert post(client, "find", PHOTO).status_code == 200
 
 
-# Who leaves, and what takes too long.
+# Clients that leave, and work that takes too long.
 
 
 def left_during(app, body):
-    """Post a calibration and leave once it is being done: what was answered, and after how long."""
+    """Post a calibration and leave while it is computed; return the status of the answer."""
     sent, reading = [], iter([{"type": "http.request", "body": body, "more_body": False}])
     scope = {
         "type": "http",
@@ -654,7 +654,7 @@ def left_during(app, body):
     async def receive():
         for message in reading:
             return message
-        while not is_working():  # it is being done
+        while not is_working():  # wait until it is computed
             await anyio.sleep(0.005)
         return {"type": "http.disconnect"}
 
@@ -671,7 +671,7 @@ def left_during(app, body):
 def test_a_client_that_leaves_ends_its_work_and_gives_its_place_back(tmp_path):
     app = create_app(TOKEN, LIMITS, processes=1, most_accepted=1)
     part = b'--x\r\nContent-Disposition: form-data; name="picture"; filename="p.jpg"\r\n\r\n'
-    # Thousands of contours, which take longer to search than anybody needs to leave.
+    # Thousands of contours, whose search takes longer than leaving.
     noise = np.random.default_rng(0).integers(0, 256, (1400, 2000), np.uint8)
     noise = cv2.resize(noise[::6, ::6].copy(), (2000, 1400))
     picture = cv2.imencode(".jpg", noise)[1].tobytes()
@@ -721,11 +721,11 @@ def test_what_a_killed_server_left_is_removed_by_the_next(client, tmp_path, monk
     killed = subprocess.run([sys.executable, "-c", script], env=environment, check=False)
     assert killed.returncode == -signal.SIGKILL
     (left,) = tmp_path.glob("trisquare-serve-*/*/photo.jpg")
-    (tmp_path / "trisquare-serve-file").touch()  # no folder of a server
+    (tmp_path / "trisquare-serve-file").touch()  # not a folder of a server
     (tmp_path / "other").mkdir()
     first = create_app(TOKEN, LIMITS, processes=1).state.jobs
     assert not left.exists()
-    second = create_app(TOKEN, LIMITS, processes=1).state.jobs  # the first still runs
+    second = create_app(TOKEN, LIMITS, processes=1).state.jobs  # the first is still running
     assert sorted(tmp_path.iterdir()) == sorted(
         [first.folder, second.folder, tmp_path / "other", tmp_path / "trisquare-serve-file"]
     )
@@ -756,7 +756,7 @@ def test_every_request_is_a_line_of_the_log_without_the_token(caplog):
 
 
 def check(value, schema, where="answer"):
-    """Hold a value against the few words of JSON Schema that the description uses."""
+    """Check a value against the few keywords of JSON Schema that the description uses."""
     kinds = schema.get("type")
     known = {
         "object": dict,
@@ -783,7 +783,7 @@ def check(value, schema, where="answer"):
 
 
 def posted(client):
-    """What the schema says of the routes that take something."""
+    """The schema of the routes with a request body."""
     paths = client.get("/api/schema").json()["paths"]
     return {path: methods["post"] for path, methods in paths.items() if "post" in methods}
 

@@ -1,4 +1,4 @@
-"""The bound from a picture: the classic one where that holds, more where it does not."""
+"""The bound from a picture: the classic one where that holds, a higher one elsewhere."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def ideal_of(scene, **changes):
 
 
 def bounds(scene, ideal, wrong):
-    """From the picture, over that of edges which stand alone in white noise."""
+    """The bound from the picture over that for separate edges in white noise."""
     own = picture_bound(scene, ideal, wrong.astype(np.float32), BLUR)
     classic = simulate.cramer_rao_bound(scene, simulate.pixel_sigma(NOISE, CONTRAST, BLUR))
     return np.array([own[name] / classic[name] for name in classic])
@@ -29,7 +29,7 @@ def squares():
 
 
 def test_squares_in_white_noise_have_the_classic_bound(squares):
-    # What the blocks' errors say of their spread is itself uncertain by some per cent.
+    # The spread estimated from the blocks' errors is itself uncertain by some per cent.
     ratios = bounds(*squares)
     np.testing.assert_allclose(ratios, 1.0, atol=0.25)
     assert ratios.mean() == pytest.approx(1.0, abs=0.1)
@@ -39,7 +39,8 @@ def test_errors_that_hang_together_raise_it(squares):
     scene, ideal, _ = squares
     rng = np.random.default_rng(92)
     in_blocks = NOISE * np.kron(rng.standard_normal((60, 80)), np.ones((8, 8)))
-    # An edge through a block sees one error, and as light on both sides: only what is lopsided.
+    # An edge through a block has one error, equal for the light on both sides, so that only the
+    # asymmetric part counts.
     along = NOISE * np.kron(rng.standard_normal((60, 640)), np.ones((8, 1)))
     white = NOISE * rng.standard_normal((480, 640))
     usual = bounds(scene, ideal, white)

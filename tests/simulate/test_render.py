@@ -1,4 +1,4 @@
-"""The renderer is right to far below the noise: distances, profiles, corners, whole pictures."""
+"""The renderer is exact to far below the noise: distances, profiles, corners, whole pictures."""
 
 import cv2
 import numpy as np
@@ -116,7 +116,7 @@ def test_distance_to_bent_side_matches_dense_polyline():
 
 
 def supersampled_coverage(camera, target, rows, columns, blur, fine):
-    """Blur and box an in-or-out picture on a fine grid, straight from the definition."""
+    """Apply blur and pixel box to a binary picture on a fine grid, directly from the definition."""
     pad = int(np.ceil(6 * blur)) + 1
     x0, x1, y0, y1 = columns.start - pad, columns.stop + pad, rows.start - pad, rows.stop + pad
     x = x0 - 0.5 + (np.arange((x1 - x0) * fine) + 0.5) / fine
@@ -131,7 +131,7 @@ def supersampled_coverage(camera, target, rows, columns, blur, fine):
     boxed = np.convolve(kernel / kernel.sum(), np.full(fine, 1.0 / fine))
 
     def weights(count):
-        """What each sample of the fine grid adds to each pixel, along one axis."""
+        """The weight of each sample of the fine grid in each pixel, along one axis."""
         grid = np.zeros((count, (count + 2 * pad) * fine))
         for pixel in range(count):
             start = (pixel + pad) * fine - half
@@ -155,13 +155,13 @@ def test_corner_of_bent_square_matches_supersampling(corner, blur):
     brute = supersampled_coverage(BENT, target, rows, columns, blur, 48)
     assert brute.max() - brute.min() > 0.2, "the window misses the corner"
     np.testing.assert_allclose(whole[rows, columns], brute, rtol=0, atol=1e-3)
-    # The grid's own error is random, so the mean is far tighter than its worst pixel.
+    # The grid's own error is random, so that the mean is far more exact than its worst pixel.
     assert abs((whole[rows, columns] - brute).mean()) < 5e-5
 
 
 @pytest.mark.parametrize("side", first_quick([3.0, 7.0]))
 def test_small_leaning_cell_matches_supersampling(side):
-    """Of a cell a few blurs wide, every pixel is within reach of all four of its corners."""
+    """In a cell a few blurs wide, every pixel is near all four of its corners."""
     rotation = tilted(55.0, 45.0, 5.0)
     target = Target(rotation, np.array([-0.4, -0.3, 1.0]) * BENT.fx / side)
     sides = target.sides()
@@ -179,10 +179,10 @@ def test_small_leaning_cell_matches_supersampling(side):
 
 
 def test_coverage_adds_up_to_the_projected_area():
-    """Blur moves light but keeps it: total coverage is the area inside the bent outline.
+    """Blur conserves light: the total coverage is the area inside the bent outline.
 
-    The profile of the tangent line stands in for that of the bent side, which moves it by half
-    the curvature times the blur squared: 4e-5 px here.
+    The profile of the tangent line replaces that of the bent side, which displaces it by half the
+    curvature times the blur squared: 4e-5 px here.
     """
     target = bent_target()
     corners = target.outlines()[0]
@@ -207,7 +207,7 @@ def test_tone_curves_invert_and_srgb_is_the_standard_one(tone):
 
 
 def flat_scene(**kinds):
-    """A square facing an ideal camera: its corners fall on known pixels."""
+    """A square facing an ideal camera, with its corners at known pixels."""
     camera = TrueCamera(400.0, 400.0, 99.5, 74.5, image_size=(200, 150))
     return Scene(camera, (Target(np.eye(3), np.array([0.0, 0.0, 4.0]), **kinds),))
 
@@ -223,7 +223,7 @@ def test_levels_and_noise_are_in_grey_levels(tone):
 
 
 def test_edges_fall_midway_in_light_and_off_midway_when_coded():
-    """The square spans 100 px, from 49.5: pixel 49.5 +- 0.5 are mirror images in linear light."""
+    """The square spans 100 px, from 49.5: pixels 49.5 +- 0.5 are mirror images in linear light."""
     row = 74
     linear = render(flat_scene(), np.random.default_rng(0), noise=0.0, dtype=np.float32)[row]
     assert linear[49] + linear[50] == pytest.approx(1.0, abs=1e-6)
@@ -285,7 +285,7 @@ def test_shading_dims_one_end():
 
 
 def squares_mask(scene, scale):
-    """Pixels inside the scene's squares, each grown by a factor about its centre."""
+    """Pixels inside the scene's squares, each scaled about its centre."""
     mask = np.zeros((960, 1280), np.uint8)
     for i, target in enumerate(scene.targets):
         outline = scene.image_points(i, scale * target.outlines()[0])
@@ -308,7 +308,7 @@ def test_render_into_touches_only_the_sheets_and_keeps_them_clean():
 
 
 def test_clutter_stays_off_the_paper():
-    """Two pictures that differ in clutter alone agree on and just round every square."""
+    """Two pictures that differ only in clutter agree on every square and just around it."""
     scene = random_scene(np.random.default_rng(9))
     pictures = [
         render(scene, np.random.default_rng(seed), noise=0.0, clutter=60) for seed in (1, 2)

@@ -1,4 +1,4 @@
-"""Cameras, scenes, edge points and the bound: right by independent witnesses."""
+"""Cameras, scenes, edge points and the bound: checked by independent computations."""
 
 from itertools import chain
 
@@ -39,7 +39,7 @@ def test_undistort_inverts_distort_over_the_picture():
 
 
 def test_undistort_refuses_a_pixel_beyond_the_lens():
-    """With k1 = -0.3 no ideal radius maps beyond 0.703; no number may be made up."""
+    """With k1 = -0.3 no ideal radius maps beyond 0.703, where there is no result."""
     camera = TrueCamera(500.0, 500.0, 640.0, 480.0, np.array([-0.3, 0, 0, 0, 0]))
     assert not camera.is_monotonic()
     with pytest.raises(ValueError, match="beyond"):
@@ -152,7 +152,7 @@ def test_same_seed_same_scene_and_points():
 
 @pytest.mark.parametrize("kind", ["square", "frame"])
 def test_edge_points_lie_on_their_sides(kind):
-    """Undistorted and sent back to the plane, side i lies on its line between its corners."""
+    """Undistorted and mapped back to the plane, side i is on its line between its corners."""
     rng = np.random.default_rng(7)
     scene = random_scene(rng, kind=kind)
     for target, sides in zip(scene.targets, edge_points(scene, rng, noise=0.0), strict=True):
@@ -189,7 +189,7 @@ def test_edge_noise_is_along_the_normal_with_the_stated_spread():
 
 
 def test_pixel_sigma_matches_the_information_of_sampled_pixels():
-    """Sum, over pixels across an edge, what each knows of the edge's offset."""
+    """Sum, over pixels across an edge, the information of each about the edge's offset."""
     noise, contrast, blur = 2.0, 175.0, 0.8
     spread = np.sqrt(blur**2 + 1 / 12)
     offsets = np.arange(-30, 31) + 0.3
@@ -243,10 +243,10 @@ FIT_SPACING = 16.0
 
 
 def fit(scene, observed):
-    """Maximum likelihood by SciPy, with OpenCV's projection.
+    """Maximum likelihood with SciPy and OpenCV's projection.
 
-    Where along its side a point lies does not change its offset across it, so the true place
-    serves.
+    The position of a point along its side does not change its offset across it, so that the true
+    position can be used.
     """
     camera = scene.camera
     sides = [sample_sides(camera, target, FIT_SPACING) for target in scene.targets]
@@ -282,7 +282,7 @@ def fit(scene, observed):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["square", "frame"])
 def test_bound_is_what_maximum_likelihood_reaches(kind):
-    """Over many noisy measurements of a scene, the fit's errors have the bound's spread."""
+    """The fit's errors over many noisy measurements of a scene have the bound's spread."""
     draws = 60
     rng = np.random.default_rng(13)
     scene = random_scene(rng, kind=kind)
@@ -292,8 +292,8 @@ def test_bound_is_what_maximum_likelihood_reaches(kind):
         fit(scene, edge_points(scene, rng, noise=0.05, spacing=FIT_SPACING)) for _ in range(draws)
     ]
     ratio = (np.array(fits) - truth) / [bound[name] for name in FREE]
-    # A mean square of N normal errors scatters by sqrt(2 / N) about its expectation of 1.
+    # A mean square of N normal errors has a standard deviation of sqrt(2 / N) about its mean of 1.
     assert np.abs(np.mean(ratio**2, axis=0) - 1.0).max() < 4 * np.sqrt(2 / draws)
     assert np.abs(ratio.mean(axis=0)).max() < 4 / np.sqrt(draws)
-    # The six together are worth more than one of them.
+    # All six together have a smaller scatter than one of them.
     assert np.mean(ratio**2) == pytest.approx(1.0, abs=3 * np.sqrt(2 / draws))

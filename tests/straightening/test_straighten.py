@@ -1,4 +1,4 @@
-"""`straighten`: how well it undoes a known lens, and what it refuses."""
+"""`straighten`: the remaining errors for a known lens, and its refusals."""
 
 import json
 import pickle
@@ -21,7 +21,7 @@ NOISE = np.random.default_rng(1).integers(0, 256, SIZE[::-1], np.uint8)
 
 
 def errors(found, scene):
-    """Distances of the stated displacements from the true ones, and differences in std."""
+    """Distances of the estimated displacements from the true ones, and errors in std."""
     displaced = found.camera.displacement_map(30)
     off = displaced.displacement - (displaced.points - scene.ideal(displaced.points))
     return np.linalg.norm(off, axis=1), off / np.maximum(displaced.std, 1e-12)

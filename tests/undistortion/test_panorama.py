@@ -52,7 +52,7 @@ def test_the_row_and_the_column_through_the_axis_are_there(projection):
     assert view.image_size[0] - 1 <= seen[1, 0] + 1e-9 < view.image_size[0]
     if projection == "equirectangular":
         assert seen[2, 1] == pytest.approx(0.0, abs=1e-9)
-    else:  # the column sees up to 72 degrees from the axis, of which a cylinder shows 60
+    else:  # the column covers up to 72 degrees from the axis, of which a cylinder shows 60
         assert view.cy == pytest.approx(view.focal * np.tan(np.pi / 3))
     np.testing.assert_allclose(view.project([[0, 0, 2.0]]), [[view.cx, view.cy]])
 

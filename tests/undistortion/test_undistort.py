@@ -1,4 +1,4 @@
-"""Pictures without distortion: against OpenCV, what they show of a photograph, and the command."""
+"""Pictures without distortion: compared with OpenCV, their content, and the command."""
 
 import pickle
 from dataclasses import replace
@@ -19,7 +19,7 @@ SIZE = (320, 240)
 PIXELS = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), axis=-1).reshape(-1, 2)
 BORDER = PIXELS[(PIXELS[:, 0] % 319 == 0) | (PIXELS[:, 1] % 239 == 0)]
 NOISE = np.random.default_rng(1).integers(0, 256, (240, 320, 3), dtype=np.uint8)
-# Barrel, pincushion, decentred with a moustache, one whose rim lies in the picture.
+# Barrel, pincushion, decentred with a moustache, and a valid radius inside the picture.
 LENSES = {
     "barrel": [-0.3, 0.09, 0, 0, 0],
     "pincushion": [0.3, 0.1, 0, 0, 0],
@@ -48,7 +48,7 @@ def cameras(draw, size=SIZE):
     fx, aspect = rng.uniform(0.5, 2.0) * size[0], rng.uniform(0.8, 1.25)
     centre = rng.normal(np.array(size) / 2, 0.05 * np.array(size))
     K = [[fx, 0, centre[0]], [0, aspect * fx, centre[1]], [0, 0, 1]]
-    reach = np.hypot(*size) / 2 / fx  # strong distortion is one that is strong in the corners
+    reach = np.hypot(*size) / 2 / fx  # strong distortion is strong in the corners
     radial = rng.uniform(-0.5, 0.5, 3) / reach ** np.array([2, 4, 6])
     tangential = rng.uniform(-0.05, 0.05, 2) / reach
     bends = rng.random(2) < 0.7
@@ -57,7 +57,7 @@ def cameras(draw, size=SIZE):
 
 
 def seen_at(lens, view, pixels):
-    """Where a view's pixels lie in the photograph, and which are within the valid radius."""
+    """Positions of a view's pixels in the photograph, and which are within the valid radius."""
     ideal = (pixels - view.K[:2, 2]) / np.diag(view.K)[:2]
     limit = np.inf if lens.valid_radius is None else lens.valid_radius
     inside = np.linalg.norm(ideal, axis=1) <= limit
@@ -70,7 +70,7 @@ def is_in(points, size=SIZE, margin=1e-6):
     return ((points >= -margin) & (points <= np.array(size) - 1 + margin)).all(axis=1)
 
 
-# As OpenCV does it.
+# Agreement with OpenCV.
 
 
 @settings(max_examples=15)
@@ -84,7 +84,7 @@ def test_pictures_agree_with_opencv(lens, balance, dtype, colour):
     expected = cv2.undistort(picture, lens.K.copy(), lens.distortion.copy(), None, view.K.copy())
     assert (found.dtype, found.shape) == (picture.dtype, picture.shape)
     np.testing.assert_array_equal(picture, before)
-    # Beyond the valid radius OpenCV shows the picture once more, folded back.
+    # Beyond the valid radius, OpenCV repeats the picture, folded back.
     within = seen_at(lens, view, PIXELS)[1].reshape(240, 320)
     level = 257 if dtype == np.uint16 else 1
     difference = np.abs(found.astype(float) - expected.astype(float))[within]
@@ -93,7 +93,7 @@ def test_pictures_agree_with_opencv(lens, balance, dtype, colour):
 
 
 def test_places_are_rounded_to_a_32nd_of_a_pixel_and_no_more():
-    """As documented: at most 0.022 pixels off, 0.013 rms. Ramps say where a pixel comes from."""
+    """As documented: at most 0.022 pixels off, 0.013 rms. Ramps show the source of each pixel."""
     undistorter = Undistorter(camera("barrel"))
     ramps = PIXELS.reshape(*SIZE[::-1], 2).astype(np.float32)
     shown = np.stack([undistorter.undistort(ramps[..., axis]) for axis in (0, 1)], axis=-1)
@@ -124,7 +124,7 @@ def test_other_interpolations_agree_with_opencv_inside(interpolation):
     assert np.abs(found.astype(int) - expected).max() <= 1
 
 
-# What a picture shows.
+# Content of a picture.
 
 
 @settings(max_examples=15)
@@ -137,7 +137,7 @@ def test_no_border_is_black_and_no_wider_view_is_without(lens):
     white = np.full((240, 320), 255, np.uint8)
     for interpolation in ("nearest", "linear", "cubic", "lanczos"):
         assert (undistorter.undistort(white, interpolation=interpolation) == 255).all()
-    # Zoomed out by a fiftieth, wherever it is shifted by a few pixels, a part is black.
+    # Zoomed out by a fiftieth, it has black pixels for any shift by a few pixels.
     for shift in np.stack(np.meshgrid([-3, -1, 0, 1, 3], [-3, -1, 0, 1, 3]), -1).reshape(-1, 2):
         centre = (np.array(SIZE) - 1) / 2
         K = np.array(view.K)
@@ -164,7 +164,7 @@ def test_the_whole_photograph_is_there_and_fills_the_view(lens):
     places = places * np.diag(view.K)[:2] + view.K[:2, 2]
     assert is_in(places, margin=1e-6).all()
     if limit is None:
-        # Between two pixels of the border it may reach a little farther than at these.
+        # Between these pixels the border may extend a little farther.
         assert (np.ptp(places, axis=0) / (np.array(SIZE) - 1)).max() > 1 - 1e-5
 
 
@@ -186,7 +186,7 @@ def test_mask_and_rectangle_say_what_is_black(lens, balance):
 
 
 def view_is_even(lens, view, balance):
-    """The camera matrix lies on the line between the two extremes, the pixels' shape stays."""
+    """Whether the camera matrix is on the line between the extremes, with the same pixel shape."""
     inner, outer = lens.undistorted(0.0).K, lens.undistorted(1.0).K
     assert view.fy / view.fx == pytest.approx(lens.fy / lens.fx, rel=1e-12)
     assert (view.model, view.image_size) == ("none", lens.image_size)
@@ -209,7 +209,7 @@ def test_a_calibration_stands_for_its_camera():
 
 
 def test_straight_lines_become_straight():
-    """A rendered scene undistorted is the scene rendered without distortion."""
+    """An undistorted rendered scene equals the scene rendered without distortion."""
     scene = simulate.random_scene(np.random.default_rng(5))
     truth = scene.camera
     lens = Camera(truth.K, truth.distortion, truth.image_size, "brown")
@@ -219,7 +219,7 @@ def test_straight_lines_become_straight():
     found = ts.undistort(rendered(scene), lens)
     expected = rendered(replace(scene, camera=pinhole))
     difference = np.abs(found.astype(float) - expected)
-    # Not by more than linear interpolation blurs the sharpest edges.
+    # The difference is at most the blur of the sharpest edges by linear interpolation.
     assert difference.max() < 60
     assert np.sqrt((difference**2).mean()) < 2.0
     untouched = np.abs(rendered(scene).astype(float) - expected)
@@ -245,7 +245,7 @@ def test_one_may_look_through_any_pinhole():
     np.testing.assert_array_equal(found, cv2.remap(NOISE, *maps, cv2.INTER_LINEAR))
     with pytest.raises(ValueError, match="pinhole"):
         Undistorter(lens, new_camera=lens)
-    # Where the photograph is nowhere to be seen, everything is black.
+    # Where the photograph is not in the view, everything is black.
     away = Camera([[400.0, 0, -4000], [0, 380.0, 40], [0, 0, 1]], np.zeros(5), (200, 100))
     nothing = Undistorter(lens, new_camera=away)
     assert nothing.valid_rectangle == (0, 0, 0, 0)
@@ -329,7 +329,7 @@ def test_what_cannot_be_undistorted_is_refused():
         ts.undistort("missing.png", lens)
     with pytest.raises(ValueError, match="32766"):
         Undistorter(Camera(lens.K, np.zeros(5), (40_000, 30)))
-    # The axis is far outside, and the valid radius ends before the picture begins.
+    # The axis is far outside, and the valid radius ends outside the picture.
     aside = np.array(camera("rim").K)
     aside[0, 2] = 9000.0
     with pytest.raises(ValueError, match="valid radius"):

@@ -1,8 +1,9 @@
-//! Random bytes through every entry point, where libFuzzer does not run: `soak [CASES] [ENTRY...]`.
+//! Runs random bytes through every entry point, where libFuzzer does not run: `soak [CASES]
+//! [ENTRY...]`.
 //!
-//! Prints how many cases came to what, and the slowest. A panic names its case, which
-//! `soak --case NUMBER ENTRY` repeats; a case that takes longer than `HANG` ends the run. Fails if
-//! there was either.
+//! Prints the number of cases with each outcome, and the slowest case. A panic names its case,
+//! which `soak --case NUMBER ENTRY` repeats; a case that takes longer than `HANG` ends the run.
+//! Fails if either occurred.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -15,15 +16,15 @@ use std::time::{Duration, Instant};
 use trisquare_fuzz::{ENTRIES, Entry};
 
 const DEFAULT_CASES: u64 = 1_000_000;
-/// Bytes of a case, at most; a calibration reads some hundreds.
+/// Maximum size of a case in bytes; a calibration reads some hundreds.
 const MAX_BYTES: u64 = 1024;
-/// A case takes a millisecond or so.
+/// Maximum time of a case, which usually takes about a millisecond.
 const HANG: Duration = Duration::from_secs(10);
 const PANIC: &str = "PANIC";
-/// Panics reported one by one.
+/// Maximum number of panics that are reported one by one.
 const MAX_REPORTS: u64 = 20;
 
-/// The case in work plus one, and when it was begun, in milliseconds since the start.
+/// Number of the current case plus one, and its start, in milliseconds since the start of the run.
 static CASE: AtomicU64 = AtomicU64::new(0);
 static BEGUN: AtomicU64 = AtomicU64::new(0);
 static PANICS: AtomicU64 = AtomicU64::new(0);
@@ -83,7 +84,7 @@ fn entry(name: &str) -> (&'static str, Entry) {
     *found.unwrap_or_else(|| usage())
 }
 
-/// Runs the cases of an entry point and returns how many panicked.
+/// Runs the cases of an entry point and returns the number of panics.
 fn soak(name: &str, run: Entry, cases: u64, start: Instant) -> u64 {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
     let (mut slowest, mut slowest_case) = (Duration::ZERO, 0);
@@ -114,8 +115,8 @@ fn soak(name: &str, run: Entry, cases: u64, start: Instant) -> u64 {
     counts.get(PANIC).copied().unwrap_or_default()
 }
 
-/// The bytes of a case: SplitMix64 (G. Steele, D. Lea & C. Flood, OOPSLA 2014), started from a
-/// place that is mixed as well, so that neighbouring cases are no shifts of each other.
+/// Returns the bytes of a case: SplitMix64 (G. Steele, D. Lea & C. Flood, OOPSLA 2014). Its initial
+/// state is mixed as well; otherwise neighbouring cases would be shifted copies of each other.
 fn bytes_of(case: u64) -> Vec<u8> {
     let mut state = mixed(case.wrapping_mul(GOLDEN));
     let mut next = || {

@@ -1,5 +1,5 @@
 //! Calibrates cameras from planes with several figures each: frames, sheets of squares, and boards
-//! of which a detector gives the corners: `cargo run --release -p trisquare --example boards`.
+//! whose corners come from a detector: `cargo run --release -p trisquare --example boards`.
 
 use nalgebra::Vector2;
 use trisquare::synthetic::{Scene, SceneOptions};
@@ -11,7 +11,8 @@ use trisquare::{
 type Sides = Vec<Vec<Vector2<f64>>>;
 
 // [frame]
-/// A frame from the sides of its two outlines; `plane` is a number of its own for each.
+/// Returns a frame from the sides of its two outlines; `plane` is a different number for each
+/// frame.
 fn frame(plane: u64, outer: Sides, inner: Sides) -> Result<[PlaneEdges; 2], Error> {
     let outer = PlaneEdges {
         plane: Some(plane),
@@ -19,7 +20,7 @@ fn frame(plane: u64, outer: Sides, inner: Sides) -> Result<[PlaneEdges; 2], Erro
     };
     let inner = PlaneEdges {
         plane: Some(plane),
-        freedom: Freedom::Size, // concentric and turned alike; of how large a hole is estimated
+        freedom: Freedom::Size, // concentric, equal orientation; the size of the hole is estimated
         ..PlaneEdges::square(inner)?
     };
     Ok([outer, inner])
@@ -27,15 +28,15 @@ fn frame(plane: u64, outer: Sides, inner: Sides) -> Result<[PlaneEdges; 2], Erro
 // [end of frame]
 
 // [sheet]
-/// One of the squares of a sheet, where `centre` and `side` are known: the sheet's X runs along
-/// side 0, its Y along side 1, and the sides follow each other clockwise on the screen.
+/// Returns one square of a sheet, at a known `centre` and with a known `side`. The sheet's X runs
+/// along side 0, its Y along side 1, and the sides are in clockwise order on the screen.
 fn on_sheet(
     plane: u64,
     sides: Sides,
     centre: Vector2<f64>,
     side: f64,
 ) -> Result<PlaneEdges, Error> {
-    let square = PlaneEdges::square(sides)?; // of side 1, about the origin
+    let square = PlaneEdges::square(sides)?; // side 1, centred on the origin
     let placed = |line: &Line| {
         let [a, b, c] = line.coefficients().into();
         Line::new(a, b, side * c - a * centre.x - b * centre.y)
@@ -51,9 +52,10 @@ fn on_sheet(
 // [end of sheet]
 
 // [board]
-/// A chessboard from its inner corners, `corners[row][column]` in pixels, each good to `std`: the
-/// grid's lines are the figure's, and a corner is a sample of the two that it lies on. Rows and
-/// columns are counted so that a column's numbers grow clockwise from a row's on the screen.
+/// Returns a chessboard from its inner corners, `corners[row][column]` in pixels, with standard
+/// deviation `std`. The figure's lines are the grid lines; each corner is a sample of the two lines
+/// through it. On the screen, the direction from row to row is clockwise from that from column to
+/// column.
 fn board(corners: &[Vec<Vector2<f64>>], std: f64) -> Result<PlaneEdges, Error> {
     let (rows, columns) = (corners.len(), corners[0].len());
     let mut lines = Vec::new();
@@ -73,13 +75,13 @@ fn board(corners: &[Vec<Vector2<f64>>], std: f64) -> Result<PlaneEdges, Error> {
 }
 // [end of board]
 
-/// Where points of a plane are seen.
+/// Returns the pixel of a point of a plane.
 fn seen(camera: &Brown, pose: &Pose, x: f64, y: f64) -> Vector2<f64> {
     let point = pose.transform(&Vector2::new(x, y));
     camera.project(&point).expect("the scene is in sight")
 }
 
-/// Samples along the sides of a square of a plane, clockwise.
+/// Returns samples along the sides of a square of a plane, clockwise.
 fn sides_of(camera: &Brown, pose: &Pose, centre: Vector2<f64>, side: f64) -> Sides {
     let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
     let corner = |i: usize| centre + side * Vector2::from(corners[i % 4]);
@@ -91,7 +93,8 @@ fn sides_of(camera: &Brown, pose: &Pose, centre: Vector2<f64>, side: f64) -> Sid
     (0..4).map(side_of).collect()
 }
 
-/// The cameras of frames, of sheets and of boards, from samples without noise.
+/// Returns the cameras calibrated from frames, from sheets and from boards, from samples without
+/// noise.
 pub fn cameras(scene: &Scene) -> Result<[Calibration; 3], Error> {
     let camera = &scene.camera;
     let planes = || (0..).zip(&scene.poses);

@@ -1,5 +1,5 @@
-//! Calibrates a camera from pictures of a chessboard whose inner corners are roughly known:
-//! `cargo run --release -p trisquare --example chessboard`.
+//! Calibrates a camera from pictures of a chessboard whose inner corners are roughly known: `cargo
+//! run --release -p trisquare --example chessboard`.
 
 use nalgebra::Vector3;
 use trisquare::synthetic::{Scene, SceneOptions};
@@ -15,12 +15,13 @@ use trisquare::{
 /// Inner corners in pixels, `[row][column]`, from any detector, good to a pixel or two.
 type Corners = Vec<Vec<Vector2<f64>>>;
 
-/// The edges of a chessboard's cells, measured along all lines through its corners.
+/// Measures the edges of a chessboard's cells along all lines through its corners.
 fn measured(picture: &Picture, corners: &Corners) -> Result<PlaneEdges, Error> {
     let board = Chessboard::new(picture, corners)?;
     let (lines, _, faults) = localise_with_unknown_tone(picture, &board.spans(0));
     if let Some(mended) = faults.mended(picture) {
-        // The lens magnifies the colours differently, or odd rows are displaced.
+        // Colours magnified differently by the lens, or displaced odd rows, are corrected in
+        // `mended`.
         return measured(&mended, corners);
     }
     Ok(PlaneEdges {
@@ -29,7 +30,7 @@ fn measured(picture: &Picture, corners: &Corners) -> Result<PlaneEdges, Error> {
     })
 }
 
-/// The camera that took three or more pictures, each of one board.
+/// Returns the camera of three or more pictures, each of one board.
 pub fn camera_of(pictures: &[(Picture, Corners)], size: ImageSize) -> Result<Calibration, Error> {
     let board = |(image, (picture, corners)): (usize, &(Picture, Corners))| {
         let edges = measured(picture, corners).map_err(|error| error.of_figure(image))?;
@@ -40,34 +41,35 @@ pub fn camera_of(pictures: &[(Picture, Corners)], size: ImageSize) -> Result<Cal
 }
 // [end of recipe]
 
-/// Inner corners of the board in a row and in a column.
+/// Number of the board's inner corners in a row, and in a column.
 const ACROSS: usize = 9;
 const DOWN: usize = 6;
 
-/// Standard deviation of the blur, pixels, and light of the cells.
+/// Standard deviation of the blur, in pixels, and light of the cells.
 const BLUR: f64 = 0.7;
 const INK: f64 = 0.05;
 const PAPER: f64 = 0.8;
 
-/// Where lines lie from side to side of a board of so many inner ones, its sides included; it is as
-/// wide as a scene's squares.
+/// Positions of the lines of a board with `inner` inner lines, its outer sides included. The board
+/// is as wide as a scene's squares.
 fn places(inner: usize) -> impl Iterator<Item = f64> {
     let cells = inner + 1;
     (0..=cells).map(move |line| (line as f64 - 0.5 * cells as f64) / (ACROSS + 1) as f64)
 }
 
-/// A blurred step from -1 to 1: that of a normal distribution, to 1e-3.
+/// A blurred step from -1 to 1: the integral of a normal distribution, to within 1e-3.
 fn step(blurs: f64) -> f64 {
     (0.797_885 * (blurs + 0.044_715 * blurs.powi(3))).tanh()
 }
 
-/// The S-shaped curve with which many a camera deepens the contrast of coded values: no tone curve of
-/// the crate's describes it, and all edges appear shifted.
+/// The S-shaped curve with which many cameras increase the contrast of coded values. None of the
+/// crate's tone curves describes it, and all edges appear shifted.
 fn deepened(coded: f64) -> f64 {
     0.5 * coded + 0.5 * coded.powi(2) * (3.0 - 2.0 * coded)
 }
 
-/// A picture of a board of a scene, in 8-bit grey, and its corners, rounded to whole pixels.
+/// Renders a picture of a board of a scene, in 8-bit grey; also returns its corners, rounded to
+/// whole pixels.
 fn seen(scene: &Scene, pose: &Pose) -> (Picture, Corners) {
     let line = |a, b, c| pose.line_map() * Line::new(a, b, c).unwrap().coefficients();
     let columns: Vec<Vector3<f64>> = places(ACROSS).map(|x| line(1.0, 0.0, -x)).collect();
@@ -77,7 +79,7 @@ fn seen(scene: &Scene, pose: &Pose) -> (Picture, Corners) {
         let pixel = Vector2::new(f64::from(x), f64::from(y));
         let ray = scene.camera.unproject_with_jacobian(&pixel);
         let ray = ray.expect("the lens sees all of the picture");
-        // From -1 to 1 across each line.
+        // Values from -1 to 1 across each line.
         let steps = |lines: &[Vector3<f64>]| -> Vec<f64> {
             let distance = |line| scene.camera.line_distance(&ray, line);
             lines
@@ -105,7 +107,7 @@ fn seen(scene: &Scene, pose: &Pose) -> (Picture, Corners) {
     (picture, corners)
 }
 
-/// A scene of 640 x 480 pixels, and a picture of each of its boards.
+/// Returns a scene of 640 x 480 pixels, and a picture of each of its boards.
 pub fn made_up(seed: u64) -> (Scene, Vec<(Picture, Corners)>) {
     let size = ImageSize {
         width: 640,

@@ -19,7 +19,7 @@ fn camera_of(squares: Vec<Vec<Vec<Vector2<f64>>>>) -> Result<Calibration, Error>
 }
 
 // [several pictures]
-/// `pictures[i]` holds the squares that the picture of index i shows.
+/// Calibrates from several pictures: `pictures[i]` holds the squares in picture `i`.
 fn camera_of_several(
     pictures: Vec<Vec<PlaneEdges>>,
     size: ImageSize,
@@ -33,7 +33,7 @@ fn camera_of_several(
 // [end of several pictures]
 
 // [answer]
-/// Tells what came of a calibration.
+/// Prints the result of a calibration.
 fn tell<L: Lens>(found: &Result<Calibration<L>, Error>) {
     let calibration = match found {
         Ok(calibration) => calibration,
@@ -63,7 +63,8 @@ fn tell<L: Lens>(found: &Result<Calibration<L>, Error>) {
 // [end of answer]
 
 // [fisheye]
-/// A fisheye, and the angle from its axis at which a pixel sees; `None` beyond the lens.
+/// Calibrates a fisheye; also returns the angle, in degrees, between its axis and the ray of a
+/// pixel, or `None` where the lens has no ray for the pixel.
 fn fisheye_of(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -74,7 +75,7 @@ fn fisheye_of(
         ..Options::new()
     };
     let found: Calibration<Fisheye> = calibrate(edges, size, &options)?;
-    let ray = found.camera.unproject(pixel); // of length 1; beyond 90 degrees z is negative
+    let ray = found.camera.unproject(pixel); // of length 1; beyond 90 degrees, z is negative
     let degrees = ray.map(|ray| ray.z.acos().to_degrees());
     Ok((found, degrees))
 }

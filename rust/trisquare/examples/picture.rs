@@ -11,33 +11,35 @@ use trisquare::{
     calibrate_photographs, localise_with_unknown_tone, pixels_to_keep,
 };
 
-/// The four sides of a dark square, from its corners (pixels, clockwise on the screen, good to a
-/// pixel or two); `first` is the index of the first one among all spans.
+/// Returns the four sides of a dark square from its corners (pixels, clockwise on the screen, to
+/// within a pixel or two); `first` is the index of the first side among all spans.
 fn sides_between(corners: &[Vector2<f64>; 4], first: usize) -> [EdgeSpan; 4] {
     [0, 1, 2, 3].map(|side| {
         let path = vec![corners[side], corners[(side + 1) % 4]];
-        // Darker towards the right-hand side of the path, which is inside.
+        // Darker to the right of the path, which is the inside.
         let mut span = EdgeSpan::new(path, -1.0);
         span.bounds = [Some(first + (side + 3) % 4), Some(first + (side + 1) % 4)];
         span
     })
 }
 
-/// The camera that took a picture, from the corners of three or more dark squares.
+/// Returns the camera of a picture from the corners of three or more dark squares.
 fn camera_of(
     picture: &Picture,
     squares: &[[Vector2<f64>; 4]],
 ) -> Result<Calibration, Box<dyn std::error::Error>> {
-    // 1. Measure the edges along all sides, to some hundredths of a pixel, and estimate the tone curve.
+    // 1. Measure the edges along all sides, to some hundredths of a pixel, and estimate the tone
+    // curve.
     let spans = squares.iter().enumerate();
     let spans: Vec<_> = spans.flat_map(|(i, c)| sides_between(c, 4 * i)).collect();
     let (sides, tone, faults) = localise_with_unknown_tone(picture, &spans);
     if let Some(mended) = faults.mended(picture) {
-        // The lens magnifies the colours differently, or odd rows are displaced.
+        // Colours magnified differently by the lens, or displaced odd rows, are corrected in
+        // `mended`.
         return camera_of(&mended, squares);
     }
 
-    // 2. Sort them by square, without squares of which a side could not be measured.
+    // 2. Group the sides by square; leave out squares with a side that could not be measured.
     let mut edges = Vec::new();
     for (i, sides) in sides.chunks(4).enumerate() {
         let sides: Vec<_> = match sides.iter().map(Result::as_ref).collect() {
@@ -50,7 +52,8 @@ fn camera_of(
         let points = sides.iter().map(|side| side.points.clone()).collect();
         let mut square = PlaneEdges::square(points)?;
         square.std = Some(sides.iter().map(|side| side.std.clone()).collect());
-        // What the curve and the picture's faults leave open moves many samples together.
+        // Remaining errors of the tone curve and of the picture's faults displace many samples
+        // together.
         square.tone_drift = Some(sides.iter().map(|side| side.tone_drift.clone()).collect());
         square.side_error = faults.side_error;
         square.polarity = Some(Polarity::DarkInside);
@@ -76,7 +79,7 @@ fn camera_of(
 }
 // [end of recipe]
 
-/// A made-up picture of 8-bit grey values, as `Picture::from_u8` takes them from any decoder.
+/// A synthetic picture of 8-bit grey values, as `Picture::from_u8` takes them from any decoder.
 fn scene() -> Scene {
     let size = ImageSize {
         width: 640,
@@ -91,7 +94,7 @@ fn scene() -> Scene {
     )
 }
 
-/// What the picture of a scene tells, from corners that are off by up to half a pixel.
+/// Calibrates from the picture of a scene, given corners with errors of up to half a pixel.
 pub fn calibration_of(scene: &Scene) -> Result<Calibration, Box<dyn std::error::Error>> {
     let picture = scene.picture(2, 0.6, 2.0);
     let corners = scene.corners().into_iter();

@@ -1,5 +1,5 @@
-//! Undistorts a grey picture, by a camera or by straight lines:
-//! `cargo run --release -p trisquare --example undistort`.
+//! Undistorts a grey picture, with a camera or with straight lines: `cargo run --release -p
+//! trisquare --example undistort`.
 
 use trisquare::synthetic::{Scene, SceneOptions};
 
@@ -10,14 +10,14 @@ use trisquare::{Brown, BrownModel, PointMaps, fit_distortion};
 use nalgebra::Vector2;
 use trisquare::{ImageSize, Lens, UndistortedView};
 
-/// A picture of 8-bit grey values without distortion, and the pinhole that has taken it; black where
-/// the photograph shows nothing.
+/// Returns an 8-bit grey picture without distortion, and its pinhole camera; pixels outside the
+/// photograph are black.
 pub fn undistort<L: Lens>(
     values: &[u8],
     size: ImageSize,
     camera: &L,
 ) -> Result<(Vec<u8>, impl Lens), trisquare::Error> {
-    let view = camera.undistorted(size, 0.0)?; // no black border; with 1.0 all of the photograph
+    let view = camera.undistorted(size, 0.0)?; // no black border; with 1.0, the whole photograph
     let mut straight = Vec::with_capacity(values.len());
     for y in 0..size.height {
         for x in 0..size.width {
@@ -29,11 +29,11 @@ pub fn undistort<L: Lens>(
     Ok((straight, view))
 }
 
-/// The value between four pixels, bilinear; black outside the picture.
+/// Interpolates bilinearly between four pixels; returns black outside the picture.
 fn value_at(values: &[u8], size: ImageSize, pixel: &Vector2<f64>) -> u8 {
     let (width, height) = (size.width as usize, size.height as usize);
     let (far_x, far_y) = ((width - 1) as f64, (height - 1) as f64);
-    // The border's own pixels lie on it but for rounding.
+    // Tolerance of half a pixel: pixels of the border lie on it only up to rounding.
     if !(pixel.x > -0.5 && pixel.x < far_x + 0.5 && pixel.y > -0.5 && pixel.y < far_y + 0.5) {
         return 0;
     }
@@ -49,8 +49,8 @@ fn value_at(values: &[u8], size: ImageSize, pixel: &Vector2<f64>) -> u8 {
 // [end of recipe]
 
 // [lines]
-/// A lens that bends as the samples of each of these curves tell, which are straight in the scene. Its
-/// focal length is made up: it undistorts pictures, and measures no angles.
+/// Fits a lens to samples of curves that are straight lines in the scene. Its focal length is made
+/// up: the lens undistorts pictures but measures no angles.
 pub fn lens_of(curves: &[Vec<Vector2<f64>>], size: ImageSize) -> Result<Brown, trisquare::Error> {
     let found = fit_distortion(curves, size, 2, None)?;
     let (focal, centre) = (f64::from(size.width), found.centre);
@@ -66,7 +66,7 @@ pub fn lens_of(curves: &[Vec<Vector2<f64>>], size: ImageSize) -> Result<Brown, t
 }
 // [end of lines]
 
-/// What a camera sees of some straight lines.
+/// Returns the images of some straight lines under a camera.
 pub fn curves(camera: &impl Lens, size: ImageSize) -> Vec<Vec<Vector2<f64>>> {
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     let places = |line: i32, i: i32| {
@@ -81,7 +81,7 @@ pub fn curves(camera: &impl Lens, size: ImageSize) -> Vec<Vec<Vector2<f64>>> {
     seen.flatten().collect()
 }
 
-/// What a camera sees of a wall in stripes, 2 units away.
+/// Renders a camera's picture of a striped wall, 2 units away.
 pub fn stripes(camera: &impl Lens, size: ImageSize) -> Vec<u8> {
     let mut values = Vec::new();
     for y in 0..size.height {

@@ -1,11 +1,11 @@
-//! A room of `src/` imports only from the rows below its own, and no files of a room import each
-//! other in a circle.
+//! A room of `src/` imports only from the rows below its own, and the files of a room do not import
+//! each other in a cycle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
 
-/// From the top to the bottom; rooms of one row do not import each other.
+/// From top to bottom; rooms of one row do not import each other.
 const ROWS: [&[&str]; 12] = [
     &["lens_choice"],
     &["calibrate"],
@@ -21,7 +21,7 @@ const ROWS: [&[&str]; 12] = [
     &["ill_conditioning"],
 ];
 
-/// The Rust files of a folder, or its folders, by the name of their module.
+/// Returns the Rust files of a folder, or its subfolders, by module name.
 fn modules(folder: &Path, files: bool) -> BTreeMap<String, PathBuf> {
     let entries = folder
         .read_dir()
@@ -32,13 +32,13 @@ fn modules(folder: &Path, files: bool) -> BTreeMap<String, PathBuf> {
     wanted.map(|path| (name(&path), path)).collect()
 }
 
-/// The text of a file before its tests.
+/// Returns the text of a file up to its tests.
 fn before_tests(path: &Path) -> String {
     let text = read_to_string(path).unwrap();
     text.split("#[cfg(test)]\nmod ").next().unwrap().to_owned()
 }
 
-/// The same without comments.
+/// Returns the same text without comments.
 fn code(path: &Path) -> String {
     before_tests(path)
         .lines()
@@ -46,7 +46,7 @@ fn code(path: &Path) -> String {
         .collect()
 }
 
-/// All paths that begin with `start::`, as what follows it; braces are expanded.
+/// Returns the rest of every path that begins with `start::`; braces are expanded.
 fn paths(code: &str, start: &str) -> Vec<String> {
     let start = format!("{start}::");
     let begins =
@@ -137,7 +137,7 @@ fn no_files_of_a_room_import_each_other_in_a_circle() {
                     .map(move |name| (name, file))
             })
             .collect();
-        // A name of the room is where the room has it from, or in mod.rs itself.
+        // The file of a name: the one that mod.rs re-exports it from, else mod.rs itself.
         let home = |path: &String| {
             let first = path.split("::").next().unwrap();
             let file = files.keys().find(|file| *file == first);
@@ -163,7 +163,7 @@ fn no_files_of_a_room_import_each_other_in_a_circle() {
                 _ => own.extend(from_room.iter().map(home).filter(|other| other != file)),
             }
         }
-        // Files that import nothing of what is left cannot be in a circle.
+        // A file that imports none of the remaining files cannot be part of a cycle.
         while let Some(free) = uses
             .iter()
             .find(|(_, other)| other.is_empty())

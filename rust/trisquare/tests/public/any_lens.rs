@@ -1,4 +1,4 @@
-//! A lens that the crate does not know goes through the whole pipeline.
+//! A lens that the crate does not define, through the whole pipeline.
 
 use crate::equidistant::Equidistant;
 use nalgebra::{Vector2, Vector3};
@@ -16,10 +16,10 @@ use trisquare::{
 const SPACING: f64 = 4.0;
 const NOISE: f64 = 0.1;
 
-/// Normal errors beyond so many standard deviations occur once in sixteen thousand draws.
+/// Threshold on errors in standard deviations, which one normal error in sixteen thousand exceeds.
 const SURE: f64 = 4.0;
 
-/// 84 by 68 degrees of field, 104 in the diagonal.
+/// A field of view of 84 by 68 degrees, 104 on the diagonal.
 fn lens() -> Equidistant {
     Equidistant {
         intrinsics: [870.0, 874.0, 652.0, 471.0],
@@ -39,7 +39,7 @@ fn largest_error(found: &Calibration<Equidistant>, truth: &Equidistant) -> f64 {
     errors.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The largest error in standard deviations.
+/// Returns the largest error in standard deviations.
 fn largest_score(found: &Calibration<Equidistant>, truth: &Equidistant) -> f64 {
     let errors = found.camera.parameters().into_iter().zip(truth.intrinsics);
     let stated = found.std();
@@ -49,7 +49,7 @@ fn largest_score(found: &Calibration<Equidistant>, truth: &Equidistant) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Pixels out to 100 degrees off the axis.
+/// Pixels up to 100 degrees off the axis.
 fn pixels() -> impl Iterator<Item = Vector2<f64>> {
     [
         (0.0, 0.0),
@@ -73,7 +73,8 @@ fn a_pixel_comes_back_and_the_distance_vanishes_on_its_line() {
         let pixel_ray = lens.unproject_with_jacobian(&pixel).unwrap();
         let (distance, normal) = lens.line_distance_and_normal(&pixel_ray, &line);
         assert!(distance.abs() < 1e-9);
-        // Beside its line a pixel is as far from it as it was moved along the normal.
+        // The distance of a pixel from its line is the length by which it was moved along the
+        // normal.
         let beside = lens.unproject_with_jacobian(&(pixel + normal * 1e-3));
         let distance = lens.line_distance(&beside.unwrap(), &line);
         assert!((distance - 1e-3).abs() < 1e-7, "{pixel} {distance}");
@@ -132,7 +133,7 @@ fn it_is_found_exactly_without_noise() {
             method: Method::Linear,
             ..options()
         };
-        // The linear steps see its distortion as a polynomial of two terms.
+        // The linear steps approximate its distortion by a polynomial of two terms.
         let found = calibrate(&edges, scene.size, &linear).unwrap();
         let error = largest_error(&found, &scene.camera);
         assert!(
@@ -186,7 +187,7 @@ fn its_standard_deviations_are_those_of_its_errors_and_of_the_plan() {
             assert!((0.8..1.15).contains(&ratio), "seed {seed}, {name}: {ratio}");
         }
     }
-    // 120 correlated, normalised errors: rms 1 within a sixth.
+    // 120 correlated, normalised errors: the rms is 1 to within a sixth.
     let rms = f64::sqrt(squares / count);
     assert!((0.83..1.17).contains(&rms), "{rms}");
 }
@@ -241,7 +242,7 @@ fn parallel_planes_determine_what_bends_directions_and_nothing_else() {
         let found = calibrate(&edges, wide.size, &options()).unwrap();
         assert!(largest_score(&found, &wide.camera) < SURE, "seed {seed}");
 
-        // Over a few degrees every lens is a pinhole.
+        // Over a field of a few degrees, every lens is a pinhole.
         let narrow = Equidistant {
             intrinsics: [12_000.0, 12_000.0, 640.0, 480.0],
         };
@@ -283,13 +284,14 @@ fn false_squares_are_dropped() {
     }
 }
 
-/// Parts along a side of a pixel whose light is summed, and the picture's blur (px) and noise.
+/// Number of parts along a pixel's side over which light is summed; blur (px) and noise of the
+/// picture.
 const PARTS: usize = 8;
 const BLUR: f64 = 0.8;
 const PIXEL_NOISE: f64 = 0.02;
 
-/// Dark squares on light ground, blurred: every part of a pixel looks along its own ray, somewhere
-/// in the part, lest edges along the rows be rounded to these.
+/// Renders dark squares on light ground, blurred. The ray of each part of a pixel passes through a
+/// random point of the part: at fixed points, edges along the rows would be rounded to these.
 fn photograph(scene: &Scene<Equidistant>) -> Picture {
     let (width, height) = (scene.size.width as usize, scene.size.height as usize);
     let (columns, rows) = (width * PARTS, height * PARTS);
@@ -322,7 +324,7 @@ fn photograph(scene: &Scene<Equidistant>) -> Picture {
         (kernel[0] * at(0) + sides) / total
     };
     let clamped = |i: usize, by: isize, count: usize| i.saturating_add_signed(by).min(count - 1);
-    // Along the rows, at the parts of every pixel that are summed next.
+    // Blurred along the rows, at all parts of all pixels, which are summed below.
     let along = |index: usize| {
         let (x, y) = (index % columns, index / columns);
         blurred(&|by| sharp[y * columns + clamped(x, by, columns)])

@@ -1,4 +1,4 @@
-//! Cameras by the recipes of the example.
+//! Cameras calibrated with the functions of the example.
 
 #[path = "../../examples/boards.rs"]
 #[allow(dead_code)] // its `main`

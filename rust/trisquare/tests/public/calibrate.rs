@@ -11,7 +11,7 @@ use trisquare::{
 const NO_NOISE: f64 = 0.0;
 const SPACING: f64 = 4.0;
 
-/// The largest error of `fx, fy, cx, cy` relative to `fx`.
+/// Returns the largest error of `fx, fy, cx, cy` relative to `fx`.
 fn relative_error(found: &Calibration, scene: &Scene) -> f64 {
     let (a, b) = (found.camera.parameters(), scene.camera.parameters());
     (0..4)
@@ -104,7 +104,7 @@ fn a_freed_skew_is_exact_without_noise() {
     assert!(matches!(found, Err(Error::InvalidArgument(_))));
 }
 
-/// A pinhole's: the shape of a radial distortion would tell the skew as well.
+/// A pinhole, because the shape of a radial distortion would determine the skew as well.
 #[test]
 fn two_directions_are_too_few_for_a_freed_skew() {
     let mut refused = 0;
@@ -172,7 +172,8 @@ fn a_held_value_that_the_planes_contradict_is_named() {
     );
 }
 
-/// Few samples a side have as much noise a pixel of edge as a held value that is far off leaves.
+/// With few samples per side, the noise per pixel of edge is as large as the residuals that a wrong
+/// held value leaves.
 #[test]
 fn sparse_samples_do_not_contradict_a_held_principal_point() {
     const SPARSE: f64 = 40.0;
@@ -189,7 +190,7 @@ fn sparse_samples_do_not_contradict_a_held_principal_point() {
     assert!(found.noise_scale > 1.0, "{}", found.noise_scale);
 }
 
-/// Only photographs that are given are counted.
+/// The picture numbers of figures are labels unless photographs are given.
 #[test]
 fn numbers_of_pictures_are_names() {
     let scene = Scene::random(3, SceneOptions::default());
@@ -227,7 +228,7 @@ fn errors_lie_within_the_stated_standard_deviations() {
             count += 1.0;
         }
     }
-    // 360 correlated, normalised errors: rms 1 within a tenth.
+    // 360 correlated, normalised errors: the rms is 1 to within a tenth.
     let rms = f64::sqrt(squares / count);
     assert!((0.88..1.12).contains(&rms), "{rms}");
 }
@@ -299,7 +300,7 @@ fn parallel_planes_are_refused_unless_the_principal_point_is_fixed() {
                     ..Options::default()
                 };
                 let found = calibrate(&edges, scene.size, &options);
-                // The linear steps may also end in a camera that cannot be evaluated at all.
+                // The linear steps may also end at a camera that cannot be evaluated at all.
                 let refused = match found.as_ref().map_err(Error::kind) {
                     Err(ErrorKind::DegenerateGeometry) => true,
                     Err(ErrorKind::Convergence) => method == Method::Linear,
@@ -331,7 +332,7 @@ fn the_plane_that_is_no_square_is_named() {
     for seed in 0..10 {
         let scene = Scene::random(seed, SceneOptions::default());
         let mut edges = scene.edges(1, 0.1, SPACING);
-        // A second picture of the camera keeps the truth in the majority.
+        // With a second picture by the same camera, the true squares are the majority.
         edges.extend(scene.another(100 + seed).edges(2, 0.1, SPACING));
         for (line, offset) in edges[1].lines.iter_mut().zip([0.51, 0.5, 0.51, 0.5]) {
             let [a, b] = [line.normal().x, line.normal().y];
@@ -341,12 +342,12 @@ fn the_plane_that_is_no_square_is_named() {
         let warning = found.warnings.first().map(ToString::to_string);
         named += usize::from(warning.is_some_and(|w| w.starts_with("plane 1 ")));
     }
-    // Where the robust loss sets the false sides aside altogether, no plane is left to disagree.
+    // Where the robust loss rejects the false sides entirely, no plane disagrees.
     assert!(named >= 8, "named in {named} of 10");
 }
 
-/// Calibrates from the planes of two scenes, ten times; all figures have one unknown aspect. The
-/// edges are those of a scene and of a seed of their noise.
+/// Calibrates from the planes of two scenes, ten times; all figures share one unknown aspect.
+/// `edges` returns the edges of a scene for a seed of their noise.
 fn check_aspects(aspect: f64, edges: impl Fn(&Scene, u64) -> Vec<PlaneEdges>) {
     let mut answered = 0;
     for seed in 0..10 {
@@ -354,7 +355,7 @@ fn check_aspects(aspect: f64, edges: impl Fn(&Scene, u64) -> Vec<PlaneEdges>) {
         let mut both = edges(&scene, 1);
         both.extend(edges(&scene.another(100 + seed), 2));
         let Ok(found) = calibrate(&both, scene.size, &Options::default()) else {
-            continue; // refused, where six equations do not determine the camera well enough
+            continue; // refused where six equations do not determine the camera well enough
         };
         answered += 1;
         let error = found.camera.focal().x - scene.camera.focal().x;
@@ -370,7 +371,7 @@ fn check_aspects(aspect: f64, edges: impl Fn(&Scene, u64) -> Vec<PlaneEdges>) {
 
 #[test]
 fn an_unknown_aspect_is_estimated_with_the_camera() {
-    // Lines 1.4 times too far apart along X: the aspect is one over that.
+    // The lines are 1.4 times too far apart along X, so the aspect is 1 / 1.4.
     check_aspects(1.0 / 1.4, |scene, noise_seed| {
         let mut edges = scene.edges(noise_seed, 0.1, SPACING);
         for figure in &mut edges {
@@ -496,7 +497,7 @@ fn samples_outside_the_picture_are_warned_of() {
     assert_eq!((found, samples), (figure, beyond(&edges[figure])));
     assert!(first[0] > 961.0);
     assert_eq!(size, [960, 1280]);
-    // A size that cannot be is named before the geometry, which that spoils.
+    // An impossible size is reported before the geometry, which it makes degenerate.
     let none = ImageSize {
         width: 1,
         height: 1,
@@ -505,7 +506,7 @@ fn samples_outside_the_picture_are_warned_of() {
         Err(Error::InvalidArgument(message)) => assert!(message.contains("1 x 1"), "{message}"),
         other => panic!("{other:?}"),
     }
-    // What measuring errs by at the border is none.
+    // Samples beyond the border by no more than the measuring error do not count as outside.
     let mut at_the_border = edges.clone();
     let mut line = PlaneEdges::line(
         (0..40)
@@ -553,7 +554,7 @@ fn an_inner_outline_that_is_fixed_on_the_outer_one_is_named() {
         );
         assert!(message.contains("those of figure 0"), "{message}");
     }
-    // An outline may be measured twice, but not given twice.
+    // An outline may be measured twice, but the same samples may not be given twice.
     assert!(solve(&outlines(0.999_999, Freedom::Fixed)).is_ok());
     let Err(Error::InvalidArgument(message)) = solve(&outlines(1.0, Freedom::Fixed)) else {
         panic!("its noise counts twice");

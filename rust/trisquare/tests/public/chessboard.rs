@@ -1,4 +1,4 @@
-//! From pictures of chessboards to a camera, by the lines of the example.
+//! From pictures of chessboards to a camera, with the functions of the example.
 
 #[path = "../../examples/chessboard.rs"]
 #[allow(dead_code)] // its `main`
@@ -8,7 +8,7 @@ use example::{camera_of, made_up};
 use nalgebra::Vector2;
 use trisquare::{Chessboard, Error, Lens, Picture, localise_with_unknown_tone};
 
-/// Normal errors beyond so many standard deviations occur once in fifteen thousand draws.
+/// Threshold on errors in standard deviations, which one normal error in fifteen thousand exceeds.
 const SURE: f64 = 4.0;
 
 #[test]
@@ -21,7 +21,7 @@ fn the_example_finds_the_camera_though_the_edges_appear_shifted() {
             let error = (estimate.value - truth).abs();
             assert!(error <= SURE * std, "seed {seed}: {estimate:?}, {truth}");
         }
-        // Edges that are not moved back leave 0.024 to 0.027 pixels.
+        // Edges that are not shifted back leave 0.024 to 0.027 pixels.
         assert!(found.rms < 0.01, "seed {seed}: {}", found.rms);
     }
 }
@@ -38,7 +38,7 @@ fn corners_may_be_given_from_any_one_on_and_in_either_sense() {
     };
     let as_given = focal(&pictures);
     for (_, corners) in &mut pictures {
-        corners.reverse(); // mirrored, and the first cell is of the other shade
+        corners.reverse(); // mirrored, and the first cell has the other shade
     }
     assert!((focal(&pictures) - as_given).abs() < 0.1);
     for (_, corners) in &mut pictures {

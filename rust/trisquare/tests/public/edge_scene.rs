@@ -1,4 +1,5 @@
-//! Pictures rendered by numeric integration, whose edges are known exactly, and their statistics.
+//! Pictures rendered by numerical integration, whose edges are known exactly, and statistics of
+//! measured edges.
 
 use nalgebra::Vector2;
 use trisquare::{EdgeSpan, Picture, SpanEdges, Tone, localise};
@@ -7,7 +8,7 @@ pub const SIZE: usize = 420;
 pub const BLACK: f64 = 40.0 / 255.0;
 pub const WHITE: f64 = 215.0 / 255.0;
 
-/// SplitMix64 and Box-Muller: repeatable noise.
+/// Repeatable noise: SplitMix64 and Box-Muller.
 pub struct Noise(pub u64);
 
 impl Noise {
@@ -29,7 +30,7 @@ fn phi(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// A dark thing with sharp corners, seen through a Gaussian blur.
+/// A dark shape with sharp corners, seen through a Gaussian blur.
 #[derive(Clone, Copy)]
 pub enum Shape {
     Square {
@@ -48,7 +49,7 @@ pub enum Shape {
         degrees: f64,
         thickness: f64,
     },
-    /// An upright chessboard of 3 x 3 cells, its corners dark.
+    /// An upright chessboard of 3 x 3 cells with dark corners.
     Board {
         origin: [f64; 2],
         cell: f64,
@@ -56,7 +57,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// How much of a blurred point is covered; exact for straight outlines.
+    /// Returns the covered fraction of a blurred point; exact for straight outlines.
     pub fn cover(&self, x: f64, y: f64, blur: f64) -> f64 {
         match *self {
             Self::Square {
@@ -89,7 +90,7 @@ impl Shape {
             }
             Self::Disc { centre, radius } => {
                 let distance = (x - centre[0]).hypot(y - centre[1]);
-                // A blur moves a curved edge towards its centre by half its square over the radius.
+                // A blur moves a curved edge towards its centre by blur^2 / (2 radius).
                 phi((radius - blur * blur / (2.0 * radius) - distance) / blur)
             }
             Self::Board { origin, cell } => {
@@ -106,7 +107,7 @@ impl Shape {
         }
     }
 
-    /// Corners, clockwise on the screen.
+    /// Returns the corners, clockwise on the screen.
     pub fn corners(&self) -> Vec<Vector2<f64>> {
         let (Self::Square {
             centre,
@@ -132,7 +133,7 @@ impl Shape {
     }
 }
 
-/// How a scene is photographed.
+/// Properties of a photograph of a scene.
 #[derive(Clone, Copy)]
 pub struct Camera {
     pub blur: f64,
@@ -163,7 +164,7 @@ const NODES: [(f64, f64); 4] = [
 ];
 
 impl Camera {
-    /// Coded values before noise.
+    /// Returns the coded values before noise.
     pub fn exposure(&self, shape: &Shape) -> Vec<f64> {
         let (inside, outside) = (
             self.tone.decode(self.inside),
@@ -207,7 +208,8 @@ impl Camera {
     }
 }
 
-/// The four sides of a square as spans that bound each other; `error` moves the paths' points.
+/// Returns the four sides of a square as spans that bound each other; `error` displaces the ends of
+/// the paths.
 pub fn spans(shape: &Shape, rise: f64, error: impl Fn(usize) -> [f64; 2]) -> Vec<EdgeSpan> {
     let corners = shape.corners();
     (0..4)
@@ -224,7 +226,8 @@ pub fn spans(shape: &Shape, rise: f64, error: impl Fn(usize) -> [f64; 2]) -> Vec
         .collect()
 }
 
-/// Signed distances of a square's samples from its true sides, and their standard deviations.
+/// Returns signed distances of a square's samples from its true sides, with their standard
+/// deviations.
 pub fn offsets(shape: &Shape, edges: &[SpanEdges]) -> Vec<Vec<(f64, f64)>> {
     let corners = shape.corners();
     edges
@@ -293,7 +296,8 @@ pub fn square(degrees: f64) -> Shape {
     }
 }
 
-/// Samples of pictures of squares at several angles, and of several seeds.
+/// Returns statistics of the samples from pictures of squares at several angles and with several
+/// seeds.
 pub fn statistics(camera: Camera, tone: Tone, error: [f64; 2]) -> Statistics {
     let rise = (camera.inside - camera.outside).signum();
     let mut sides = Vec::new();
@@ -309,7 +313,8 @@ pub fn statistics(camera: Camera, tone: Tone, error: [f64; 2]) -> Statistics {
     Statistics::of(&sides)
 }
 
-/// The bound for a patch of 4 pixels, of the noise, contrast and blur of `camera`.
+/// Returns the lower bound on the standard deviation from a patch of 4 pixels, for the noise,
+/// contrast and blur of `camera`.
 pub fn patch_bound(camera: &Camera) -> f64 {
     let spread = (camera.blur * camera.blur + 1.0 / 12.0).sqrt();
     let contrast = (camera.outside - camera.inside).abs();

@@ -1,4 +1,4 @@
-//! The smallest lens there is beside the pinhole: `r = f theta`, without coefficients.
+//! The simplest lens besides the pinhole: `r = f theta`, without coefficients.
 
 use std::ops::Range;
 
@@ -6,11 +6,11 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 use trisquare::lens::{Columns, INTRINSICS, LineDistance, MAX_LENS_COLUMNS, ProjectionJacobian};
 use trisquare::{DistortionModel, ImageSize, Lens};
 
-/// Terms of the power series: up to 180 degrees they leave only rounding.
+/// Number of terms of the power series: up to 180 degrees, only rounding errors remain.
 const TERMS: i32 = 20;
 
-/// Equidistant lens: the angle between a ray and the axis is the distance from the principal point
-/// over the focal length.
+/// Equidistant lens: the angle between a ray and the axis is the distance of the pixel from the
+/// principal point divided by the focal length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Equidistant {
     pub intrinsics: [f64; INTRINSICS],
@@ -32,8 +32,8 @@ impl DistortionModel for NoCoefficients {
     }
 }
 
-/// The pixel in units of the focal lengths, `q`, and its unit ray `(S q, cos theta)`,
-/// `S = sin(theta) / theta`, `theta = |q|`.
+/// A pixel in units of the focal lengths, `q`, and its unit ray `(S q, cos theta)`, `S = sin(theta)
+/// / theta`, `theta = |q|`.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
     q: Vector2<f64>,
@@ -42,8 +42,8 @@ pub struct Ray {
     series: [f64; 3],
 }
 
-/// `S = sum (-s)^k / (2k + 1)!` of `s = theta^2`, and what follows from it: `' / theta` is twice
-/// the derivative by `s`.
+/// Returns `S = sum (-s)^k / (2k + 1)!`, `s = theta^2`, with `A` and `B`: a derivative by `theta`,
+/// divided by `theta`, is twice the derivative by `s`.
 fn series(s: f64) -> [f64; 3] {
     let (mut sum, mut inverse_factorial) = ([0.0; 3], 1.0);
     for k in 0..TERMS {
@@ -57,7 +57,7 @@ fn series(s: f64) -> [f64; 3] {
     sum
 }
 
-/// `M`, the derivative of a unit ray by `q`.
+/// Returns `M`, the derivative of a unit ray by `q`.
 fn ray_jacobian(ray: &Ray) -> Matrix3x2<f64> {
     let [s, a, _] = ray.series;
     let mut jacobian = Matrix3x2::zeros();
@@ -70,7 +70,7 @@ fn ray_jacobian(ray: &Ray) -> Matrix3x2<f64> {
 }
 
 impl Equidistant {
-    /// The derivative of `n = l . ray` by `q`, and how it changes with a step of `q`.
+    /// Returns the derivative of `n = l . ray` by `q`, and its change with a step of `q`.
     fn gradient(
         ray: &Ray,
         line: &Vector3<f64>,
@@ -97,7 +97,7 @@ impl Lens for Equidistant {
         &["fx", "fy", "cx", "cy"]
     }
 
-    /// None: the law bends directions about the principal point and nowhere else.
+    /// None: the principal point is the only centre of the distortion.
     fn centre_columns() -> Range<usize> {
         INTRINSICS..INTRINSICS
     }
@@ -184,12 +184,12 @@ impl Lens for Equidistant {
         ray_jacobian(ray) * Matrix2::from_diagonal(&self.focal().map(|f| 1.0 / f))
     }
 
-    /// The field angle.
+    /// The angle from the axis, in radians.
     fn valid_radius(&self) -> f64 {
         std::f64::consts::PI
     }
 
-    /// It is trusted everywhere.
+    /// Returns the lens unchanged: it is valid everywhere.
     fn within(self, _radius: f64) -> Self {
         self
     }
@@ -210,7 +210,7 @@ impl Lens for Equidistant {
     }
 
     /// With `g` the gradient of `n = l . ray` by `q`, the distance is `n / |g / f|`. A parameter
-    /// moves `q` alone, but for the focal lengths, which divide `g` as well.
+    /// changes `q` only; the focal lengths also divide `g`.
     fn line_distance_jacobian(
         &self,
         ray: &Ray,

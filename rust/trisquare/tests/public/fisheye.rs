@@ -12,10 +12,10 @@ const NOISE: f64 = 0.1;
 const SPACING: f64 = 6.0;
 const SCENES: u64 = 20;
 
-/// Normal errors beyond so many standard deviations occur once in sixteen thousand draws.
+/// Threshold on errors in standard deviations, which one normal error in sixteen thousand exceeds.
 const SURE: f64 = 4.0;
 
-/// A lens whose picture, 1280 pixels wide, spans a full angle in degrees.
+/// A lens whose picture, 1280 pixels wide, spans a full angle of `field` degrees.
 fn lens(field: f64, distortion: [f64; 4]) -> Fisheye {
     let half = 0.5 * field.to_radians();
     let powers = distortion.iter().zip(1..);
@@ -91,7 +91,7 @@ fn contains(size: ImageSize, pixel: &Vector2<f64>) -> bool {
     pixel.x > 0.0 && pixel.y > 0.0 && pixel.x < last.x && pixel.y < last.y
 }
 
-/// Three squares that reach beyond 90 degrees from the axis of a very wide lens.
+/// Returns three squares that reach beyond 90 degrees from the axis of a very wide lens.
 fn surrounding(camera: Fisheye, seed: u64) -> Option<Scene<Fisheye>> {
     let mut rng = StdRng::seed_from_u64(seed);
     let first = rng.random_range(0.0..TAU);
@@ -142,14 +142,14 @@ fn squares_beyond_90_degrees_are_used() {
     for (seed, scene) in (1..).zip(scenes.take(SCENES as usize)) {
         let edges = scene.edges(2000 + seed, NOISE, SPACING);
         let found = calibrate(&edges, scene.size, &Options::<Fisheye>::new()).unwrap();
-        // Where one start alone is tried, one in eight ends in a wrong optimum.
+        // With only one start, one in eight ends in a wrong optimum.
         assert!(found.rms < 1.2 * NOISE, "{seed}: {:?}", found.warnings);
         let error = found.camera.focal().x - camera.focal().x;
         let score = error / found.std()[0].1;
         assert!(score.abs() < SURE, "{seed}: {score}");
         squares += score * score;
     }
-    // 20 normalised errors: rms 1 within three of its standard deviations.
+    // 20 normalised errors: the rms is 1 to within three of its standard deviations.
     let rms = f64::sqrt(squares / SCENES as f64);
     assert!((0.5..1.5).contains(&rms), "{rms}");
 }

@@ -1,4 +1,4 @@
-//! Localisation against pictures whose edges are known exactly.
+//! Localisation in pictures whose edges are known exactly.
 
 use crate::edge_scene::{
     BLACK, CAMERA, Camera, Noise, SIZE, Shape, Statistics, WHITE, measured, offsets, patch_bound,
@@ -53,7 +53,7 @@ fn ignoring_the_tone_curve_moves_edges_towards_the_dark() {
         ..CAMERA
     };
     let statistics = statistics(camera, Tone::Linear, [1.0, 0.0]);
-    // Positive is inside the dark square.
+    // Positive values are inside the dark square.
     assert!(statistics.bias > 0.1, "{statistics:?}");
 }
 
@@ -96,7 +96,7 @@ fn noise_blur_and_plateaus_are_reported() {
         );
         assert!((edges.dark - BLACK).abs() < 0.5 / 255.0, "{}", edges.dark);
         assert!((edges.light - WHITE).abs() < 0.5 / 255.0, "{}", edges.light);
-        // Rounding to levels adds 1/12; some 700 pixels tell the noise to 3 %.
+        // Rounding to levels adds a variance of 1/12; some 700 pixels determine the noise to 3 %.
         let noise = (4.0_f64 + 1.0 / 12.0).sqrt() / 255.0;
         assert!(
             (edges.noise / noise - 1.0).abs() < 0.12,
@@ -111,7 +111,7 @@ fn samples_reach_the_blur_of_the_corners() {
     let shape = square(31.0);
     let picture = CAMERA.bytes(&CAMERA.exposure(&shape), 6);
     let corners = shape.corners();
-    // The paths end 3 pixels too soon or too late.
+    // The paths end 3 pixels too early or too late.
     for late in [-3.0, 3.0] {
         let mut spans = spans(&shape, -1.0, |_| [1.0, 1.0]);
         for span in &mut spans {
@@ -125,7 +125,7 @@ fn samples_reach_the_blur_of_the_corners() {
                 edges.points[edges.points.len() - 1] - corners[(side + 1) % 4],
             ];
             for end in ends {
-                // 2.5 blurs of 0.76 px, and half a patch.
+                // 2.5 blurs of 0.76 px, plus half a patch.
                 assert!((3.0..5.0).contains(&end.norm()), "{}", end.norm());
             }
         }
@@ -153,8 +153,8 @@ fn every_pixel_type_gives_the_same_edges() {
         }
         .floats(&exposure, 0),
     ];
-    // Without noise what is left is rounding, and for the finer types the pixel's square box
-    // where the model has a Gaussian.
+    // Without noise, the remaining error is rounding and, for the finer types, the difference
+    // between a pixel's square box and the model's Gaussian.
     for (picture, tolerance) in pictures.iter().zip([0.004, 0.0015, 0.0015]) {
         let edges = measured(picture, &spans(&shape, -1.0, |_| [1.0, 2.0]), Tone::Linear);
         let all = offsets(&shape, &edges);
@@ -197,7 +197,7 @@ fn tinted_paper_is_mixed_in_light() {
 
 #[test]
 fn curved_edges_are_followed() {
-    // An arc of 300 pixels with a height of 16, as a strong lens makes.
+    // An arc of 300 pixels with a height of 16, as a strong distortion produces.
     let (centre, radius) = ([200.0, 900.0], 700.0);
     let shape = Shape::Disc { centre, radius };
     let exposure = CAMERA.exposure(&shape);
@@ -315,7 +315,7 @@ fn a_side_cut_by_the_border_has_samples_inside_only() {
         &spans(&shape, -1.0, |_| [1.0, -1.0]),
         Tone::Linear,
     );
-    // The upper side leaves on the right; the right one is wholly outside.
+    // The upper side leaves the picture on the right; the right side is wholly outside.
     assert_eq!(found[1].as_ref().unwrap_err(), &NoEdge::OutsidePicture);
     for side in [0, 2, 3] {
         let edges = found[side].as_ref().unwrap();
@@ -386,7 +386,8 @@ fn specks_hardly_cost_anything() {
         sides.extend(offsets(&shape, &edges));
     }
     let statistics = Statistics::of(&sides);
-    // Of 2150; counted in full, one speck in a hundred pixels would cost 150 samples and 16 %.
+    // Out of 2150. If specks counted in full, one in a hundred pixels would cost 150 samples and 16
+    // %.
     assert!(statistics.count > 2100, "{statistics:?}");
     assert!(
         (0.9..1.1).contains(&statistics.normalised),
@@ -510,7 +511,8 @@ proptest::proptest! {
     }
 }
 
-/// Run with `cargo test --release --test localise -- --ignored --nocapture`.
+/// Run with `cargo test --release -p trisquare --test public time_of_three_squares -- --ignored
+/// --nocapture`.
 #[test]
 #[ignore = "prints a time, and tells nothing on a busy machine"]
 fn time_of_three_squares() {
@@ -545,7 +547,7 @@ fn time_of_three_squares() {
     }
 }
 
-/// A light square of 270 pixels on a ground whose light changes along the sides.
+/// Returns a light square of 270 pixels on a ground whose light changes along the sides.
 fn on_changing_ground(noise: f64) -> (Picture, Shape) {
     let tone = Tone::Srgb;
     let shape = square(3.0);

@@ -1,4 +1,5 @@
-//! The crate as its users call it. One program, which compiles what is generic over the lens once.
+//! Tests of the crate's public interface. They are one program, so that code generic over the lens
+//! is compiled once.
 
 mod any_lens;
 mod boards;

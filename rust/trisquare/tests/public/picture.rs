@@ -1,4 +1,5 @@
-//! From a picture to a camera, by the lines of the example; and photographs that do not fit.
+//! From a picture to a camera, with the functions of the example; and photographs that do not fit
+//! the figures.
 
 #[path = "../../examples/picture.rs"]
 #[allow(dead_code)] // its `main`
@@ -15,7 +16,7 @@ const SIZE: ImageSize = ImageSize {
     height: 480,
 };
 
-/// Normal errors beyond so many standard deviations occur once in fifteen thousand draws.
+/// Threshold on errors in standard deviations, which one normal error in fifteen thousand exceeds.
 const SURE: f64 = 4.0;
 
 fn scene(seed: u64) -> Scene {

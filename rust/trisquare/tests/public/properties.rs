@@ -1,4 +1,4 @@
-//! Whatever the coordinates: no panic, and no answer that is not finite.
+//! For any coordinates: no panic, and no result that is not finite.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::array::uniform9;
@@ -15,7 +15,7 @@ const SIZE: ImageSize = ImageSize {
     width: 1280,
     height: 960,
 };
-/// Far outside every picture, but not so far that squares overflow.
+/// Magnitude far outside every picture, but small enough that squares do not overflow.
 const LARGE: f64 = 1e6;
 
 /// Mostly pixels, some of them equal; at times far outside, tiny, infinite or NaN.
@@ -28,7 +28,7 @@ fn coordinate() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Mostly small numbers; at times any.
+/// Mostly small numbers; at times any number.
 fn coefficient() -> impl Strategy<Value = f64> {
     prop_oneof![
         8 => -2.0..2.0,

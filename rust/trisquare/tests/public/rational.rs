@@ -25,7 +25,8 @@ fn prism() -> ThinPrism {
     ThinPrism::new(intrinsics(), &coefficients)
 }
 
-/// The root mean square of the errors of `fx, fy, cx, cy` over their standard deviations.
+/// Returns the root mean square of the errors of `fx, fy, cx, cy` divided by their standard
+/// deviations.
 fn score<L: Lens>(camera: L, model: L::Model) -> f64 {
     let options = Options {
         model,

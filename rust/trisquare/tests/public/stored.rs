@@ -1,4 +1,4 @@
-//! What a calibration returns is stored by serde and read back as it was.
+//! Results of a calibration are stored by serde and read back unchanged.
 
 use crate::equidistant::Equidistant;
 use nalgebra::Vector2;
@@ -156,7 +156,7 @@ fn what_the_lens_does_not_have_is_refused() {
     assert!(serde_json::from_str::<Calibration<Equidistant>>(&text).is_err());
 }
 
-/// What is said of a stored value once one of its members is another.
+/// Returns the error message on reading a stored value of which one member was changed.
 fn refusal<T: Serialize + DeserializeOwned + std::fmt::Debug>(
     value: &T,
     member: &str,

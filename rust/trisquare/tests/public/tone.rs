@@ -17,15 +17,15 @@ fn picture(camera: &Camera, degrees: f64, seed: u64) -> Picture {
     camera.bytes(&camera.exposure(&square(degrees)), seed)
 }
 
-/// Gamma within its own standard deviation, and what is left of the shift of the edges within what
-/// the drift says of it.
+/// The error of gamma agrees with its standard deviation, and the remaining shift of the edges with
+/// the drift.
 #[test]
 fn gamma_and_edges_are_found_within_their_deviations() {
     let curves = [
         (Tone::Linear, 1.0),
         (Tone::Gamma(1.8), 1.8),
         (Tone::Gamma(2.6), 2.6),
-        // The pure gamma that codes 18 % grey alike.
+        // The pure gamma that codes 18 % grey to the same value.
         (Tone::Srgb, 0.18_f64.ln() / Tone::Srgb.encode(0.18).ln()),
     ];
     for (tone, gamma) in curves {
@@ -41,12 +41,12 @@ fn gamma_and_edges_are_found_within_their_deviations() {
             let drifts = edges.iter().flat_map(|side| &side.tone_drift);
             let count = edges.iter().map(|side| side.points.len()).sum::<usize>() as f64;
             let tone_drift = drifts.map(|tone_drift| tone_drift.norm()).sum::<f64>() / count;
-            // One square tells less than three, but twice what is usual of cameras.
+            // One square determines gamma less well than three, but twice as well as the prior.
             assert!(estimate.effective_gamma_std() < 0.25 * gamma, "{tone:?}");
             assert!(tone_drift > 0.002, "{tone:?}: {tone_drift}");
             shifts += (bias / tone_drift).powi(2);
         }
-        // Four squares of normal errors sum to more than 18.5 once in a thousand times.
+        // The sum over four squares of normal errors exceeds 18.5 once in a thousand times.
         assert!(
             gammas < 18.5 && shifts < 18.5,
             "{tone:?}: {gammas} {shifts}"
@@ -54,7 +54,6 @@ fn gamma_and_edges_are_found_within_their_deviations() {
     }
 }
 
-/// Without the tone the same edges are off by a tenth of a pixel: what is left must be far less.
 #[test]
 fn drift_points_to_the_dark_everywhere() {
     let camera = Camera {
@@ -66,7 +65,7 @@ fn drift_points_to_the_dark_everywhere() {
     for (side, edges) in edges.iter().enumerate() {
         let along = (corners[(side + 1) % 4] - corners[side]).normalize();
         for tone_drift in &edges.tone_drift {
-            // The inside is dark, to the right of a clockwise path.
+            // The inside is dark, and to the right of a clockwise path.
             assert!(along.perp(tone_drift) > 0.0);
             assert!(along.dot(tone_drift).abs() < 0.1 * tone_drift.norm());
         }
@@ -88,7 +87,7 @@ fn clipped_sides_tell_nothing() {
     }
 }
 
-/// What sharpening does to an edge is no tone curve's doing.
+/// The effect of sharpening on an edge is not attributed to a tone curve.
 #[test]
 fn overshoot_is_not_taken_for_a_tone_curve() {
     let camera = Camera {

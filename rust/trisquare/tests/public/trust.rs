@@ -1,4 +1,4 @@
-//! What the residuals say against the assumptions is found, named and accounted for.
+//! Violations of the assumptions that the residuals show are found, named and taken into account.
 
 use std::cmp::Reverse;
 
@@ -15,7 +15,7 @@ const NO_NOISE: f64 = 0.0;
 const NOISE: f64 = 0.2;
 const SPACING: f64 = 4.0;
 
-/// Normal errors beyond so many standard deviations occur once in fifteen thousand draws.
+/// Threshold on errors in standard deviations, which one normal error in fifteen thousand exceeds.
 const SURE: f64 = 4.0;
 
 fn scene(seed: u64) -> Scene {
@@ -26,7 +26,7 @@ fn solve(edges: &[PlaneEdges], scene: &Scene) -> Calibration {
     calibrate(edges, scene.size, &Options::default()).unwrap()
 }
 
-/// Moves each sample of a side across its chord, by what its place (-1 to 1) asks for.
+/// Displaces each sample of a side across its chord, by a function of its position (-1 to 1).
 fn displace(side: &mut [Vector2<f64>], mut by: impl FnMut(f64) -> f64) {
     let (first, last) = (side[0], side[side.len() - 1]);
     let along = (last - first).normalize();
@@ -38,7 +38,7 @@ fn displace(side: &mut [Vector2<f64>], mut by: impl FnMut(f64) -> f64) {
     }
 }
 
-/// The largest error of `fx, fy, cx, cy, k1, k2` in standard deviations.
+/// Returns the largest error of `fx, fy, cx, cy, k1, k2` in standard deviations.
 fn worst(found: &Calibration, scene: &Scene) -> f64 {
     let (value, truth) = (found.camera.parameters(), scene.camera.parameters());
     let std = found.std();
@@ -48,7 +48,7 @@ fn worst(found: &Calibration, scene: &Scene) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// A rectangle of 1.1 to 1 where a square is claimed.
+/// Turns a square into a rectangle of 1.1 to 1.
 fn falsify(edges: &mut PlaneEdges) {
     for (line, offset) in edges.lines.iter_mut().zip([0.55, 0.5, 0.55, 0.5]) {
         let normal = line.normal();
@@ -69,7 +69,7 @@ fn independent_noise_is_taken_for_what_it_is() {
         );
         assert_eq!(residual_correlation.between_plane_variance_ratio, 1.0);
         assert_eq!(residual_correlation.displacements.len(), 3);
-        // Six lags beyond chance would make it 1.8; one makes it 1.15.
+        // Six lags taken as significant would make it 1.8; one makes it 1.15.
         assert!(
             (1.0..1.3).contains(&residual_correlation.neighbours),
             "{residual_correlation:?}"
@@ -101,7 +101,7 @@ fn a_bent_side_is_rejected() {
         let bow = 20.0 * NOISE;
         displace(&mut edges[plane].points[side], |s| bow * (1.0 - s * s));
         let found = match calibrate(&edges, scene.size, &Options::default()) {
-            // A bent side may make the geometry look weak before it is found.
+            // A bent side may make the geometry look ill-conditioned before it is detected.
             Err(Error::IllConditioned(_)) => continue,
             found => found.unwrap(),
         };
@@ -113,15 +113,16 @@ fn a_bent_side_is_rejected() {
                 if (*p, *s) == (plane, side) && *distance > 0.25 * bow)
         }));
     }
-    // Where two sides explain the bend alike, none is named and the uncertainty grows instead.
+    // Where either of two sides explains the bend, none is named and the uncertainty grows instead.
     assert!(named >= seeds as usize - 2, "named in {named} of {seeds}");
 }
 
-/// Scenes in which a square with bent sides is dealt with.
+/// Number of scenes, each with a square with bent sides.
 const BENT_SCENES: usize = 8;
 
-/// In how many of them a warning is `named`, by plane and first bent side. `bows` says from that side how
-/// high, in pixels, which sides arch. No answer may be far off.
+/// Returns the number of scenes with a warning for which `named` is true, given the plane and the
+/// first bent side. `bows` maps that side to the bent sides and the heights of their arcs, in
+/// pixels. Every answer must be within `SURE` standard deviations.
 fn named_where_bent(
     bows: impl Fn(usize) -> [(usize, f64); 2],
     named: impl Fn(&Warning, usize, usize) -> bool,
@@ -145,7 +146,7 @@ fn named_where_bent(
 
 #[test]
 fn the_far_more_bent_of_two_bent_sides_is_rejected() {
-    // A sheet that curves about an axis that is nearly parallel to two of its sides.
+    // A sheet bent about an axis that is nearly parallel to two of its sides.
     let bows = |side: usize| [(side, 0.8), ((side + 2) % 4, 0.06)];
     let named = named_where_bent(bows, |warning, plane, side| {
         matches!(warning, Warning::SideRejected { plane: p, side: s, .. }
@@ -164,7 +165,8 @@ fn a_square_of_which_two_sides_are_bent_is_rejected() {
         bows,
         |warning, plane, _| matches!(warning, Warning::PlaneRejected { plane: p, .. } if *p == plane),
     );
-    // Where a wrong lens bends the sides of the others as well, it stays, with large deviations.
+    // Where a wrong lens bends the sides of the others as well, the square stays, with large
+    // standard deviations.
     assert!(
         named >= BENT_SCENES / 2,
         "named in {named} of {BENT_SCENES}"
@@ -177,7 +179,7 @@ fn a_false_plane_among_five_is_rejected() {
         let plane = seed as usize % 3;
         let scene = scene(seed);
         let mut edges = scene.edges(seed, NOISE, SPACING);
-        // A second picture of the same camera: the true squares are the majority.
+        // With a second picture by the same camera, the true squares are the majority.
         edges.extend(scene.another(100 + seed).edges(seed + 1, NOISE, SPACING));
         falsify(&mut edges[plane]);
         let found = solve(&edges, &scene);
@@ -210,7 +212,7 @@ fn a_rough_plane_does_not_poison_the_rest() {
             count += 1.0;
         }
     }
-    // Were all weighed alike, it would be the root of the mean of all variances, 3.
+    // With equal weights, it would be the root of the mean of all variances, 3.
     assert!(sum / count < 2.4, "{}", sum / count);
 }
 
@@ -248,7 +250,8 @@ fn sides_that_err_together_are_told() {
         };
         let (plane, factor) = told(&found);
         assert!(plane < 3 && factor > 2.0, "seed {seed}: {factor}");
-        // What was known beforehand is in the deviations, and not said to be shown.
+        // A side error stated beforehand enters the standard deviations and is not reported as
+        // found.
         for figure in &mut edges {
             figure.side_error = 10.0 * expected;
         }
@@ -307,7 +310,7 @@ fn the_most_severe_warnings_come_first() {
         edges.iter_mut().for_each(falsify);
         let warnings = solve(&edges, &scene).warnings;
         assert!(warnings.is_sorted_by_key(|own| Reverse(own.severity())));
-        // Found after what matters less, as a consequence of it.
+        // Found after less severe warnings, as a consequence of them.
         let late = |own: &Warning| matches!(own, Warning::BarelyDetermined { .. });
         assert!(warnings.iter().any(late), "seed {seed}: {warnings:?}");
         let last = warnings[warnings.len() - 1].severity();

@@ -1,4 +1,5 @@
-//! The example's undistorted picture is that of its pinhole, and its lines become straight.
+//! The example's undistorted picture is that of its pinhole, and the undistorted lines are
+//! straight.
 
 #[path = "../../examples/undistort.rs"]
 #[allow(dead_code)] // its `main`
@@ -18,8 +19,8 @@ fn the_example_shows_what_a_pinhole_sees() {
     let (straight, view) = example::undistort(&photograph, size, &camera).unwrap();
     let expected = example::stripes(&view, size);
     assert_eq!(straight.len(), expected.len());
-    // A wave of amplitude a and w radians per pixel lies off its chord by a w^2 / 8 at most; two
-    // values are rounded, and the lens compresses a little at the border.
+    // A wave of amplitude a and w radians per pixel deviates from its chord by at most a w^2 / 8;
+    // two values are rounded, and the lens compresses a little at the border.
     let (amplitude, per_pixel) = (100.0, 1.3 * 40.0 / 200.0);
     let most = amplitude * per_pixel * per_pixel / 8.0 + 1.0;
     for (own, other) in straight.iter().zip(&expected) {
@@ -39,7 +40,7 @@ fn the_lens_of_the_examples_lines_makes_them_straight() {
     let curves = example::curves(&camera, size);
     let lens = example::lens_of(&curves, size).unwrap();
     assert_eq!(curves.len(), 8);
-    // How far the farthest sample is from the chord.
+    // Returns the largest distance of a sample from the chord.
     let bow = |line: &[Vector2<f64>]| {
         let along = (line[line.len() - 1] - line[0]).normalize();
         let bows = line.iter().map(|p| along.perp(&(p - line[0])).abs());
@@ -47,7 +48,7 @@ fn the_lens_of_the_examples_lines_makes_them_straight() {
     };
     for curve in &curves {
         let straight = bow(&lens.undistort_pixels(curve).unwrap());
-        // Two coefficients of a polynomial from observed to ideal are not quite this lens.
+        // A polynomial of two coefficients from observed to ideal only approximates this lens.
         assert!(straight < 0.25, "{straight} of {}", bow(curve));
     }
     let bent = bow(&curves[0]);
