@@ -6,21 +6,21 @@ use super::span::EdgeSpan;
 
 /// A line beside a grid line, at which the light changes back.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Beside {
+pub(super) struct LineBeside {
     /// Distance from the grid line, pixels.
     pub distance: f64,
     /// Whether it is the grid's outline, beyond which all is light.
     pub is_outline: bool,
 }
 
-impl Beside {
+impl LineBeside {
     pub const NONE: Self = Self {
         distance: f64::INFINITY,
         is_outline: true,
     };
 
     /// The line beside at a place along the line, from those at the crossings before and after it.
-    pub fn between(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
+    pub fn interpolated(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
         let (Some((start, one)), Some((end, other))) = (before, after) else {
             return before.or(after).map_or(Self::NONE, |(_, one)| one);
         };
@@ -48,33 +48,33 @@ pub(super) fn next_line(
     index: usize,
     number: usize,
     along: Vector2<f64>,
-) -> Beside {
-    if let Some(&distance) = distances(spans, index, number, along).first() {
-        return Beside {
+) -> LineBeside {
+    if let Some(&distance) = line_distances(spans, index, number, along).first() {
+        return LineBeside {
             distance,
             is_outline: false,
         };
     }
-    let inwards = distances(spans, index, number, -along);
+    let inwards = line_distances(spans, index, number, -along);
     let distance = match inwards[..] {
         [first, second, third, ..] => (second - first) * first / (third - second),
         [first, second] => second - first,
-        _ => return Beside::NONE,
+        _ => return LineBeside::NONE,
     };
-    Beside {
+    LineBeside {
         distance,
         is_outline: true,
     }
 }
 
 /// Distances from a line to the next lines on the right of the given direction, at most three.
-pub(super) fn distances(
+pub(super) fn line_distances(
     spans: &[EdgeSpan],
     index: usize,
     number: usize,
     along: Vector2<f64>,
 ) -> Vec<f64> {
-    let points = following(spans, index, number, along).unwrap_or_default();
+    let points = next_crossings(spans, index, number, along).unwrap_or_default();
     let here = spans[index].path.get(number).copied().unwrap_or_default();
     let distance = |point: &Vector2<f64>| along.perp(&(point - here));
     points.iter().map(distance).collect()
@@ -82,14 +82,14 @@ pub(super) fn distances(
 
 /// The next crossings, at most three, along the line that crosses another, on the right of the
 /// given direction; they end at the first missing one.
-pub(super) fn following(
+pub(super) fn next_crossings(
     spans: &[EdgeSpan],
     index: usize,
     number: usize,
     along: Vector2<f64>,
 ) -> Option<Vec<Vector2<f64>>> {
     let other = spans[index].crossings.get(number)?.0?;
-    let place = position(spans, other, index)?;
+    let place = crossing_index(spans, other, index)?;
     let EdgeSpan {
         path, crossings, ..
     } = &spans[other];
@@ -120,7 +120,7 @@ pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> 
 }
 
 /// Index in the list of a line's crossings of the one with another line.
-pub(super) fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
+pub(super) fn crossing_index(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
     let crossings = &spans.get(line)?.crossings;
     crossings.iter().position(|c| c.0 == Some(other))
 }

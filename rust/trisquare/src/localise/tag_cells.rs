@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::flip::COMPLETE;
+use super::flip::COMPLETE_BLURS;
 use crate::numeric::cdf_and_pdf;
 
 /// Distance from a light cell, in blurs, below which pixels are not used: they would require its
@@ -62,7 +62,7 @@ impl TagCells {
 
     /// Whether the cells have no effect at a point.
     pub fn is_far(&self, point: Vector2<f64>, inverse_blur: f64) -> bool {
-        self.clearance(point, inverse_blur) > COMPLETE
+        self.clearance(point, inverse_blur) > COMPLETE_BLURS
     }
 
     /// Whether a point is too near to the cells.
@@ -74,8 +74,8 @@ impl TagCells {
     pub fn light(&self, point: Vector2<f64>, inverse_blur: f64) -> f64 {
         let depth = self.place(point)[1];
         // Light that is blurred from the cells to here comes from straight across.
-        let to_cells = (self.border - depth).max(0.0) * self.size[1];
-        let along = self.place(point + self.inwards * to_cells)[0];
+        let cell_distance = (self.border - depth).max(0.0) * self.size[1];
+        let along = self.place(point + self.inwards * cell_distance)[0];
         let count = self.cells.len();
         let width = (1.0 - 2.0 * self.border) / count as f64;
         let step = |place: f64, cell: usize, axis: usize| {
@@ -87,9 +87,9 @@ impl TagCells {
         let mut before = step(depth, 0, 1);
         for (row, cells) in self.cells.iter().enumerate() {
             let after = step(depth, row + 1, 1);
-            let lit = cells.iter().zip(columns.windows(2));
-            let lit = lit.filter(|(is_light, _)| **is_light);
-            light += (before - after) * lit.map(|(_, ends)| ends[0] - ends[1]).sum::<f64>();
+            let light_cells = cells.iter().zip(columns.windows(2));
+            let light_cells = light_cells.filter(|(is_light, _)| **is_light);
+            light += (before - after) * light_cells.map(|(_, ends)| ends[0] - ends[1]).sum::<f64>();
             if after < 1e-6 {
                 break;
             }
