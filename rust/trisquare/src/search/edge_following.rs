@@ -104,7 +104,8 @@ impl GreyBytes<'_> {
         let first = (corner / length).clamp(PLACES[0], MIDDLE_START);
         for (step, place) in steps.iter_mut().zip(PLACES) {
             let on_edge = start + way * place.clamp(first, 1.0 - first);
-            *step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
+            *step =
+                sign * (self.bilinear(on_edge - clockwise) - self.bilinear(on_edge + clockwise));
             if *step <= 0.0 {
                 return false;
             }

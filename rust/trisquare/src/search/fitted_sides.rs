@@ -244,7 +244,7 @@ impl ChordFrame {
     /// steepest gradient it is not biased by noise and needs no interpolation.
     fn edge(&self, picture: &GreyBytes<'_>, place: f64, offset: f64) -> (f64, f64) {
         let profile: [f64; PROFILE] = std::array::from_fn(|k| {
-            picture.at(self.point(place, offset + f64::from(k as i32 - REACH)))
+            picture.bilinear(self.point(place, offset + f64::from(k as i32 - REACH)))
         });
         let mean = |levels: &[f64]| levels.iter().sum::<f64>() / PLATEAU_PIXELS as f64;
         let (inside, outside) = (
