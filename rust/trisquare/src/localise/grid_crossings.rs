@@ -325,21 +325,21 @@ impl Crossing {
     }
 
     /// The same crossing, moved to where the fitted curves meet.
-    fn moved_to(&self, curve: &ChordCurve, other: &ChordCurve, shape: EdgeShape) -> Self {
+    fn moved_to(&self, curve: &ChordCurve, crossing_line: &ChordCurve, shape: EdgeShape) -> Self {
         let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
             let (s, _) = curve.local(point);
             let on_curve = curve.point(s, 0.0);
             let normal = curve.point(s, 1.0) - on_curve;
             let along = Vector2::new(normal.y, -normal.x);
-            let (t, _) = other.local(on_curve);
-            let across = other.point(t, 1.0) - other.point(t, 0.0);
-            let rate = across.dot(&along);
-            if rate == 0.0 {
+            let (t, _) = crossing_line.local(on_curve);
+            let across = crossing_line.point(t, 1.0) - crossing_line.point(t, 0.0);
+            let crossing_rate = across.dot(&along);
+            if crossing_rate == 0.0 {
                 return *self;
             }
-            point = on_curve - along * (other.signed_distance(on_curve) / rate);
-            forward = across * rate.signum();
+            point = on_curve - along * (crossing_line.signed_distance(on_curve) / crossing_rate);
+            forward = across * crossing_rate.signum();
             cosine = forward.dot(&normal);
         }
         Self {
@@ -462,8 +462,8 @@ impl EdgeSpan {
 }
 
 /// Direction of a line's coarse path where another one crosses it.
-fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2<f64>> {
-    let place = crossing_index(spans, line, other)?;
+fn direction_at(spans: &[EdgeSpan], line: usize, crossing_line: usize) -> Option<Vector2<f64>> {
+    let place = crossing_index(spans, line, crossing_line)?;
     let path = &spans[line].path;
     let before = path.get(place.saturating_sub(1))?;
     let after = path.get(place + 1).or(path.get(place))?;

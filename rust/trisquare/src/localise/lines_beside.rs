@@ -21,20 +21,20 @@ impl LineBeside {
 
     /// The line beside at a place along the line, from those at the crossings before and after it.
     pub fn interpolated(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
-        let (Some((start, one)), Some((end, other))) = (before, after) else {
-            return before.or(after).map_or(Self::NONE, |(_, one)| one);
+        let (Some((start, first)), Some((end, second))) = (before, after) else {
+            return before.or(after).map_or(Self::NONE, |(_, first)| first);
         };
         // If only one crossing has a line there and not just the outline, that line is used.
-        match (one.is_outline, other.is_outline) {
-            (true, false) => other,
-            (false, true) => one,
-            (is_outline, _) if one.distance.is_finite() && other.distance.is_finite() => Self {
-                distance: one.distance
-                    + (s - start) / (end - start) * (other.distance - one.distance),
+        match (first.is_outline, second.is_outline) {
+            (true, false) => second,
+            (false, true) => first,
+            (is_outline, _) if first.distance.is_finite() && second.distance.is_finite() => Self {
+                distance: first.distance
+                    + (s - start) / (end - start) * (second.distance - first.distance),
                 is_outline,
             },
-            _ if one.distance < other.distance => one,
-            _ => other,
+            _ if first.distance < second.distance => first,
+            _ => second,
         }
     }
 }
@@ -88,11 +88,11 @@ pub(super) fn next_crossings(
     number: usize,
     along: Vector2<f64>,
 ) -> Option<Vec<Vector2<f64>>> {
-    let other = spans[index].crossings.get(number)?.0?;
-    let place = crossing_index(spans, other, index)?;
+    let crossing_line = spans[index].crossings.get(number)?.0?;
+    let place = crossing_index(spans, crossing_line, index)?;
     let EdgeSpan {
         path, crossings, ..
-    } = &spans[other];
+    } = &spans[crossing_line];
     let here = path.get(place)?;
     let runs = [-1, 1].map(|step| {
         let mut from = place;
@@ -120,7 +120,11 @@ pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> 
 }
 
 /// Index in the list of a line's crossings of the one with another line.
-pub(super) fn crossing_index(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
+pub(super) fn crossing_index(
+    spans: &[EdgeSpan],
+    line: usize,
+    crossing_line: usize,
+) -> Option<usize> {
     let crossings = &spans.get(line)?.crossings;
-    crossings.iter().position(|c| c.0 == Some(other))
+    crossings.iter().position(|c| c.0 == Some(crossing_line))
 }

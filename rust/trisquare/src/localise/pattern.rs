@@ -161,7 +161,7 @@ impl AlongWaves {
         terms
             .iter_mut()
             .zip(columns)
-            .for_each(|(term, own)| term.now *= own);
+            .for_each(|(term, factor)| term.now *= factor);
         let norms = (0..self.frequencies).map(|_| {
             terms
                 .iter_mut()

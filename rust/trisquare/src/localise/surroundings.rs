@@ -81,13 +81,13 @@ pub(super) fn whole_band<'a>(
     crossings: Option<&'a GridCrossings>,
 ) -> Result<Band<'a>, NoEdge> {
     let (span, side) = (&spans[index], &preview.side);
-    let other = span.far_edge.map(|other| previews[other].as_ref());
-    let other = other.transpose().map_err(|&reason| reason)?;
-    let far_edge = other.map(|Preview { side: other, .. }| {
+    let far_preview = span.far_edge.map(|index| previews[index].as_ref());
+    let far_preview = far_preview.transpose().map_err(|&reason| reason)?;
+    let far_edge = far_preview.map(|Preview { side: far_side, .. }| {
         FarEdge::new(
             (&side.curve, side.contrast[0]),
-            (&other.curve, other.contrast[0]),
-            other.mean_blur(),
+            (&far_side.curve, far_side.contrast[0]),
+            far_side.mean_blur(),
         )
     });
     let (ends, mut limits) = match crossings {
@@ -164,10 +164,10 @@ pub(super) fn reject_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Previe
     };
     let curve = |index: usize| Some(&previews.get(index)?.as_ref().ok()?.side.curve);
     let is_thin = |index: &usize| {
-        spans[*index].far_edge.is_some_and(|other| {
+        spans[*index].far_edge.is_some_and(|far_edge| {
             let width = curve(*index)
-                .zip(curve(other))
-                .map(|(own, other)| bar_width(own, other));
+                .zip(curve(far_edge))
+                .map(|(near_curve, far_curve)| bar_width(near_curve, far_curve));
             width.is_none_or(|width| width < MIN_WIDTH_BLURS * blur)
         })
     };

@@ -14,7 +14,7 @@ const CLEARANCE: f64 = 1.0;
 pub(super) struct TagCells {
     /// Map from the picture to the position along the side, and to the depth beyond it, as
     /// fractions of the tag's.
-    to_square: Matrix3<f64>,
+    square_from_picture: Matrix3<f64>,
     /// Length of the side, and distance from it to the opposite one, pixels.
     size: [f64; 2],
     /// The side's unit normal, pointing into the tag.
@@ -38,10 +38,10 @@ impl TagCells {
         let [along, beyond] = [near[1] - near[0], far[0] - near[0]];
         let length = along.norm();
         let area = along.perp(&beyond);
-        let to_square = square_to_picture(near, far).try_inverse()?;
-        let is_finite = to_square.iter().all(|entry| entry.is_finite());
+        let square_from_picture = picture_from_square(near, far).try_inverse()?;
+        let is_finite = square_from_picture.iter().all(|entry| entry.is_finite());
         is_finite.then_some(Self {
-            to_square,
+            square_from_picture,
             size: [length, area.abs() / length],
             inwards: Vector2::new(-along.y, along.x) * (area.signum() / length),
             border,
@@ -51,7 +51,7 @@ impl TagCells {
 
     /// Position of a point, as fractions of the side and of the depth.
     fn place(&self, point: Vector2<f64>) -> [f64; 2] {
-        let place = self.to_square * Vector3::new(point.x, point.y, 1.0);
+        let place = self.square_from_picture * Vector3::new(point.x, point.y, 1.0);
         [place.x / place.z, place.y / place.z]
     }
 
@@ -101,7 +101,7 @@ impl TagCells {
 
 /// The homography that maps the unit square's corners to those of a quadrilateral (P. Heckbert,
 /// Fundamentals of Texture Mapping and Image Warping, 1989, section 2.2.3).
-fn square_to_picture(near: [Vector2<f64>; 2], far: [Vector2<f64>; 2]) -> Matrix3<f64> {
+fn picture_from_square(near: [Vector2<f64>; 2], far: [Vector2<f64>; 2]) -> Matrix3<f64> {
     let [start, end] = near;
     let (right, left) = (end - far[1], far[0] - far[1]);
     let sum = start - end + far[1] - far[0];

@@ -464,15 +464,15 @@ pub(super) fn estimate_tone(
         }
         (power, kurtosis) = (next, step[SHARED_KURTOSIS]);
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
-        let settled = scale >= 1.0 && deviations < LAST_STEP * LAST_STEP;
-        if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
+        let has_settled = scale >= 1.0 && deviations < LAST_STEP * LAST_STEP;
+        if rounds == MAX_ROUNDS || (has_settled && trust == Trust::ByMisfit) {
             share_spread(previews);
             return ToneEstimate {
                 curve: power,
                 ..estimate
             };
         }
-        if settled {
+        if has_settled {
             trust = Trust::ByMisfit;
         }
     }

@@ -58,7 +58,7 @@ struct EdgePoint {
 pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<Vector2<f64>>> {
     let (points, grid) = edge_points(picture, weak);
     let (next, previous) = links(picture.size, &points, &grid);
-    let mut taken = vec![false; points.len()];
+    let mut is_used = vec![false; points.len()];
     let mut chains = Vec::new();
     // Open chains first, from their first points; the remaining chains are rings.
     let first = (0..points.len()).filter(|&i| previous[i] == NO_POINT);
@@ -66,8 +66,8 @@ pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<
         let mut chain = Vec::new();
         let mut is_strong = false;
         let mut index = start;
-        while !taken[index] {
-            taken[index] = true;
+        while !is_used[index] {
+            is_used[index] = true;
             chain.push(points[index].place);
             is_strong |= points[index].gradient.norm() >= strong;
             if next[index] == NO_POINT {

@@ -93,17 +93,17 @@ impl GreyBytes<'_> {
         end: Vector2<f64>,
         dark_clockwise: bool,
     ) -> bool {
-        let way = end - start;
-        let length = way.norm();
+        let chord = end - start;
+        let length = chord.norm();
         if !(length > 0.0 && length.is_finite()) {
             return false;
         }
-        let clockwise = Vector2::new(-way.y, way.x) * (SIDE_DISTANCE / length);
+        let clockwise = Vector2::new(-chord.y, chord.x) * (SIDE_DISTANCE / length);
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
         let mut steps = [0.0; PLACES.len()];
         let first = (corner / length).clamp(PLACES[0], MIDDLE_START);
         for (step, place) in steps.iter_mut().zip(PLACES) {
-            let on_edge = start + way * place.clamp(first, 1.0 - first);
+            let on_edge = start + chord * place.clamp(first, 1.0 - first);
             *step =
                 sign * (self.bilinear(on_edge - clockwise) - self.bilinear(on_edge + clockwise));
             if *step <= 0.0 {
@@ -253,10 +253,10 @@ fn nearest_followers(
     let count = find_aligned(from, crossings, &mut numbers);
     for &number in &numbers[..count] {
         let other = &crossings[number];
-        let way = other.point - from.point;
-        let distance = way.norm_squared();
-        let (direction, along) = from.nearest_direction(way);
-        let (back, along_back) = other.nearest_direction(-way);
+        let offset = other.point - from.point;
+        let distance = offset.norm_squared();
+        let (direction, along) = from.nearest_direction(offset);
+        let (back, along_back) = other.nearest_direction(-offset);
         if distance == 0.0 || (direction + back) % 2 == 0 {
             continue;
         }
@@ -291,8 +291,8 @@ fn nearest_followers(
 fn find_aligned(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
     let mut count = 0;
     for (number, other) in crossings.iter().enumerate() {
-        let way = other.point - from.point;
-        let distance = way.norm_squared();
+        let offset = other.point - from.point;
+        let distance = offset.norm_squared();
         let is_near = distance <= MAX_NEAR_DISTANCE * MAX_NEAR_DISTANCE;
         let min_alignment = if is_near {
             MIN_NEAR_ALIGNMENT
@@ -300,10 +300,10 @@ fn find_aligned(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) 
             MIN_ALIGNMENT
         };
         let along = [
-            from.edges[0].dot(&way),
-            from.edges[1].dot(&way),
-            other.edges[0].dot(&way),
-            other.edges[1].dot(&way),
+            from.edges[0].dot(&offset),
+            from.edges[1].dot(&offset),
+            other.edges[0].dot(&offset),
+            other.edges[1].dot(&offset),
         ];
         let from_along = along[0].abs().max(along[1].abs());
         let other_along = along[2].abs().max(along[3].abs());

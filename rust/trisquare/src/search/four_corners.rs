@@ -209,11 +209,11 @@ fn outermost(
     let last = POINTS_PER_SIDE - 1;
     let mut farthest = [f64::NEG_INFINITY; POINTS_PER_SIDE];
     for &[x, y] in points {
-        let way = Vector2::new(f64::from(x), f64::from(y)) - start;
-        let place = (way.dot(&chord) / (length * length) * last as f64).round_ties_even();
+        let offset = Vector2::new(f64::from(x), f64::from(y)) - start;
+        let place = (offset.dot(&chord) / (length * length) * last as f64).round_ties_even();
         if (0.0..=last as f64).contains(&place) {
             let value = &mut farthest[place as usize];
-            *value = value.max(way.dot(&outward));
+            *value = value.max(offset.dot(&outward));
         }
     }
     (farthest[0], farthest[last]) = (0.0, 0.0);

@@ -20,7 +20,7 @@ impl Lattice {
     /// The lattice with all neighbouring crossings that fit added, round by round.
     pub(super) fn grown(&self, picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Self {
         let mut lattice = self.clone();
-        let mut taken = HashSet::new();
+        let mut used = HashSet::new();
         for _ in 0..MAX_ROUNDS {
             lattice = lattice.padded();
             let mut fitting: Vec<(f64, Site, usize)> = lattice
@@ -30,7 +30,7 @@ impl Lattice {
             fitting.sort_by(|a, b| a.0.total_cmp(&b.0));
             let mut is_finished = true;
             for (_, site, number) in fitting {
-                if taken.insert(number) {
+                if used.insert(number) {
                     lattice.set(site, Some(crossings[number].point));
                     is_finished = false;
                 }
@@ -117,21 +117,23 @@ impl Lattice {
             let Some(neighbour) = self.at(neighbour_site(site, step, 1)) else {
                 continue;
             };
-            let way = neighbour - crossing.point;
+            let offset = neighbour - crossing.point;
             if let Some(beyond) = self.at(neighbour_site(site, step, 2)) {
-                let onward = beyond - neighbour;
-                if way.perp(&onward).abs() > MAX_KINK_SINE * way.norm() * onward.norm() {
+                let next_offset = beyond - neighbour;
+                if offset.perp(&next_offset).abs()
+                    > MAX_KINK_SINE * offset.norm() * next_offset.norm()
+                {
                     return None;
                 }
             }
             let dark = self.is_dark(site) == direction.is_multiple_of(2);
-            let link_direction = crossing.direction(way)?;
+            let link_direction = crossing.direction(offset)?;
             if (link_direction % 2 == 0) != dark
                 || !picture.has_edge(crossing.point, neighbour, dark)
             {
                 return None;
             }
-            shortest = shortest.min(way.norm());
+            shortest = shortest.min(offset.norm());
         }
         shortest.is_finite().then_some(shortest)
     }

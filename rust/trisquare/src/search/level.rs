@@ -40,12 +40,12 @@ impl<'a> Level<'a> {
     /// Completes the lattices known from a coarser picture and finds those that it did not show.
     ///
     /// Faint crossings beside those of lattices that have remained small are only sought if
-    /// `thorough`: weak connections in a coarse picture are better seen in the next one.
-    pub fn lattices(&self, known: Vec<Lattice>, thorough: bool) -> Vec<Lattice> {
+    /// `is_thorough`: weak connections in a coarse picture are better seen in the next one.
+    pub fn lattices(&self, known: Vec<Lattice>, is_thorough: bool) -> Vec<Lattice> {
         if self.crossings.len() < MIN_CROSSINGS {
             return known;
         }
-        let grown = self.grown(&known, thorough);
+        let grown = self.grown(&known, is_thorough);
         let (count, crossings) = (grown.lattices.len(), crossing_count(&grown.lattices));
         let parts = self.smooth(grown);
         if parts.len() == count && crossing_count(&parts) + MIN_LOST > crossings {
@@ -53,7 +53,7 @@ impl<'a> Level<'a> {
         }
         // Crossings of a neighbour that a lattice had over a fold are free for the neighbour now,
         // and there may be more crossings between two pieces that were joined.
-        self.smooth(self.grown(&parts, thorough))
+        self.smooth(self.grown(&parts, is_thorough))
     }
 
     /// Whether there are at least as many linked crossings beside the lattices as a lattice has.
@@ -83,13 +83,16 @@ impl<'a> Level<'a> {
     fn smooth(&self, grown: Grown) -> Vec<Lattice> {
         let size = self.picture.size();
         let photograph = self.own_photograph();
-        let boards = grown.lattices.iter().flat_map(|it| photograph.boards(it));
+        let boards = grown
+            .lattices
+            .iter()
+            .flat_map(|lattice| photograph.boards(lattice));
         let parts = boards.flat_map(|board| board.complete().smooth_parts(size));
         let (whole, rest): (Vec<_>, Vec<_>) = parts
             .map(|part| part.complete())
             .partition(Lattice::is_large);
         let fragments = grown.fragments.iter().map(Lattice::complete).chain(rest);
-        let fragments = fragments.filter(|it| it.count() > 0).collect();
+        let fragments = fragments.filter(|lattice| lattice.count() > 0).collect();
         joined(whole, fragments, size, |union| {
             photograph.space(union).is_some()
         })
@@ -97,7 +100,7 @@ impl<'a> Level<'a> {
 
     /// Grows the known lattices, each by crossings that no other one has, and then new lattices
     /// from the remaining crossings.
-    fn grown(&self, known: &[Lattice], thorough: bool) -> Grown {
+    fn grown(&self, known: &[Lattice], is_thorough: bool) -> Grown {
         let mut outlines: Vec<_> = known.iter().map(Outline::of).collect();
         let mut lattices: Vec<Lattice> = Vec::new();
         for (number, lattice) in known.iter().enumerate() {
@@ -123,7 +126,7 @@ impl<'a> Level<'a> {
                 continue;
             }
             let mut lattice = seed.grown(&self.picture, &free);
-            if thorough && !lattice.complete().is_large() {
+            if is_thorough && !lattice.complete().is_large() {
                 let others: Vec<_> = lattices.iter().map(Outline::with_rim).collect();
                 lattice = self.extended(&lattice, &others.iter().collect::<Vec<_>>());
                 lattice = lattice.grown(&self.picture, &free);
@@ -173,6 +176,10 @@ fn crossing_count(lattices: &[Lattice]) -> usize {
 
 /// The crossings that no outline covers.
 fn uncovered(crossings: &[Crossing], outlines: &[Outline]) -> Vec<Crossing> {
-    let is_free = |crossing: &&Crossing| !outlines.iter().any(|it| it.covers(crossing.point));
+    let is_free = |crossing: &&Crossing| {
+        !outlines
+            .iter()
+            .any(|outline| outline.covers(crossing.point))
+    };
     crossings.iter().filter(is_free).copied().collect()
 }

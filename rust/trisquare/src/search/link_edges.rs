@@ -50,11 +50,12 @@ impl Photograph<'_> {
 
     /// Whether a link is an edge all along, with the dark or the light side clockwise of it.
     pub fn is_edge(&self, dark_clockwise: bool, [start, end]: [Vector2<f64>; 2]) -> bool {
-        let way = end - start;
-        let clockwise = Vector2::new(-way.y, way.x) * (SIDE_DISTANCE / way.norm().max(MIN_LENGTH));
+        let chord = end - start;
+        let clockwise =
+            Vector2::new(-chord.y, chord.x) * (SIDE_DISTANCE / chord.norm().max(MIN_LENGTH));
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
         PLACES.iter().all(|place| {
-            let at = start + way * *place;
+            let at = start + chord * *place;
             sign * (self.level(at - clockwise) - self.level(at + clockwise)) > 0.0
         })
     }

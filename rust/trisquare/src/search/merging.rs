@@ -73,7 +73,7 @@ fn join_pieces(
         let union = host.union(piece, &surface);
         if union.as_ref().is_some_and(&has_space) {
             number += 1;
-        } else if let Some(union) = union.filter(|it| it.is_smooth(size)) {
+        } else if let Some(union) = union.filter(|lattice| lattice.is_smooth(size)) {
             (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
             pieces.remove(number);
             number = 0; // the larger lattice may reach other pieces
@@ -173,7 +173,7 @@ impl Lattice {
             beyond(row, rows).max(beyond(column, columns)) >= MIN_BOARD_DISTANCE
         };
         self.placed(piece, surface)
-            .is_some_and(|it| !it.has_same_shades && it.crossings.iter().all(is_apart))
+            .is_some_and(|placed| !placed.has_same_shades && placed.crossings.iter().all(is_apart))
     }
 
     /// Whether the nearest of some sites (column, row) is no farther from the lattice than its

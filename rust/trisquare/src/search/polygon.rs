@@ -56,14 +56,14 @@ fn farthest(contour: &[Pixel], start: usize, end: usize, squared_tolerance: f64)
     let mut greatest = 0;
     let mut found = start;
     for place in start + 1..end {
-        let way = difference(from, at(place));
-        let along = way[0] * chord[0] + way[1] * chord[1];
+        let offset = difference(from, at(place));
+        let along = offset[0] * chord[0] + offset[1] * chord[1];
         let distance = if along < 0 {
-            squared(way) * squared_chord
+            squared(offset) * squared_chord
         } else if along > squared_chord {
             squared(difference(to, at(place))) * squared_chord
         } else {
-            let across = way[1] * chord[0] - way[0] * chord[1];
+            let across = offset[1] * chord[0] - offset[0] * chord[1];
             across * across
         };
         if distance > greatest {
@@ -183,8 +183,8 @@ fn difference(from: Pixel, to: Pixel) -> [i64; 2] {
     std::array::from_fn(|axis| i64::from(to[axis]) - i64::from(from[axis]))
 }
 
-fn squared(way: [i64; 2]) -> i64 {
-    way[0] * way[0] + way[1] * way[1]
+fn squared(vector: [i64; 2]) -> i64 {
+    vector[0] * vector[0] + vector[1] * vector[1]
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ pub(super) fn with_replacements(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec
         *is_better
             && kept_outlines
                 .iter()
-                .all(|it| covered_share(lattice, it) < MIN_SAME_SHARE)
+                .all(|outline| covered_share(lattice, outline) < MIN_SAME_SHARE)
     });
     all.extend(new.map(|(lattice, _)| lattice));
     all

@@ -88,7 +88,8 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Ve
     let mut saddles = Vec::new();
     let mut displaced = Vec::new();
     let [width, height] = picture.size();
-    let is_inside = |it: &SaddleCandidate| it.pixel[0] < width && it.pixel[1] < height;
+    let is_inside =
+        |candidate: &SaddleCandidate| candidate.pixel[0] < width && candidate.pixel[1] < height;
     for candidate in strongest(candidates).into_iter().filter(is_inside) {
         let Some(step) = even_step(picture, candidate.pixel) else {
             continue;
