@@ -15,7 +15,7 @@ const MAX_SWEEPS: usize = 100;
 const MAX_STEPS: usize = 300;
 
 /// Change of a unit vector below which the power iteration has converged: rounding.
-const ARRIVED: f64 = 1e-14;
+const CONVERGED_CHANGE: f64 = 1e-14;
 
 /// The ellipse `x^T C x = 0` that fits points best, with `x^T C x` negative inside; `None` if the
 /// best conic is not an ellipse.
@@ -72,7 +72,7 @@ pub(crate) fn concentric_homography(
     for _ in 0..MAX_STEPS {
         let before = centre;
         centre = (map * before).normalize();
-        if before.cross(&centre).norm() < ARRIVED {
+        if before.cross(&centre).norm() < CONVERGED_CHANGE {
             break;
         }
     }
@@ -88,14 +88,14 @@ pub(crate) fn separate_homography(
     first: &Matrix3<f64>,
     second: &Matrix3<f64>,
 ) -> Option<Matrix3<f64>> {
-    let (of_first, of_second) = (first.try_inverse()?, second.try_inverse()?);
+    let (first_inverse, second_inverse) = (first.try_inverse()?, second.try_inverse()?);
     // The pole of the line at infinity is the centre of an ellipse, hence inside it.
-    let ends = [of_first, of_second].map(|inverse| inverse * Vector3::z());
+    let centres = [first_inverse, second_inverse].map(|inverse| inverse * Vector3::z());
     let is_between = |line: &Vector3<f64>| {
-        let [a, b] = [0, 1].map(|i: usize| line.dot(&ends[i]) / ends[i].z);
+        let [a, b] = [0, 1].map(|i: usize| line.dot(&centres[i]) / centres[i].z);
         a * b < 0.0
     };
-    for ratio in real_eigenvalues(&(of_second * first))? {
+    for ratio in real_eigenvalues(&(second_inverse * first))? {
         let degenerate = first - second * ratio;
         let eigen = SymmetricEigen::try_new(degenerate, f64::EPSILON, MAX_SWEEPS)?;
         let (high, low) = (eigen.eigenvalues.imax(), eigen.eigenvalues.imin());
@@ -107,7 +107,7 @@ pub(crate) fn separate_homography(
             [false, true] if is_pair => lines[0],
             _ => continue,
         };
-        let found = circle_homography(first, &(of_first * vanishing));
+        let found = circle_homography(first, &(first_inverse * vanishing));
         if found.is_some() {
             return found;
         }
@@ -119,12 +119,12 @@ pub(crate) fn separate_homography(
 /// are real.
 fn real_eigenvalues(matrix: &Matrix3<f64>) -> Option<[f64; 3]> {
     let mean = matrix.trace() / 3.0;
-    let rest = matrix - Matrix3::identity() * mean;
-    let size = ((rest * rest).trace() / 6.0).sqrt();
-    let cosine = 0.5 * rest.determinant() / size.powi(3);
+    let deviator = matrix - Matrix3::identity() * mean;
+    let spread = ((deviator * deviator).trace() / 6.0).sqrt();
+    let cosine = 0.5 * deviator.determinant() / spread.powi(3);
     let angle = (cosine.abs() <= 1.0).then(|| cosine.acos() / 3.0)?;
     let third = std::f64::consts::TAU / 3.0;
-    Some([0.0, 1.0, 2.0].map(|i| mean + 2.0 * size * (angle + i * third).cos()))
+    Some([0.0, 1.0, 2.0].map(|i| mean + 2.0 * spread * (angle + i * third).cos()))
 }
 
 /// The homography of a plane from the ellipse that is the image of the unit circle, and the image
@@ -149,8 +149,8 @@ fn circle_homography(ellipse: &Matrix3<f64>, centre: &Vector3<f64>) -> Option<Ma
     if homography.determinant() < 0.0 {
         homography.column_mut(1).neg_mut();
     }
-    let finite = homography.iter().all(|v| v.is_finite());
-    finite.then_some(homography)
+    let is_finite = homography.iter().all(|v| v.is_finite());
+    is_finite.then_some(homography)
 }
 
 /// The centre and radius of the circle that fits points best (I. Kasa, IEEE Transactions on
@@ -164,9 +164,9 @@ pub(crate) fn fit_circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)>
         gram += row * row.transpose();
         moment += row * p.norm_squared();
     }
-    let found = gram.cholesky()?.solve(&moment);
-    let centre = 0.5 * found.xy();
-    let radius = (found.z + centre.norm_squared()).sqrt() / normalisation.scale;
+    let solution = gram.cholesky()?.solve(&moment);
+    let centre = 0.5 * solution.xy();
+    let radius = (solution.z + centre.norm_squared()).sqrt() / normalisation.scale;
     let centre = centre / normalisation.scale + normalisation.centre;
     (radius.is_finite() && radius > 0.0).then_some((centre, radius))
 }

@@ -77,7 +77,7 @@ impl KnownIntrinsics {
 pub fn camera_matrix_from_homographies(
     homographies: &[Matrix3<f64>],
 ) -> Result<Matrix3<f64>, Error> {
-    let planes = homographies.iter().map(PlaneHomography::of_square);
+    let planes = homographies.iter().map(PlaneHomography::from_square);
     camera_matrix_from_planes(&planes.collect::<Vec<_>>(), &KnownIntrinsics::default())
 }
 
@@ -89,7 +89,7 @@ pub(crate) struct PlaneHomography {
 }
 
 impl PlaneHomography {
-    fn of_square(homography: &Matrix3<f64>) -> Self {
+    fn from_square(homography: &Matrix3<f64>) -> Self {
         Self {
             homography: *homography,
             has_any_aspect: false,
@@ -150,7 +150,7 @@ pub(crate) fn camera_matrix_from_planes(
         .flat_map(|plane| plane.constraints(&frame.normalising))
         .collect();
     let conic = solve_conic(&constraints, known)?;
-    Ok(frame.denormalise(&intrinsics_of(&conic)?))
+    Ok(frame.denormalise(&conic_intrinsics(&conic)?))
 }
 
 /// Coordinates in which the conic is well-conditioned: their origin is the mean of the imaged
@@ -166,18 +166,18 @@ impl ConicFrame {
     fn around(homographies: &[Matrix3<f64>], known: &KnownIntrinsics) -> Self {
         // The images of each plane's origin and of two points beside it represent the extent of the
         // picture.
-        let mut seen = Vec::with_capacity(3 * homographies.len());
+        let mut points = Vec::with_capacity(3 * homographies.len());
         for h in homographies {
             for point in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)] {
                 let image = h * Vector3::new(point.0, point.1, 1.0);
-                seen.push(image.xy() / image.z);
+                points.push(image.xy() / image.z);
             }
         }
-        seen.retain(|p| p.x.is_finite() && p.y.is_finite());
-        let count = seen.len().max(1) as f64;
-        let mean = seen.iter().sum::<Vector2<f64>>() / count;
+        points.retain(|p| p.x.is_finite() && p.y.is_finite());
+        let count = points.len().max(1) as f64;
+        let mean = points.iter().sum::<Vector2<f64>>() / count;
         let centre = known.principal_point.unwrap_or(mean);
-        let square: f64 = seen
+        let square: f64 = points
             .iter()
             .map(|p| (p - centre).norm_squared())
             .sum::<f64>()
@@ -279,7 +279,7 @@ fn solve_conic(
 ///
 /// # Errors
 /// [`Error::IndefiniteConic`] if `omega` is not definite.
-fn intrinsics_of(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
+fn conic_intrinsics(conic: &[f64; 5]) -> Result<[f64; 4], Error> {
     let [w11, w13, w22, w23, w33] = *conic;
     let (cx, cy) = (-w13 / w11, -w23 / w22);
     let lambda = w33 - w13 * w13 / w11 - w23 * w23 / w22;
@@ -328,7 +328,7 @@ mod tests {
             camera_matrix_from_homographies(&planes),
             Err(Error::NotEnoughPlanes { needed: 2, .. })
         ));
-        let planes: Vec<_> = planes.iter().map(PlaneHomography::of_square).collect();
+        let planes: Vec<_> = planes.iter().map(PlaneHomography::from_square).collect();
         let known = KnownIntrinsics {
             aspect: None,
             principal_point: Some(Vector2::new(650.0, 470.0)),
@@ -351,7 +351,7 @@ mod tests {
             Err(Error::UndeterminedConic { .. })
         ));
         assert_eq!(
-            intrinsics_of(&[1.0, 0.0, -1.0, 0.0, 1.0]),
+            conic_intrinsics(&[1.0, 0.0, -1.0, 0.0, 1.0]),
             Err(Error::IndefiniteConic)
         );
     }

@@ -77,7 +77,7 @@ pub(crate) fn normalised_homography(
     let image =
         image.ok_or_else(|| degenerate("the image lines meet in one point or are parallel"))?;
 
-    let design = design_of(plane_lines.iter().zip(image_lines), &plane, &image);
+    let design = design_matrix(plane_lines.iter().zip(image_lines), &plane, &image);
     let normalised = null_direction(design).map_err(degenerate)?;
     let homography = image.inverse() * normalised * plane.matrix();
     let norm = homography.norm();
@@ -90,7 +90,7 @@ pub(crate) fn normalised_homography(
 
 /// Coefficients of the three equations per pair of lines in the entries, row by row, of a map
 /// between normalised coordinates.
-fn design_of<'a>(
+fn design_matrix<'a>(
     pairs: impl ExactSizeIterator<Item = (&'a Line, &'a Line)>,
     plane: &Normalisation,
     image: &Normalisation,

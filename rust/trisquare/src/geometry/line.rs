@@ -93,10 +93,10 @@ impl Line {
         }
     }
 
-    /// The image of the line under the shear that adds `by` times Y to all X coordinates.
-    pub(crate) fn sheared(&self, by: f64) -> Self {
+    /// The image of the line under the shear that adds `shear` times Y to all X coordinates.
+    pub(crate) fn sheared(&self, shear: f64) -> Self {
         let [x, y, z] = self.coefficients.into();
-        let coefficients = Vector3::new(x, y - by * x, z);
+        let coefficients = Vector3::new(x, y - shear * x, z);
         Self {
             coefficients: coefficients / coefficients.xy().norm(),
         }

@@ -10,11 +10,11 @@ const MAX_STRETCH: f64 = 1e8;
 
 /// Sine of an angle below which it is rounding: columns that span no plane, or a plane seen
 /// edge-on.
-const FLAT: f64 = 1e-12;
+const MIN_SINE: f64 = 1e-12;
 
 /// Largest distance of the plane's origin, in the plane's unit; no picture shows the unit from
 /// farther.
-const FARTHEST: f64 = 1e12;
+const MAX_DISTANCE: f64 = 1e12;
 
 /// Maximum number of sweeps of the 3 x 3 singular value decomposition; a handful suffice.
 const MAX_SVD_SWEEPS: usize = 100;
@@ -98,19 +98,20 @@ impl Pose {
         }
         let (r1, r2) = (c1 * scale, c2 * scale);
         let translation = columns.column(2) * scale;
-        let stretched = !(r1.norm() < MAX_STRETCH && r2.norm() < MAX_STRETCH);
-        if stretched || !translation.iter().all(|v| v.is_finite()) {
+        let is_stretched = !(r1.norm() < MAX_STRETCH && r2.norm() < MAX_STRETCH);
+        if is_stretched || !translation.iter().all(|v| v.is_finite()) {
             return Err(singular());
         }
         let (normal, distance) = (r1.cross(&r2), translation.norm());
         let depth = (columns * witness.push(1.0)).z * scale;
         // Written so that NaN is refused, too.
-        let spans = normal.norm() > FLAT && normal.dot(&translation).abs() > FLAT * distance;
-        if !(spans && depth > 0.0 && (1.0 / FARTHEST..FARTHEST).contains(&distance)) {
+        let is_regular =
+            normal.norm() > MIN_SINE && normal.dot(&translation).abs() > MIN_SINE * distance;
+        if !(is_regular && depth > 0.0 && (1.0 / MAX_DISTANCE..MAX_DISTANCE).contains(&distance)) {
             return Err(singular());
         }
-        let near = Matrix3::from_columns(&[r1, r2, normal]);
-        let svd = near
+        let approximate_rotation = Matrix3::from_columns(&[r1, r2, normal]);
+        let svd = approximate_rotation
             .try_svd(true, true, f64::EPSILON, MAX_SVD_SWEEPS)
             .ok_or_else(singular)?;
         let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {

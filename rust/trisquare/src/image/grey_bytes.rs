@@ -15,8 +15,9 @@ impl<'a> GreyBytes<'a> {
     /// `width * height`.
     #[must_use]
     pub fn new(width: usize, height: usize, values: &'a [u8]) -> Option<Self> {
-        let whole = width > 0 && height > 0 && width.checked_mul(height) == Some(values.len());
-        whole.then_some(Self {
+        let is_complete =
+            width > 0 && height > 0 && width.checked_mul(height) == Some(values.len());
+        is_complete.then_some(Self {
             width,
             height,
             values,
@@ -33,14 +34,14 @@ impl<'a> GreyBytes<'a> {
         self.values
     }
 
-    /// The result of `at` rounded to the nearest grey level, for coordinates rounded to `f32`.
+    /// The result of `bilinear` rounded to the nearest grey level, for coordinates rounded to `f32`.
     pub(crate) fn level(&self, point: Vector2<f64>) -> f64 {
-        self.at(point.map(|x| f64::from(x as f32)))
+        self.bilinear(point.map(|x| f64::from(x as f32)))
             .round_ties_even()
     }
 
     /// Bilinear interpolation; outside the picture, the value at the nearest point of the border.
-    pub(crate) fn at(&self, point: Vector2<f64>) -> f64 {
+    pub(crate) fn bilinear(&self, point: Vector2<f64>) -> f64 {
         let x = point.x.clamp(0.0, (self.width - 1) as f64);
         let y = point.y.clamp(0.0, (self.height - 1) as f64);
         let (left, top) = (x as usize, y as usize);

@@ -31,7 +31,7 @@ pub struct GreyReader<'a> {
     /// light (BGR).
     levels: [[f64; 256]; 3],
     /// Lowest 8-bit level at which a channel is clipped.
-    limit: u8,
+    clipping_level: u8,
 }
 
 impl Picture {
@@ -59,7 +59,7 @@ impl<'a> GreyReader<'a> {
             tone,
             curve: tone.curve(),
             levels,
-            limit: match picture.is_overexposed {
+            clipping_level: match picture.is_overexposed {
                 true => u8::MAX - RINGING,
                 false => u8::MAX,
             },
@@ -91,12 +91,12 @@ impl<'a> GreyReader<'a> {
         if self.picture.has_even_rows_only && y % 2 == 1 {
             return None;
         }
-        self.get_any(x, y)
+        self.get_in_any_row(x, y)
     }
 
     /// Same as [`get`](Self::get), for all rows.
     #[inline]
-    fn get_any(&self, x: usize, y: usize) -> Option<f64> {
+    fn get_in_any_row(&self, x: usize, y: usize) -> Option<f64> {
         if x >= self.picture.width || y >= self.picture.height {
             return None;
         }
@@ -107,14 +107,14 @@ impl<'a> GreyReader<'a> {
             Pixels::U8(values) if self.picture.channels == 1 => {
                 Some(self.levels[0][usize::from(values[index])])
             }
-            _ => self.get_other(index),
+            _ => self.get_indirectly(index),
         }
     }
 
     /// The coded grey of a pixel in colour, or of more than 8 bits.
-    fn get_other(&self, index: usize) -> Option<f64> {
+    fn get_indirectly(&self, index: usize) -> Option<f64> {
         if self.picture.channels == 3 {
-            return self.mixed(3 * index);
+            return self.mixed_grey(3 * index);
         }
         match &self.picture.pixels {
             Pixels::U8(values) => Some(self.levels[0][usize::from(values[index])]),
@@ -145,10 +145,12 @@ impl<'a> GreyReader<'a> {
         }
         let channels = self.picture.channels;
         let start = channels * (y * self.picture.width + x);
-        let own = start..start + channels;
+        let channel_range = start..start + channels;
         match &self.picture.pixels {
-            Pixels::U8(values) => any_reaches(&values[own], self.limit),
-            Pixels::U16(values) => any_reaches(&values[own], u16::from(self.limit) * 257),
+            Pixels::U8(values) => any_reaches(&values[channel_range], self.clipping_level),
+            Pixels::U16(values) => {
+                any_reaches(&values[channel_range], u16::from(self.clipping_level) * 257)
+            }
             Pixels::F32(_) => false,
         }
     }
@@ -158,7 +160,7 @@ impl<'a> GreyReader<'a> {
     #[inline]
     pub(super) fn grey(&self, x: usize, y: usize) -> Option<Grey> {
         if let Some(bytes) = self.grey_bytes() {
-            return Some(self.grey_of(bytes[y * self.picture.width + x]));
+            return Some(self.grey_from_byte(bytes[y * self.picture.width + x]));
         }
         Some(Grey {
             value: self.get(x, y)?,
@@ -180,10 +182,10 @@ impl<'a> GreyReader<'a> {
     }
 
     #[inline]
-    fn grey_of(&self, byte: u8) -> Grey {
+    fn grey_from_byte(&self, byte: u8) -> Grey {
         Grey {
             value: self.levels[0][usize::from(byte)],
-            is_clipped: byte >= self.limit && !self.picture.has_two_levels,
+            is_clipped: byte >= self.clipping_level && !self.picture.has_two_levels,
         }
     }
 
@@ -192,19 +194,19 @@ impl<'a> GreyReader<'a> {
     pub(crate) fn read_line(
         &self,
         [x, y]: [usize; 2],
-        downwards: bool,
+        is_downwards: bool,
         count: usize,
         greys: &mut Vec<Grey>,
     ) {
         greys.clear();
         if let Some(bytes) = self.grey_bytes() {
-            let step = if downwards { self.picture.width } else { 1 };
+            let step = if is_downwards { self.picture.width } else { 1 };
             let line = bytes[y * self.picture.width + x..].iter().step_by(step);
-            greys.extend(line.take(count).map(|&byte| self.grey_of(byte)));
+            greys.extend(line.take(count).map(|&byte| self.grey_from_byte(byte)));
             return;
         }
         greys.extend((0..count).map(|index| {
-            let [x, y] = match downwards {
+            let [x, y] = match is_downwards {
                 true => [x, y + index],
                 false => [x + index, y],
             };
@@ -216,22 +218,22 @@ impl<'a> GreyReader<'a> {
     }
 
     #[inline]
-    fn mixed(&self, start: usize) -> Option<f64> {
+    fn mixed_grey(&self, start: usize) -> Option<f64> {
         let light: f64 = match &self.picture.pixels {
             Pixels::U8(values) => {
                 let [blue, green, red] = &self.levels;
                 let bgr = &values[start..start + 3];
                 blue[usize::from(bgr[0])] + green[usize::from(bgr[1])] + red[usize::from(bgr[2])]
             }
-            Pixels::U16(values) => self.mix(start, |index| {
+            Pixels::U16(values) => self.mixed_light(start, |index| {
                 f64::from(values[index]) / f64::from(u16::MAX)
             }),
-            Pixels::F32(values) => self.mix(start, |index| f64::from(values[index])),
+            Pixels::F32(values) => self.mixed_light(start, |index| f64::from(values[index])),
         };
         Some(self.curve.encode_with_slope(light).0).filter(|value| value.is_finite())
     }
 
-    fn mix(&self, start: usize, value: impl Fn(usize) -> f64) -> f64 {
+    fn mixed_light(&self, start: usize, value: impl Fn(usize) -> f64) -> f64 {
         (0..3)
             .map(|channel| GREY_FROM_BGR[channel] * self.tone.decode(value(start + channel)))
             .sum()
@@ -253,16 +255,16 @@ impl<'a> GreyReader<'a> {
         let (across, down) = (x - column as f64, y - row as f64);
         let next_column = (column + 1).min(self.picture.width - 1);
         let next_row = (row + 1).min(self.picture.height - 1);
-        let upper =
-            self.get_any(column, row)? * (1.0 - across) + self.get_any(next_column, row)? * across;
-        let lower = self.get_any(column, next_row)? * (1.0 - across)
-            + self.get_any(next_column, next_row)? * across;
+        let upper = self.get_in_any_row(column, row)? * (1.0 - across)
+            + self.get_in_any_row(next_column, row)? * across;
+        let lower = self.get_in_any_row(column, next_row)? * (1.0 - across)
+            + self.get_in_any_row(next_column, next_row)? * across;
         Some(upper * (1.0 - down) + lower * down)
     }
 }
 
-fn any_reaches<T: PartialOrd>(values: &[T], limit: T) -> bool {
-    values.iter().any(|value| *value >= limit)
+fn any_reaches<T: PartialOrd>(values: &[T], clipping_level: T) -> bool {
+    values.iter().any(|value| *value >= clipping_level)
 }
 
 #[cfg(test)]
@@ -314,9 +316,9 @@ mod tests {
         for picture in &pictures {
             let reader = picture.reader(Tone::Srgb);
             let mut greys = Vec::new();
-            for downwards in [true, false] {
-                reader.read_line([2, 1], downwards, 3, &mut greys);
-                let steps = if downwards { [0, 1] } else { [1, 0] };
+            for is_downwards in [true, false] {
+                reader.read_line([2, 1], is_downwards, 3, &mut greys);
+                let steps = if is_downwards { [0, 1] } else { [1, 0] };
                 let pixels = (0..3).map(|k| reader.get(2 + k * steps[0], 1 + k * steps[1]));
                 let values = greys.iter().map(|grey| Some(grey.value));
                 assert_eq!(values.collect::<Vec<_>>(), pixels.collect::<Vec<_>>());

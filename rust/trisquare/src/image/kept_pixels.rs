@@ -67,9 +67,9 @@ impl Picture {
             rows.push(runs.len() as u32);
         }
         let pixels = match &self.pixels {
-            Pixels::U8(values) => Pixels::U8(self.of_runs(values, &rows, &runs)),
-            Pixels::U16(values) => Pixels::U16(self.of_runs(values, &rows, &runs)),
-            Pixels::F32(values) => Pixels::F32(self.of_runs(values, &rows, &runs)),
+            Pixels::U8(values) => Pixels::U8(self.values_in_runs(values, &rows, &runs)),
+            Pixels::U16(values) => Pixels::U16(self.values_in_runs(values, &rows, &runs)),
+            Pixels::F32(values) => Pixels::F32(self.values_in_runs(values, &rows, &runs)),
         };
         KeptPixels {
             width: self.width,
@@ -86,7 +86,7 @@ impl Picture {
         }
     }
 
-    fn of_runs<T: Copy>(&self, values: &[T], rows: &[u32], runs: &[Run]) -> Vec<T> {
+    fn values_in_runs<T: Copy>(&self, values: &[T], rows: &[u32], runs: &[Run]) -> Vec<T> {
         let count: u32 = runs.iter().map(|run| run.end - run.start).sum();
         let mut kept = Vec::with_capacity(self.channels * count as usize);
         for (y, ends) in rows.windows(2).enumerate() {

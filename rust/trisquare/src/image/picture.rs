@@ -38,7 +38,7 @@ impl From<PictureError> for Error {
 
 /// Fraction of a picture's values at the file's limit above which JPEG may have lowered others from
 /// the limit.
-const OVEREXPOSED: f64 = 0.01;
+const MIN_WHITE_SHARE: f64 = 0.01;
 /// One value in this many is counted for that; in colour the channels take turns.
 const WHITE_STEP: usize = 13;
 
@@ -113,7 +113,7 @@ impl Picture {
             height,
             channels,
             has_two_levels: pixels.are_black_or_white(),
-            is_overexposed: pixels.are_often_white(),
+            is_overexposed: pixels.are_overexposed(),
             has_even_rows_only: false,
             pixels,
         })
@@ -193,30 +193,31 @@ impl Pixels {
         }
     }
 
-    fn are_often_white(&self) -> bool {
+    fn are_overexposed(&self) -> bool {
         match self {
-            Self::U8(values) => is_often(values, u8::MAX),
-            Self::U16(values) => is_often(values, u16::MAX),
+            Self::U8(values) => has_many(values, u8::MAX),
+            Self::U16(values) => has_many(values, u16::MAX),
             Self::F32(_) => false,
         }
     }
 }
 
-/// Whether more than a fraction [`OVEREXPOSED`] of the values are the largest, from a subsample.
-fn is_often<T: PartialEq>(values: &[T], most: T) -> bool {
-    let seen = values.iter().step_by(WHITE_STEP);
-    let white = seen.filter(|value| **value == most).count();
-    (white * WHITE_STEP) as f64 > OVEREXPOSED * values.len() as f64
+/// Whether more than a fraction [`MIN_WHITE_SHARE`] of the values are the largest, from a
+/// subsample.
+fn has_many<T: PartialEq>(values: &[T], maximum: T) -> bool {
+    let sample = values.iter().step_by(WHITE_STEP);
+    let white = sample.filter(|value| **value == maximum).count();
+    (white * WHITE_STEP) as f64 > MIN_WHITE_SHARE * values.len() as f64
 }
 
 /// Whether all values are near either end of the scale, with some near each: values of 12 bits in
 /// 16 are all near one end.
-fn all_extreme<T>(values: &[T], most: T, margin: T) -> bool
+fn all_extreme<T>(values: &[T], maximum: T, margin: T) -> bool
 where
     T: PartialOrd + Copy + std::ops::Sub<Output = T>,
 {
     let is_low = |value: &T| *value <= margin;
-    let is_high = |value: &T| *value >= most - margin;
+    let is_high = |value: &T| *value >= maximum - margin;
     values.iter().all(|value| is_low(value) || is_high(value))
         && values.iter().any(is_low)
         && values.iter().any(is_high)

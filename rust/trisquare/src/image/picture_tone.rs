@@ -43,8 +43,8 @@ impl PictureTone {
     /// Whether the curve is usable, and the standard deviation positive.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let positive = |std: f64| std > 0.0 && std.is_finite();
-        self.tone().is_valid() && self.shift_std().is_none_or(positive)
+        let is_positive = |std: f64| std > 0.0 && std.is_finite();
+        self.tone().is_valid() && self.shift_std().is_none_or(is_positive)
     }
 
     /// Prior standard deviation of the common displacement of all edges, pixels.

@@ -42,7 +42,7 @@ pub(crate) const SRGB: PowerCurve = PowerCurve {
 const LINEAR_GAMMA: f64 = 1.3;
 
 /// Range of an estimated gamma: no camera writes others, though noise may lead to them.
-const GAMMAS: [f64; 2] = [0.5, 3.5];
+const GAMMA_RANGE: [f64; 2] = [0.5, 3.5];
 
 /// The prior on curves, at a given curve.
 pub(crate) struct TonePrior {
@@ -54,11 +54,11 @@ pub(crate) struct TonePrior {
 
 impl TonePrior {
     pub fn at(curve: &PowerCurve) -> Self {
-        let way = [(USUAL.gamma / curve.gamma).ln(), USUAL.toe - curve.toe];
+        let difference = [(USUAL.gamma / curve.gamma).ln(), USUAL.toe - curve.toe];
         let information = USUAL_STD.map(|std| 1.0 / (std * std));
         Self {
             information,
-            gradient: std::array::from_fn(|i| information[i] * way[i]),
+            gradient: std::array::from_fn(|i| information[i] * difference[i]),
         }
     }
 }
@@ -133,19 +133,19 @@ impl PowerCurve {
     pub(crate) fn effective_gamma_sensitivity(&self) -> Sensitivity {
         let coded = self.encode_with_slope(MID_GREY).0;
         self.sensitivity(MID_GREY)
-            .map(|by| -by / (coded * coded.ln()))
+            .map(|derivative| -derivative / (coded * coded.ln()))
     }
 
     /// Standard deviation of the effective gamma, given the covariance of the parameters.
     pub(crate) fn effective_gamma_std(&self, covariance: &Matrix2<f64>) -> f64 {
-        let by = Vector2::from(self.effective_gamma_sensitivity());
-        self.effective_gamma() * by.dot(&(covariance * by)).sqrt()
+        let sensitivity = Vector2::from(self.effective_gamma_sensitivity());
+        self.effective_gamma() * sensitivity.dot(&(covariance * sensitivity)).sqrt()
     }
 
     /// The curve with its parameters, the logarithm of gamma and the toe, moved by a step.
     pub(crate) fn moved(&self, step: &Sensitivity) -> Self {
         Self {
-            gamma: (self.gamma * step[0].exp()).clamp(GAMMAS[0], GAMMAS[1]),
+            gamma: (self.gamma * step[0].exp()).clamp(GAMMA_RANGE[0], GAMMA_RANGE[1]),
             toe: self.toe + step[1],
         }
     }
@@ -174,10 +174,10 @@ impl PowerCurve {
     /// The point of the power part whose tangent is used at a light: the light itself, except on
     /// the straight pieces below the knee and beyond 1.
     fn tangent_at(&self, linear: f64) -> Tangent {
-        self.tangent_beside(self.knee_tangent(), linear)
+        self.tangent_with_knee(self.knee_tangent(), linear)
     }
 
-    fn tangent_beside(&self, knee: Tangent, linear: f64) -> Tangent {
+    fn tangent_with_knee(&self, knee: Tangent, linear: f64) -> Tangent {
         if linear <= knee.at && knee.at > GAMMA_FLOOR {
             return knee;
         }
@@ -200,14 +200,14 @@ impl PowerCurve {
         lights: impl Iterator<Item = f64>,
     ) -> (Vec<(f64, f64)>, Vec<Sensitivity>) {
         let knee = self.knee_tangent();
-        let at = |light: f64| {
-            let tangent = self.tangent_beside(knee, light);
+        let value_and_sensitivity = |light: f64| {
+            let tangent = self.tangent_with_knee(knee, light);
             (
                 self.encode_from(tangent, light),
                 self.sensitivity_from(tangent, light),
             )
         };
-        lights.map(at).unzip()
+        lights.map(value_and_sensitivity).unzip()
     }
 
     fn encode_from(&self, tangent: Tangent, linear: f64) -> (f64, f64) {
@@ -231,14 +231,14 @@ impl PowerCurve {
         let Tangent { at, power, is_knee } = tangent;
         let (gamma, scale) = (self.gamma, 1.0 + self.offset());
         let slope = scale * power / (gamma * at);
-        let beyond = linear - at;
+        let excess = linear - at;
         // Derivatives of the offset, and of the logarithms of the power at constant light and of
         // the slope.
         let offset = [self.toe * gamma, gamma - 1.0];
         let log_power = [-power.ln(), 0.0];
         let log_slope = [offset[0] / scale + log_power[0] - 1.0, offset[1] / scale];
         // A change of the knee changes the slope of its tangent.
-        let turn = slope * (1.0 / gamma - 1.0) * beyond;
+        let by_log_knee = slope * (1.0 / gamma - 1.0) * excess;
         let log_knee = [
             gamma * (power.ln() + 1.0 - power),
             gamma * (1.0 / self.toe - offset[1] / scale),
@@ -246,9 +246,9 @@ impl PowerCurve {
         std::array::from_fn(|i| {
             let fixed = offset[i] * (power - 1.0)
                 + scale * power * log_power[i]
-                + slope * log_slope[i] * beyond;
+                + slope * log_slope[i] * excess;
             if is_knee {
-                fixed + turn * log_knee[i]
+                fixed + by_log_knee * log_knee[i]
             } else {
                 fixed
             }

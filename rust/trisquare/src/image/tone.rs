@@ -52,17 +52,17 @@ impl Tone {
             Self::Linear => (linear, 1.0),
             Self::Srgb if linear <= SRGB_KNEE => (SRGB_SLOPE * linear, SRGB_SLOPE),
             Self::Srgb => {
-                let inside = linear.min(1.0);
-                let power = SRGB_SCALE * inside.powf(SRGB_EXPONENT);
-                let slope = SRGB_EXPONENT * power / inside;
-                let coded = power - (SRGB_SCALE - 1.0) + slope * (linear - inside);
+                let clamped = linear.min(1.0);
+                let power = SRGB_SCALE * clamped.powf(SRGB_EXPONENT);
+                let slope = SRGB_EXPONENT * power / clamped;
+                let coded = power - (SRGB_SCALE - 1.0) + slope * (linear - clamped);
                 (coded, slope)
             }
             Self::Gamma(gamma) => {
-                let inside = linear.clamp(GAMMA_FLOOR, 1.0);
-                let power = inside.powf(1.0 / gamma);
-                let slope = power / (gamma * inside);
-                (power + slope * (linear - inside), slope)
+                let clamped = linear.clamp(GAMMA_FLOOR, 1.0);
+                let power = clamped.powf(1.0 / gamma);
+                let slope = power / (gamma * clamped);
+                (power + slope * (linear - clamped), slope)
             }
             Self::Power(power) => power.encode_with_slope(linear),
         }
@@ -71,15 +71,15 @@ impl Tone {
     /// The light of a coded value, the inverse of [`encode`](Self::encode).
     #[must_use]
     pub fn decode(&self, coded: f64) -> f64 {
-        let darkest = match *self {
+        let knee = match *self {
             Self::Linear => return coded,
             Self::Srgb => SRGB_KNEE,
             Self::Gamma(_) => GAMMA_FLOOR,
             Self::Power(power) => power.knee(),
         };
-        let (dark_coded, dark_slope) = self.encode_with_slope(darkest);
+        let (dark_coded, dark_slope) = self.encode_with_slope(knee);
         if coded <= dark_coded {
-            return darkest + (coded - dark_coded) / dark_slope;
+            return knee + (coded - dark_coded) / dark_slope;
         }
         if coded >= 1.0 {
             return 1.0 + (coded - 1.0) / self.encode_with_slope(1.0).1;
@@ -207,13 +207,13 @@ impl ToneCurve {
 impl Cell {
     /// A cell of the given width, from the value and slope at both ends.
     fn hermite(width: f64, [(value, slope), (end_value, end_slope)]: [(f64, f64); 2]) -> Self {
-        let (rise, slope, end_slope) = (end_value - value, slope * width, end_slope * width);
+        let (change, slope, end_slope) = (end_value - value, slope * width, end_slope * width);
         Self {
             cubic: [
                 value,
                 slope,
-                3.0 * rise - 2.0 * slope - end_slope,
-                slope + end_slope - 2.0 * rise,
+                3.0 * change - 2.0 * slope - end_slope,
+                slope + end_slope - 2.0 * change,
             ],
             per_unit: 1.0 / width,
         }

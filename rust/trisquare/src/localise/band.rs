@@ -49,7 +49,7 @@ pub(super) struct SearchLimit<'a> {
 }
 
 impl SearchLimit<'_> {
-    fn keeps(&self, point: Vector2<f64>) -> bool {
+    fn contains(&self, point: Vector2<f64>) -> bool {
         self.curve.is_beyond(point, self.side, self.clearance)
     }
 }
@@ -91,7 +91,7 @@ impl Band<'_> {
         };
         let (mut greys, mut flips) = (Vec::new(), Vec::new());
         let mut plateaus = [Plateau::default(); 2];
-        let clear = self.clear_columns(u, [first, last]);
+        let clear = self.uncut_columns(u, [first, last]);
         let s_per_column = 1.0 / (curve.along[u] * curve.half_length);
         let mut s = (first as f64 - curve.origin[u]) * s_per_column;
         for (index, number) in (first..=last).step_by(self.stride).enumerate() {
@@ -109,10 +109,10 @@ impl Band<'_> {
             let start = if u == 0 { [number, top] } else { [top, number] };
             reader.read_line(start, u == 0, count, &mut greys);
             if !clear.contains(&number) {
-                self.cut(&column, top, &mut greys);
+                self.mask_outside(&column, top, &mut greys);
             }
-            self.flips(&column, top, &mut greys, &mut flips);
-            self.sort_column(&column, top, (&greys, &flips), &mut plateaus, pixels);
+            self.compute_flips(&column, top, &mut greys, &mut flips);
+            self.add_column(&column, top, (&greys, &flips), &mut plateaus, pixels);
         }
         pixels.extend(plateaus.iter_mut().filter_map(Plateau::take));
     }
@@ -123,7 +123,7 @@ impl Band<'_> {
 
     /// The columns that neither the neighbours nor the ends cut. They are contiguous, since every
     /// limit cuts the band at one end.
-    fn clear_columns(&self, u: usize, [first, last]: [usize; 2]) -> std::ops::Range<usize> {
+    fn uncut_columns(&self, u: usize, [first, last]: [usize; 2]) -> std::ops::Range<usize> {
         let curve = &self.curve;
         let ends = self.ends.map(|x| x / curve.half_length);
         let reach = self.reach[0].max(self.reach[1]);
@@ -136,8 +136,8 @@ impl Band<'_> {
                 .all(|row| {
                     let place = column.place(row);
                     let s = curve.local(place).0;
-                    let keeps = |limit: &SearchLimit<'_>| limit.keeps(place);
-                    ends[0] <= s && s <= ends[1] && self.limits.iter().all(keeps)
+                    let contains = |limit: &SearchLimit<'_>| limit.contains(place);
+                    ends[0] <= s && s <= ends[1] && self.limits.iter().all(contains)
                 })
         };
         let Some(start) = (first..=last).find(is_clear) else {
@@ -161,12 +161,12 @@ impl Band<'_> {
     }
 
     /// Marks the pixels of a column outside the band as unreadable.
-    fn cut(&self, column: &ColumnCrossing, top: usize, greys: &mut [Grey]) {
+    fn mask_outside(&self, column: &ColumnCrossing, top: usize, greys: &mut [Grey]) {
         let ends = self.ends.map(|x| x / self.curve.half_length);
         for (row, grey) in (top..).zip(greys) {
             let place = column.place(row as f64);
             let s = self.curve.local(place).0;
-            if s < ends[0] || s > ends[1] || !self.limits.iter().all(|f| f.keeps(place)) {
+            if s < ends[0] || s > ends[1] || !self.limits.iter().all(|f| f.contains(place)) {
                 grey.value = f64::NAN;
             }
         }
@@ -174,7 +174,7 @@ impl Band<'_> {
 
     /// Computes the flip of each pixel of a column by a far edge or by the lines that cross; marks
     /// pixels near markers and tags as unreadable.
-    fn flips(
+    fn compute_flips(
         &self,
         column: &ColumnCrossing,
         top: usize,
@@ -187,21 +187,26 @@ impl Band<'_> {
             flips.extend(rows.map(|row| far_edge.flip(column.place(row as f64))));
             return;
         }
-        let Some(crossings) = self.crossings.map(|crossings| crossings.about(column.s)) else {
+        let Some(crossings) = self
+            .crossings
+            .map(|crossings| crossings.adjacent_to(column.s))
+        else {
             flips.resize(greys.len(), Flip::NONE);
             return;
         };
-        let seen = |row: usize| {
+        let place_and_distance = |row: usize| {
             let row = row as f64;
             (column.place(row), column.distance(row - column.centre))
         };
         // Where only the line itself has an effect, no marker or tag is near.
-        if let Some(flip) = crossings.constant([top, top + greys.len() - 1].map(seen)) {
+        if let Some(flip) =
+            crossings.constant_flip([top, top + greys.len() - 1].map(place_and_distance))
+        {
             flips.resize(greys.len(), flip);
             return;
         }
         for (row, grey) in (top..).zip(greys) {
-            let (place, distance) = seen(row);
+            let (place, distance) = place_and_distance(row);
             if crossings.is_near_marker(distance) || crossings.is_near_tag(place) {
                 grey.value = f64::NAN;
             }
@@ -210,7 +215,7 @@ impl Band<'_> {
     }
 
     /// Adds the readable pixels of one column; those far from the edge are summed up.
-    fn sort_column(
+    fn add_column(
         &self,
         column: &ColumnCrossing,
         top: usize,
@@ -233,7 +238,7 @@ impl Band<'_> {
         let start = index_of((column.centre - near).ceil());
         let end = index_of((column.centre + near).floor() + 1.0).max(start);
         for (rows, is_after) in [(0..start, false), (end..greys.len(), true)] {
-            let plateau = &mut plateaus[usize::from(is_after == column.downwards)];
+            let plateau = &mut plateaus[usize::from(is_after == column.is_downwards)];
             let mut sums = *plateau;
             for index in rows {
                 let Grey { value, is_clipped } = greys[index];
@@ -251,7 +256,7 @@ impl Band<'_> {
                 pixels.push(Pixel {
                     s,
                     y,
-                    foot: s + (y - curve.height(s)) * column.lean,
+                    foot: s + (y - curve.height(s)) * column.foot_per_height,
                     cosine: column.cosine,
                     value,
                     count: 1.0,
@@ -274,11 +279,11 @@ struct ColumnCrossing {
     /// Number of rows per pixel of distance from the curve.
     per_pixel: f64,
     /// Whether distances increase with the row.
-    downwards: bool,
+    is_downwards: bool,
     /// Cosine of the angle between curve and chord, and shift of a pixel's foot per height above
     /// the curve: both are constant over a band's width.
     cosine: f64,
-    lean: f64,
+    foot_per_height: f64,
 }
 
 impl ColumnCrossing {
@@ -301,9 +306,9 @@ impl ColumnCrossing {
             s,
             // Clamped, so that a wild curve along the column does not reach across the picture.
             per_pixel: 1.0 / normal_v.abs().max(0.25),
-            downwards: normal_v > 0.0,
+            is_downwards: normal_v > 0.0,
             cosine,
-            lean: slope * cosine * cosine / curve.half_length,
+            foot_per_height: slope * cosine * cosine / curve.half_length,
         }
     }
 
@@ -311,7 +316,7 @@ impl ColumnCrossing {
     /// other.
     fn rows(&self, reach: [f64; 2], size: usize) -> Option<(usize, usize)> {
         let [mut up, mut down] = reach.map(|reach| reach * self.per_pixel);
-        if !self.downwards {
+        if !self.is_downwards {
             (up, down) = (down, up);
         }
         let first = (self.centre - up).ceil().max(0.0);
@@ -322,7 +327,11 @@ impl ColumnCrossing {
     /// Distance from the curve of a pixel this many rows below the crossing.
     fn distance(&self, rows: f64) -> f64 {
         let distance = rows / self.per_pixel;
-        if self.downwards { distance } else { -distance }
+        if self.is_downwards {
+            distance
+        } else {
+            -distance
+        }
     }
 
     fn place(&self, row: f64) -> Vector2<f64> {

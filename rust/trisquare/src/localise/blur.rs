@@ -3,7 +3,7 @@
 use crate::numeric::cdf_and_pdf;
 
 /// Largest square of the box's share: above it, nothing is left for the lens and the pixel.
-pub(super) const MOST: f64 = 0.97;
+pub(super) const MAX_BOX_SQUARE: f64 = 0.97;
 
 /// A symmetric density of variance 1: a box with normal blur.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +23,7 @@ impl BlurShape {
     };
 
     pub fn with_square(square: f64) -> Self {
-        let share = square.clamp(0.0, MOST).sqrt();
+        let share = square.clamp(0.0, MAX_BOX_SQUARE).sqrt();
         Self {
             square: share * share,
             half_width: (3.0 * share).sqrt(),
@@ -36,12 +36,12 @@ impl BlurShape {
     pub fn step_and_density(&self, z: f64) -> (f64, f64) {
         match self.square {
             0.0 => cdf_and_pdf(z),
-            _ => self.of_box(z),
+            _ => self.box_step_and_density(z),
         }
     }
 
     #[cold]
-    fn of_box(&self, z: f64) -> (f64, f64) {
+    fn box_step_and_density(&self, z: f64) -> (f64, f64) {
         let [upper, lower] = [z + self.half_width, z - self.half_width].map(|z| z / self.spread);
         let ((upper_cdf, upper_pdf), (lower_cdf, lower_pdf)) =
             (cdf_and_pdf(upper), cdf_and_pdf(lower));
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn every_shape_has_variance_one_and_the_fourth_cumulant_of_its_box() {
-        for square in [0.0, 0.1, 0.5, 0.9, MOST] {
+        for square in [0.0, 0.1, 0.5, 0.9, MAX_BOX_SQUARE] {
             let shape = BlurShape::with_square(square);
             let mut moments = [0.0; 3];
             let mut step = 0.0;

@@ -132,7 +132,7 @@ pub(super) fn find_near(reader: &GreyReader<'_>, piece: &EdgeSpan) -> Result<Coa
 }
 
 /// The curve near a span's path that most of its samples agree on.
-pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<ChordCurve> {
+pub(super) fn consensus_curve(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<ChordCurve> {
     let path = path_curve(&span.path)?;
     let point = |point: &Vector2<f64>| {
         let (s, y) = path.local(*point);
@@ -149,14 +149,16 @@ pub(super) fn agreed(span: &EdgeSpan, points: &[Vector2<f64>]) -> Option<ChordCu
 /// Finds the edge within `reach` pixels of a span's path.
 fn find_within(reader: &GreyReader<'_>, span: &EdgeSpan, reach: i32) -> Result<CoarseEdge, NoEdge> {
     let path = path_curve(&span.path).ok_or(NoEdge::NoPath)?;
-    match seen(reader, &path, span, &ProfileSettings { reach, ..SHARP }) {
-        Err(NoEdge::Inconsistent) => seen(reader, &path, span, &ProfileSettings { reach, ..BLUNT }),
+    match find_with_settings(reader, &path, span, &ProfileSettings { reach, ..SHARP }) {
+        Err(NoEdge::Inconsistent) => {
+            find_with_settings(reader, &path, span, &ProfileSettings { reach, ..BLUNT })
+        }
         found => found,
     }
 }
 
 /// Finds the edge near a path with profiles of the given settings.
-fn seen(
+fn find_with_settings(
     reader: &GreyReader<'_>,
     path: &ChordCurve,
     span: &EdgeSpan,
@@ -182,22 +184,22 @@ fn seen(
     let curve = consensus(path, &points, &ROBUST_WIDTHS).ok_or(NoEdge::Inconsistent)?;
     let supports = |SeenEdge { s, y, .. }| (y - curve.height_and_slope(s).0).abs() < SUPPORT_WIDTH;
     rises.retain(|rise| supports(rise.point));
-    let least = match span.is_beside_others {
+    let min_support = match span.is_beside_others {
         true => MIN_SUPPORT_BESIDE_OTHERS,
         false => MIN_SUPPORT,
     };
-    if rises.len() < MIN_PROFILES || (rises.len() as f64) < least * inside as f64 {
+    if rises.len() < MIN_PROFILES || (rises.len() as f64) < min_support * inside as f64 {
         return Err(NoEdge::Inconsistent);
     }
     let plateaus = [0, 1].map(|side| median(&mut rises, |rise| rise.plateaus[side]));
     let slope = median(&mut rises, |rise| rise.slope);
     // At the edge itself the slope is the contrast times the normal density over the blur.
     let blur = crate::numeric::pdf(0.0) * (plateaus[1] - plateaus[0]) / slope;
-    let most = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
+    let max_departure = MAX_DEPARTURE * (plateaus[1] - plateaus[0]).abs();
     let departure = |rise: &Rise, i: usize| (rise.plateaus[i] - plateaus[i]).abs();
-    let most =
-        [0, 1].map(|i| most.max(MAX_NOISE_DEPARTURE * median(&mut rises, |r| departure(r, i))));
-    rises.retain(|rise| (0..2).all(|i| departure(rise, i) < most[i]));
+    let max_departures = [0, 1]
+        .map(|i| max_departure.max(MAX_NOISE_DEPARTURE * median(&mut rises, |r| departure(r, i))));
+    rises.retain(|rise| (0..2).all(|i| departure(rise, i) < max_departures[i]));
     let hidden = hidden_runs(&stations, &rises);
     Ok(CoarseEdge {
         curve,
@@ -220,11 +222,11 @@ fn hidden_runs(stations: &[f64], supporting: &[Rise]) -> Vec<[f64; 2]> {
             .take_while(|s| !supports(s))
             .count();
         let end = first + length;
-        let least = match first == 0 || end == stations.len() {
+        let min_length = match first == 0 || end == stations.len() {
             true => MIN_HIDDEN_AT_END,
             false => MIN_HIDDEN,
         };
-        if length >= least {
+        if length >= min_length {
             runs.push([stations[first] - step, stations[end - 1] + step]);
         }
         first = end + 1;
@@ -268,15 +270,15 @@ impl ProfileSettings {
             let s = s + along * self.spacing / path.half_length;
             let middle = path.point(s, 0.0);
             let normal = path.point(s, 1.0) - middle;
-            for t in -self.most()..=self.most() {
+            for t in -self.max_offset()..=self.max_offset() {
                 let point = middle + normal * f64::from(t);
-                values[place(t)] += reader.bilinear(point.x, point.y)? / self.lines as f64;
+                values[sample_index(t)] += reader.bilinear(point.x, point.y)? / self.lines as f64;
             }
         }
         Some(values)
     }
 
-    fn most(&self) -> i32 {
+    fn max_offset(&self) -> i32 {
         self.reach + self.filter
     }
 
@@ -289,10 +291,10 @@ impl ProfileSettings {
         s: f64,
         span: &EdgeSpan,
     ) -> Option<Rise> {
-        let at = |t: i32| values[place(t)];
+        let value_at = |t: i32| values[sample_index(t)];
         let strength = |t: i32| {
             let difference: f64 = (1..=self.filter)
-                .map(|step| at(t + step) - at(t - step))
+                .map(|step| value_at(t + step) - value_at(t - step))
                 .sum();
             span.polarity.signum() * difference
         };
@@ -305,13 +307,13 @@ impl ProfileSettings {
         let mut offset = f64::from(best);
         if best.abs() < self.reach {
             let (before, after) = (strength(best - 1), strength(best + 1));
-            let bend = before + after - 2.0 * peak;
-            if bend < 0.0 {
-                offset += 0.5 * (before - after) / bend;
+            let curvature = before + after - 2.0 * peak;
+            if curvature < 0.0 {
+                offset += 0.5 * (before - after) / curvature;
             }
         }
         let (_, y) = path.local(path.point(s, offset));
-        let plateau = |t: i32| at(t.clamp(-self.most(), self.most()));
+        let plateau = |t: i32| value_at(t.clamp(-self.max_offset(), self.max_offset()));
         let [before, after] = span
             .margin
             .map(|margin| f64::from(self.plateau).min(margin).max(1.0) as i32);
@@ -322,7 +324,7 @@ impl ProfileSettings {
                 strength: peak,
             },
             plateaus: [plateau(best - before), plateau(best + after)],
-            slope: 0.5 * (at(best + 1) - at(best - 1)),
+            slope: 0.5 * (value_at(best + 1) - value_at(best - 1)),
         })
     }
 }
@@ -331,7 +333,7 @@ impl ProfileSettings {
 type GreyProfile = [f64; MAX_SAMPLES];
 
 /// Index in a profile of the value `t` pixels from the path.
-fn place(t: i32) -> usize {
+fn sample_index(t: i32) -> usize {
     (t + REACH + LONGEST_FILTER) as usize
 }
 
@@ -340,11 +342,11 @@ fn place(t: i32) -> usize {
 fn consensus(path: &ChordCurve, points: &[SeenEdge], widths: &[f64]) -> Option<ChordCurve> {
     let degree = degree_for(path.length()).min(points.len().checked_sub(2)?);
     let mut curve = path.clone();
-    let above: Vec<f64> = points
+    let heights: Vec<f64> = points
         .iter()
         .map(|point| point.y - path.height_and_slope(point.s).0)
         .collect();
-    let (height, slope) = consensus_line(points, &above)?;
+    let (height, slope) = consensus_line(points, &heights)?;
     curve.coefficients[0] += height;
     curve.coefficients[1] += slope;
     for (round, width) in widths.iter().enumerate() {
@@ -363,7 +365,7 @@ fn consensus(path: &ChordCurve, points: &[SeenEdge], widths: &[f64]) -> Option<C
 }
 
 /// The line `height + slope s`, through one early and one late point, with the most support.
-fn consensus_line(points: &[SeenEdge], above: &[f64]) -> Option<(f64, f64)> {
+fn consensus_line(points: &[SeenEdge], heights: &[f64]) -> Option<(f64, f64)> {
     let third = points.len().div_ceil(3);
     let stride = third.div_ceil(ANCHORS);
     let mut best = None;
@@ -374,13 +376,13 @@ fn consensus_line(points: &[SeenEdge], above: &[f64]) -> Option<(f64, f64)> {
             if run <= 0.0 {
                 continue;
             }
-            let slope = (above[late] - above[early]) / run;
-            let height = above[early] - slope * points[early].s;
+            let slope = (heights[late] - heights[early]) / run;
+            let height = heights[early] - slope * points[early].s;
             let support: f64 = points
                 .iter()
-                .zip(above)
-                .map(|(point, above)| {
-                    let departure = (above - height - slope * point.s) / CONSENSUS_WIDTH;
+                .zip(heights)
+                .map(|(point, y)| {
+                    let departure = (y - height - slope * point.s) / CONSENSUS_WIDTH;
                     point.strength * (1.0 - departure * departure).max(0.0)
                 })
                 .sum();

@@ -87,7 +87,10 @@ impl ChordCurve {
 
     /// Derivatives of the displacement of a point of the curve along its normal with respect to
     /// each coefficient, and that normal.
-    pub fn distances_at(&self, point: Vector2<f64>) -> (SVector<f64, COEFFICIENTS>, Vector2<f64>) {
+    pub fn displacement_derivatives(
+        &self,
+        point: Vector2<f64>,
+    ) -> (SVector<f64, COEFFICIENTS>, Vector2<f64>) {
         let (s, _) = self.local(point);
         let normal = self.point(s, 1.0) - self.point(s, 0.0);
         // A height is a distance times the secant of the curve's angle with its chord.
@@ -120,8 +123,8 @@ impl ChordCurve {
         let end = s.clamp(-1.0, 1.0);
         let [_, c1, c2, c3, c4] = self.coefficients;
         let by_s = c1 + end * (2.0 * c2 + end * (3.0 * c3 + end * 4.0 * c4));
-        let straight_on = self.height(end) + by_s * (s - end);
-        (y - straight_on, by_s * per_length)
+        let tangent_height = self.height(end) + by_s * (s - end);
+        (y - tangent_height, by_s * per_length)
     }
 
     /// Fits the polynomial of the given degree to `(s, y, weight)`; false if they do not determine

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::measured::Measured;
 use super::span::{NoEdge, SpanEdges};
 use super::tone_fit::{
-    KURTOSIS_OF_SHARED, Pooled, Shared, SharedMatrix, ToneEstimate, ToneShare, Trust, pool,
+    Pooled, SHARED_KURTOSIS, Shared, SharedMatrix, ToneEstimate, ToneShare, Trust, pool,
 };
 use crate::image::PowerCurve;
 
@@ -22,9 +22,9 @@ pub(super) fn corrected(
         covariance,
         estimate,
     } = pool(first, shares, Trust::ByMisfit);
-    let common = common_shift(found(), step[KURTOSIS_OF_SHARED]);
+    let common = common_shift(found(), step[SHARED_KURTOSIS]);
     // The common shift includes the effect of the kurtosis.
-    step[KURTOSIS_OF_SHARED] = 0.0;
+    step[SHARED_KURTOSIS] = 0.0;
     // Columns: one standard deviation along each of several independent directions.
     let deviations = covariance
         .cholesky()
@@ -38,7 +38,7 @@ pub(super) fn corrected(
     }
     // All directions move the samples in much the same way, so that only the one with the largest
     // effect is used.
-    let direction = deviations * first_axis(gram);
+    let direction = deviations * principal_axis(gram);
     let spans = measured.into_iter();
     let displaced = spans
         .map(|measured| {
@@ -54,7 +54,7 @@ pub(super) fn corrected(
 
 /// Leaves the samples where they are, with a common displacement of all edges towards the dark of
 /// this standard deviation, px.
-pub(super) fn shifted(
+pub(super) fn with_shift_std(
     measured: Vec<Result<Measured, NoEdge>>,
     shift_std: f64,
 ) -> Vec<Result<SpanEdges, NoEdge>> {
@@ -65,7 +65,7 @@ pub(super) fn shifted(
 }
 
 /// The unit eigenvector of the largest eigenvalue.
-fn first_axis(matrix: SharedMatrix) -> Shared {
+fn principal_axis(matrix: SharedMatrix) -> Shared {
     let eigen = matrix.symmetric_eigen();
     eigen.eigenvectors.column(eigen.eigenvalues.imax()).into()
 }
@@ -75,13 +75,13 @@ fn first_axis(matrix: SharedMatrix) -> Shared {
 ///
 /// The lens and the pixels' box are the same for all sides; a side's deviation from the mean is
 /// noise, and would be an error that all of its samples share.
-fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>, of_lens: f64) -> f64 {
-    let held_curve = Shared::new(0.0, 0.0, of_lens);
+fn common_shift<'a>(found: impl Iterator<Item = &'a Measured>, lens_kurtosis: f64) -> f64 {
+    let held_curve = Shared::new(0.0, 0.0, lens_kurtosis);
     let (mut sum, mut count) = (0.0, 0.0);
     for measured in found {
         // A line along which light and dark alternate does not move as a whole.
         if let Some(share) = measured.share.as_ref().filter(|_| !measured.is_crossed) {
-            sum += share.own_step(&held_curve)[0] * measured.to_dark();
+            sum += share.side_step(&held_curve)[0] * measured.dark_sign();
             count += 1.0;
         }
     }
@@ -99,7 +99,7 @@ impl Measured {
     /// Sign of a displacement towards the dark along the normal, which points to the light where
     /// the contrast is positive; 0 for a crossed line. A tone curve moves all edges alike, too, to
     /// the dark or to the light.
-    fn to_dark(&self) -> f64 {
+    fn dark_sign(&self) -> f64 {
         if self.is_crossed {
             0.0
         } else {
@@ -116,7 +116,7 @@ impl Measured {
             .map(ToneShare::drift)
             .unwrap_or_default();
         let tone_drift = |point: &Vector2<f64>| {
-            let (by_coefficients, normal) = self.side.curve.distances_at(*point);
+            let (by_coefficients, normal) = self.side.curve.displacement_derivatives(*point);
             Drift {
                 normal,
                 by_shared: by_shared.tr_mul(&by_coefficients),
@@ -133,12 +133,12 @@ impl Measured {
         common: f64,
         unknown: impl Fn(&Drift) -> f64,
     ) -> SpanEdges {
-        let to_dark = self.to_dark();
+        let dark_sign = self.dark_sign();
         let drifts = self.drifts();
         for (point, tone_drift) in self.edges.points.iter_mut().zip(&drifts) {
-            *point += tone_drift.normal * (tone_drift.by_shared.dot(step) + common * to_dark);
+            *point += tone_drift.normal * (tone_drift.by_shared.dot(step) + common * dark_sign);
         }
-        let displacements = drifts.iter().map(|d| d.normal * unknown(d) * to_dark);
+        let displacements = drifts.iter().map(|d| d.normal * unknown(d) * dark_sign);
         self.edges.tone_drift = displacements.collect();
         self.edges
     }

@@ -11,7 +11,7 @@ use crate::image::{GreyReader, Picture};
 use crate::numeric::median;
 
 /// Number of standard deviations above which a displacement is significant.
-const CERTAIN: f64 = 6.0;
+const MIN_DEVIATIONS: f64 = 6.0;
 /// Displacement (px) above which it matters: of odd rows, and of a colour in the picture's corners.
 const MIN_ROW_SHIFT: f64 = 0.1;
 const MIN_COLOUR_SHIFT: f64 = 0.1;
@@ -28,7 +28,7 @@ const CLIPPED_COMMON_ERROR: f64 = 0.1;
 /// staircase.
 const TWO_LEVEL_ERROR: f64 = 0.03;
 /// Light, as a fraction of white, below which a level does not show how much light falls there.
-const DARKEST: f64 = 1e-3;
+const MIN_LIGHT: f64 = 1e-3;
 /// Error of a side from the unknown shape of the motion blur, as a fraction of the motion's length.
 const MOTION_ERROR: f64 = 0.001;
 
@@ -67,13 +67,13 @@ impl PictureFaults {
         let has_two_levels = reader.picture().has_two_levels();
         let motion = motion::blur(found());
         let clipping = mean_square(found().map(|preview| clipped_blurs(reader, preview))).sqrt();
-        let own = if has_two_levels {
+        let level_error = if has_two_levels {
             TWO_LEVEL_ERROR
         } else {
             CLIPPED_ERROR * clipping
         };
-        let moved = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
-        let side_error = own.hypot(moved);
+        let motion_error = motion.map_or(0.0, |motion| MOTION_ERROR * motion.length);
+        let side_error = level_error.hypot(motion_error);
         Self {
             motion,
             blur: median(found().map(|preview| preview.side.mean_blur()).collect()).unwrap_or(0.0),
@@ -94,7 +94,7 @@ impl PictureFaults {
     pub fn row_shift(&self) -> Option<Vector2<f64>> {
         // In a picture of two levels the staircases may differ from row to row.
         let rows = self.rows.filter(|_| !self.has_two_levels)?;
-        let matters = rows.shift_deviations > CERTAIN && rows.shift.norm() > MIN_ROW_SHIFT;
+        let matters = rows.shift_deviations > MIN_DEVIATIONS && rows.shift.norm() > MIN_ROW_SHIFT;
         matters.then_some(rows.shift)
     }
 
@@ -105,8 +105,9 @@ impl PictureFaults {
         let colours = self.colours?;
         let corner = 0.5 * (picture.width() as f64).hypot(picture.height() as f64);
         let parts = [colours.blue, colours.red];
-        let is_certain =
-            |part: &PartDisplacement| part.magnification.abs() > CERTAIN * part.magnification_std;
+        let is_certain = |part: &PartDisplacement| {
+            part.magnification.abs() > MIN_DEVIATIONS * part.magnification_std
+        };
         let shift = parts.map(|part| corner * part.magnification);
         let matters = shift.iter().any(|shift| shift.abs() > MIN_COLOUR_SHIFT);
         (parts.iter().any(is_certain) && matters).then_some(shift)
@@ -130,10 +131,10 @@ impl PictureFaults {
     /// Whether [`mended`](Self::mended) returns green light.
     #[must_use]
     pub fn is_of_green(&self, picture: &Picture) -> bool {
-        let shows = self
+        let is_visible = self
             .colours
             .is_some_and(|colours| colours.green_contrast > MIN_GREEN);
-        shows && self.colour_shift(picture).is_some()
+        is_visible && self.colour_shift(picture).is_some()
     }
 }
 
@@ -165,14 +166,14 @@ fn clipped_blurs(reader: &GreyReader<'_>, preview: &Preview) -> f64 {
 /// and zero if one is lighter than the median and the other darker.
 fn light_spread(plateaus: impl Iterator<Item = [f64; 2]>) -> f64 {
     let levels = plateaus.map(|[before, after]| {
-        [before.min(after), before.max(after)].map(|level| level.max(DARKEST).ln())
+        [before.min(after), before.max(after)].map(|level| level.max(MIN_LIGHT).ln())
     });
     let levels: Vec<[f64; 2]> = levels.collect();
-    let usual = [0, 1].map(|k| median(levels.iter().map(|level| level[k]).collect()));
-    let [Some(dark), Some(light)] = usual else {
+    let medians = [0, 1].map(|k| median(levels.iter().map(|level| level[k]).collect()));
+    let [Some(dark), Some(light)] = medians else {
         return 0.0;
     };
-    let shared = levels.iter().map(|level| {
+    let light_changes = levels.iter().map(|level| {
         let [dark, light] = [level[0] - dark, level[1] - light];
         match dark * light > 0.0 {
             true if dark.abs() < light.abs() => dark,
@@ -180,9 +181,9 @@ fn light_spread(plateaus: impl Iterator<Item = [f64; 2]>) -> f64 {
             false => 0.0,
         }
     });
-    let shared: Vec<f64> = shared.collect();
-    let mean = shared.iter().sum::<f64>() / shared.len() as f64;
-    mean_square(shared.iter().map(|value| value - mean)).sqrt()
+    let light_changes: Vec<f64> = light_changes.collect();
+    let mean = light_changes.iter().sum::<f64>() / light_changes.len() as f64;
+    mean_square(light_changes.iter().map(|value| value - mean)).sqrt()
 }
 
 fn mean_square(values: impl Iterator<Item = f64>) -> f64 {

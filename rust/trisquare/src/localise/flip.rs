@@ -1,9 +1,9 @@
 //! The change of a side's step by the lines that cross it.
 
 /// Distance, in blurs, beyond which a change of sides is complete, to 6e-5 of the contrast.
-pub(super) const COMPLETE: f64 = 4.0;
+pub(super) const COMPLETE_BLURS: f64 = 4.0;
 /// Largest change of a step by other edges for which it is clear of them.
-const CLEAR: f64 = 0.01;
+const MAX_CLEAR_CHANGE: f64 = 0.01;
 
 /// Shape of an edge's profile.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ impl Flip {
     /// Whether the step is that of its own edge only: neither the spread of the others nor the
     /// effect of the tone curve on them matters.
     pub fn is_clear(self) -> bool {
-        self.slope.abs() > 1.0 - CLEAR && self.shift.abs() < CLEAR
+        self.slope.abs() > 1.0 - MAX_CLEAR_CHANGE && self.shift.abs() < MAX_CLEAR_CHANGE
     }
 
     pub fn opposite(self) -> Self {

@@ -14,17 +14,17 @@ use std::f64::consts::FRAC_2_PI;
 use nalgebra::Vector2;
 
 use super::curve::ChordCurve;
-use super::flip::{COMPLETE, EdgeShape, Flip};
-use super::lines_beside::{Beside, distances, following, next_line, position};
+use super::flip::{COMPLETE_BLURS, EdgeShape, Flip};
+use super::lines_beside::{LineBeside, crossing_index, line_distances, next_crossings, next_line};
 use super::span::EdgeSpan;
 use super::tag_cells::TagCells;
 use crate::numeric::cdf_and_pdf;
 
 /// Distance, in blurs, beyond which a line's change of sides is complete to rounding.
-const ENTIRE: f64 = 7.0;
+const ROUNDING_BLURS: f64 = 7.0;
 /// Pixels nearer to a marker than this many blurs are not used, since its border may be a twentieth
 /// of a pixel from its modelled place ...
-const CLEAR_OF_MARKER: f64 = 3.0;
+const MARKER_CLEARANCE: f64 = 3.0;
 /// ... but pixels within this many blurs of the line are used all the same.
 const MIN_REACH: f64 = 2.0;
 /// Number of steps to the crossing of two curves; each squares the error, at first a pixel or two.
@@ -32,13 +32,13 @@ const STEPS: usize = 3;
 /// Largest correlation in use: that of lines at 18 degrees to each other.
 const MAX_CORRELATION: f64 = 0.95;
 /// Gauss-Legendre nodes and weights on -1 to 1 for the integral over the correlation: three are
-/// exact to 6e-7 up to a correlation of `FEW_SUFFICE` ...
-const FEW: [(f64, f64); 3] = [
+/// exact to 6e-7 up to a correlation of `MAX_FEW_CORRELATION` ...
+const FEW_NODES: [(f64, f64); 3] = [
     (-0.774_596_669_241_483, 0.555_555_555_555_556),
     (0.0, 0.888_888_888_888_889),
     (0.774_596_669_241_483, 0.555_555_555_555_556),
 ];
-const FEW_SUFFICE: f64 = 0.5;
+const MAX_FEW_CORRELATION: f64 = 0.5;
 /// ... and five are exact to 6e-7 at a correlation of 0.8.
 const NODES: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189),
@@ -72,7 +72,7 @@ struct Crossing {
     /// Sign of the contrast after the crossing, relative to that after the first.
     sign: f64,
     /// The nearest grid lines beside this one, on its negative side and on the other.
-    beside: [Beside; 2],
+    lines_beside: [LineBeside; 2],
     /// The marker in the light cell after the crossing.
     marker: Option<Marker>,
 }
@@ -100,10 +100,10 @@ impl GridCrossings {
             let along = other.0.and_then(|line| direction_at(spans, line, index));
             let along = along.unwrap_or(curve.across);
             Crossing {
-                beside: [-curve.along, curve.along]
+                lines_beside: [-curve.along, curve.along]
                     .map(|along| next_line(spans, index, number, along)),
                 marker: marker_after(spans, index, number),
-                ..Crossing::new(*point, along, shape, (curve, span.sign(other.1)))
+                ..Crossing::new(*point, along, shape, (curve, span.contrast_sign(other.1)))
             }
         });
         let numbers = 0..span.crossings.len();
@@ -143,7 +143,7 @@ impl GridCrossings {
     }
 
     /// The crossings before and after a column of pixels, given by its crossing with the line.
-    pub fn about(&self, s: f64) -> Between<'_> {
+    pub fn adjacent_to(&self, s: f64) -> AdjacentCrossings<'_> {
         let next = self.places.partition_point(|place| place.s < s);
         let sign = match next {
             0 => self.places.first().map_or(1.0, |first| -first.sign),
@@ -151,14 +151,14 @@ impl GridCrossings {
         };
         let before = next.checked_sub(1).map(|i| &self.places[i]);
         let after = self.places.get(next);
-        Between {
+        AdjacentCrossings {
             before,
             after,
             sign,
             polarity: self.polarity,
-            beside: [0, 1].map(|side| {
-                let beside = |crossing: &Crossing| (crossing.s, crossing.beside[side]);
-                Beside::between(s, before.map(beside), after.map(beside))
+            lines_beside: [0, 1].map(|side| {
+                let line_at = |crossing: &Crossing| (crossing.s, crossing.lines_beside[side]);
+                LineBeside::interpolated(s, before.map(line_at), after.map(line_at))
             }),
             tag: after.and_then(|_| self.tags.get(next.checked_sub(1)?)?.as_ref()),
             marker: before.zip(after).and_then(|(before, _)| before.marker),
@@ -167,17 +167,17 @@ impl GridCrossings {
 }
 
 /// The two crossings next to a place on a line, and the sign of the contrast between them.
-pub(super) struct Between<'a> {
+pub(super) struct AdjacentCrossings<'a> {
     before: Option<&'a Crossing>,
     after: Option<&'a Crossing>,
     sign: f64,
     polarity: f64,
-    beside: [Beside; 2],
+    lines_beside: [LineBeside; 2],
     tag: Option<&'a TagCells>,
     marker: Option<Marker>,
 }
 
-impl Between<'_> {
+impl AdjacentCrossings<'_> {
     /// The flip of a pixel at a distance from the line.
     pub fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
         let before = self.before.map_or(Flip::NONE, |c| c.flip(point, distance));
@@ -189,16 +189,18 @@ impl Between<'_> {
             slope: self.sign * (before.slope + after.slope - 1.0),
             // Doubled, as the step is from -1 to 1.
             shift: self.sign * (before.shift + after.shift)
-                + self.changed_back(point, distance)
+                + self.change_beside(point, distance)
                 + 2.0
                     * self.polarity
-                    * (self.lit(point) - self.darkened(point, distance) - self.spread(point)),
+                    * (self.tag_light(point)
+                        - self.marker_loss(point, distance)
+                        - self.spread_loss(point)),
         }
     }
 
     /// Reduction of the light by the spread of the lines that cross, over the contrast: to first
     /// order in the spread it is the same on both sides of this line, and at any angle.
-    fn spread(&self, point: Vector2<f64>) -> f64 {
+    fn spread_loss(&self, point: Vector2<f64>) -> f64 {
         let crossings = self.before.into_iter().chain(self.after);
         // Most lines have no spread.
         let spread = crossings.filter(|crossing| crossing.spread != 0.0);
@@ -208,20 +210,20 @@ impl Between<'_> {
     }
 
     /// Change of the step from -1 to 1 by the lines beside this one.
-    fn changed_back(&self, point: Vector2<f64>, distance: f64) -> f64 {
+    fn change_beside(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let inverse_blur = self.inverse_blur();
         let change = |side: usize, sign: f64| {
-            let beside = self.beside[side];
-            let distance = distance - sign * beside.distance;
+            let line = self.lines_beside[side];
+            let distance = distance - sign * line.distance;
             let blurs = sign * distance * inverse_blur;
-            if blurs < -COMPLETE {
+            if blurs < -COMPLETE_BLURS {
                 return 0.0;
             }
             let before = self.before.map_or(1.0, |c| step(c.skewed(point, distance)));
             let after = self.after.map_or(1.0, |c| -step(c.skewed(point, distance)));
             let slope = self.sign * (before + after - 1.0);
             // Beyond the outline only the dark cells change.
-            let share = match beside.is_outline {
+            let share = match line.is_outline {
                 true => 0.5 * (slope - sign * self.polarity),
                 false => slope,
             };
@@ -237,7 +239,7 @@ impl Between<'_> {
     }
 
     /// Light that a tag's cells add to the dark, over the contrast.
-    fn lit(&self, point: Vector2<f64>) -> f64 {
+    fn tag_light(&self, point: Vector2<f64>) -> f64 {
         let inverse_blur = self.inverse_blur();
         let tag = self.tag.filter(|tag| !tag.is_far(point, inverse_blur));
         tag.map_or(0.0, |tag| tag.light(point, inverse_blur))
@@ -255,12 +257,12 @@ impl Between<'_> {
             return false;
         };
         let blurs = marker.depth * before.inverse_blur;
-        let reach = (blurs - CLEAR_OF_MARKER).max(blurs.min(MIN_REACH));
+        let reach = (blurs - MARKER_CLEARANCE).max(blurs.min(MIN_REACH));
         marker.side * distance * before.inverse_blur > reach
     }
 
     /// Light that a marker removes, over the contrast.
-    fn darkened(&self, point: Vector2<f64>, distance: f64) -> f64 {
+    fn marker_loss(&self, point: Vector2<f64>, distance: f64) -> f64 {
         let (Some(marker), Some(before), Some(after)) = (self.marker, self.before, self.after)
         else {
             return 0.0;
@@ -270,19 +272,20 @@ impl Between<'_> {
             before.blurs(point) - marker.margin * before.inverse_blur,
             -after.blurs(point) - marker.margin * after.inverse_blur,
         ];
-        if within.iter().any(|blurs| *blurs < -COMPLETE) {
+        if within.iter().any(|blurs| *blurs < -COMPLETE_BLURS) {
             return 0.0;
         }
         within.iter().map(|blurs| cdf_and_pdf(*blurs).0).product()
     }
 
     /// The flip of two pixels and all between them, if it is the same for all.
-    pub fn constant(&self, ends: [(Vector2<f64>, f64); 2]) -> Option<Flip> {
+    pub fn constant_flip(&self, ends: [(Vector2<f64>, f64); 2]) -> Option<Flip> {
         let is_far = |crossing: &Crossing, side: f64| {
             ends.iter().all(|(point, distance)| {
-                let beside = self.beside[usize::from(*distance > 0.0)];
-                let clear = beside.distance - distance.abs();
-                side * crossing.blurs(*point) > COMPLETE && clear * crossing.inverse_blur > COMPLETE
+                let line = self.lines_beside[usize::from(*distance > 0.0)];
+                let clear = line.distance - distance.abs();
+                side * crossing.blurs(*point) > COMPLETE_BLURS
+                    && clear * crossing.inverse_blur > COMPLETE_BLURS
             })
         };
         let all = self.before.is_none_or(|c| is_far(c, 1.0))
@@ -302,11 +305,11 @@ impl Between<'_> {
 impl Crossing {
     fn new(
         point: Vector2<f64>,
-        along_other: Vector2<f64>,
+        crossing_direction: Vector2<f64>,
         shape: EdgeShape,
         (curve, sign): (&ChordCurve, f64),
     ) -> Self {
-        let normal = Vector2::new(-along_other.y, along_other.x);
+        let normal = Vector2::new(-crossing_direction.y, crossing_direction.x);
         let forward = normal * normal.dot(&curve.along).signum();
         Self {
             s: curve.local(point).0,
@@ -314,29 +317,29 @@ impl Crossing {
             forward,
             inverse_blur: 1.0 / shape.blur,
             spread: shape.spread / shape.blur,
-            angle: Angle::of_cosine(forward.dot(&curve.across)),
+            angle: Angle::from_cosine(forward.dot(&curve.across)),
             sign,
-            beside: [Beside::NONE; 2],
+            lines_beside: [LineBeside::NONE; 2],
             marker: None,
         }
     }
 
     /// The same crossing, moved to where the fitted curves meet.
-    fn moved_to(&self, curve: &ChordCurve, other: &ChordCurve, shape: EdgeShape) -> Self {
+    fn moved_to(&self, curve: &ChordCurve, crossing_line: &ChordCurve, shape: EdgeShape) -> Self {
         let (mut point, mut forward, mut cosine) = (self.point, self.forward, self.angle.rho);
         for _ in 0..STEPS {
             let (s, _) = curve.local(point);
             let on_curve = curve.point(s, 0.0);
             let normal = curve.point(s, 1.0) - on_curve;
             let along = Vector2::new(normal.y, -normal.x);
-            let (t, _) = other.local(on_curve);
-            let across = other.point(t, 1.0) - other.point(t, 0.0);
-            let rate = across.dot(&along);
-            if rate == 0.0 {
+            let (t, _) = crossing_line.local(on_curve);
+            let across = crossing_line.point(t, 1.0) - crossing_line.point(t, 0.0);
+            let crossing_rate = across.dot(&along);
+            if crossing_rate == 0.0 {
                 return *self;
             }
-            point = on_curve - along * (other.signed_distance(on_curve) / rate);
-            forward = across * rate.signum();
+            point = on_curve - along * (crossing_line.signed_distance(on_curve) / crossing_rate);
+            forward = across * crossing_rate.signum();
             cosine = forward.dot(&normal);
         }
         Self {
@@ -345,7 +348,7 @@ impl Crossing {
             forward,
             inverse_blur: 1.0 / shape.blur,
             spread: shape.spread / shape.blur,
-            angle: Angle::of_cosine(cosine),
+            angle: Angle::from_cosine(cosine),
             ..*self
         }
     }
@@ -363,23 +366,23 @@ impl Crossing {
 
     /// The flip, from a slope of -1 before the crossing to 1 after it.
     fn flip(&self, point: Vector2<f64>, distance: f64) -> Flip {
-        let (own, other) = (distance * self.inverse_blur, self.blurs(point));
+        let (line_blurs, crossing_blurs) = (distance * self.inverse_blur, self.blurs(point));
         let skewed = self.skewed(point, distance);
-        if other.min(skewed) > ENTIRE {
+        if crossing_blurs.min(skewed) > ROUNDING_BLURS {
             return Flip::NONE;
         }
-        if other.max(skewed) < -ENTIRE {
+        if crossing_blurs.max(skewed) < -ROUNDING_BLURS {
             return Flip::NONE.opposite();
         }
-        let own_step = step(own);
+        let line_step = step(line_blurs);
         let slope = step(skewed);
-        let mut value = own_step * step(other);
-        if own.abs() < COMPLETE && other.abs() < COMPLETE {
-            value += self.angle.excess(own, other);
+        let mut value = line_step * step(crossing_blurs);
+        if line_blurs.abs() < COMPLETE_BLURS && crossing_blurs.abs() < COMPLETE_BLURS {
+            value += self.angle.excess(line_blurs, crossing_blurs);
         }
         Flip {
             slope,
-            shift: value - own_step * slope,
+            shift: value - line_step * slope,
         }
     }
 }
@@ -398,7 +401,7 @@ struct Angle {
 }
 
 impl Angle {
-    fn of_cosine(cosine: f64) -> Self {
+    fn from_cosine(cosine: f64) -> Self {
         let rho = cosine.clamp(-MAX_CORRELATION, MAX_CORRELATION);
         let half_angle = 0.5 * rho.asin();
         let node = |(node, weight): (f64, f64)| {
@@ -406,14 +409,14 @@ impl Angle {
             let scale = 1.0 / (1.0 - sine * sine);
             [sine, scale, FRAC_2_PI * half_angle * weight]
         };
-        let chosen: &[(f64, f64)] = if rho.abs() <= FEW_SUFFICE {
-            &FEW
+        let chosen: &[(f64, f64)] = if rho.abs() <= MAX_FEW_CORRELATION {
+            &FEW_NODES
         } else {
             &NODES
         };
         let mut nodes = [[0.0; 3]; NODES.len()];
-        for (own, chosen) in nodes.iter_mut().zip(chosen) {
-            *own = node(*chosen);
+        for (entry, chosen) in nodes.iter_mut().zip(chosen) {
+            *entry = node(*chosen);
         }
         Self {
             rho,
@@ -424,8 +427,8 @@ impl Angle {
     }
 
     /// Increase of the expectation over the product of the two steps by the correlation.
-    fn excess(&self, own: f64, other: f64) -> f64 {
-        let (squares, product) = (0.5 * (own * own + other * other), own * other);
+    fn excess(&self, d: f64, e: f64) -> f64 {
+        let (squares, product) = (0.5 * (d * d + e * e), d * e);
         let nodes = self.nodes[..self.used].iter();
         nodes
             .map(|[sine, scale, weight]| weight * ((sine * product - squares) * scale).exp())
@@ -440,7 +443,7 @@ fn step(blurs: f64) -> f64 {
 
 impl EdgeSpan {
     /// Sign of the contrast after a crossing of the given number, relative to that after the first.
-    pub(super) fn sign(&self, number: usize) -> f64 {
+    pub(super) fn contrast_sign(&self, number: usize) -> f64 {
         let first = self.crossings.first().map_or(0, |first| first.1);
         if number.abs_diff(first).is_multiple_of(2) {
             1.0
@@ -459,8 +462,8 @@ impl EdgeSpan {
 }
 
 /// Direction of a line's coarse path where another one crosses it.
-fn direction_at(spans: &[EdgeSpan], line: usize, other: usize) -> Option<Vector2<f64>> {
-    let place = position(spans, line, other)?;
+fn direction_at(spans: &[EdgeSpan], line: usize, crossing_line: usize) -> Option<Vector2<f64>> {
+    let place = crossing_index(spans, line, crossing_line)?;
     let path = &spans[line].path;
     let before = path.get(place.saturating_sub(1))?;
     let after = path.get(place + 1).or(path.get(place))?;
@@ -473,20 +476,22 @@ fn marker_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<Marke
     let rim = *span.rims.get(number).filter(|rim| **rim > 0.0)?;
     let ends = [*span.path.get(number)?, *span.path.get(number + 1)?];
     let along = (ends[1] - ends[0]).try_normalize(f64::MIN_POSITIVE)?;
-    let side = span.polarity.signum() * span.sign(span.crossings.get(number)?.1);
-    let [own, across] = [side, -side].map(|side| {
-        let depths = [number, number + 1]
-            .into_iter()
-            .filter_map(|end| distances(spans, index, end, side * along).first().copied());
+    let side = span.polarity.signum() * span.contrast_sign(span.crossings.get(number)?.1);
+    let [cell_depth, across_depth] = [side, -side].map(|side| {
+        let depths = [number, number + 1].into_iter().filter_map(|end| {
+            line_distances(spans, index, end, side * along)
+                .first()
+                .copied()
+        });
         depths.reduce(|one, other| 0.5 * (one + other))
     });
     // A cell at the board's rim is about as deep as its neighbour across the line.
-    let (own, across) = (own.or(across)?, across.or(own)?);
+    let (cell_depth, across_depth) = (cell_depth.or(across_depth)?, across_depth.or(cell_depth)?);
     // The change of scale by perspective, for lines at equal distances.
-    let narrowing = (across - own) / (across + own);
+    let narrowing = (across_depth - cell_depth) / (across_depth + cell_depth);
     Some(Marker {
         side,
-        depth: rim * own * (1.0 + narrowing) / (1.0 + rim * narrowing),
+        depth: rim * cell_depth * (1.0 + narrowing) / (1.0 + rim * narrowing),
         margin: rim * (ends[1] - ends[0]).norm(),
     })
 }
@@ -498,8 +503,12 @@ fn tag_after(spans: &[EdgeSpan], index: usize, number: usize) -> Option<TagCells
     let near = [*span.path.get(number)?, *span.path.get(number + 1)?];
     let along = (near[1] - near[0]).try_normalize(f64::MIN_POSITIVE)?;
     // The side of the dark cell.
-    let side = -span.polarity.signum() * span.sign(span.crossings.get(number)?.1);
-    let opposite = |end| following(spans, index, end, side * along)?.first().copied();
+    let side = -span.polarity.signum() * span.contrast_sign(span.crossings.get(number)?.1);
+    let opposite = |end| {
+        next_crossings(spans, index, end, side * along)?
+            .first()
+            .copied()
+    };
     let far = [opposite(number)?, opposite(number + 1)?];
     TagCells::new(near, far, span.tag_border, cells)
 }

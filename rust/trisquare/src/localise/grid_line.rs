@@ -39,22 +39,22 @@ pub(super) fn find(
     index: usize,
 ) -> Result<CoarseEdge, NoEdge> {
     let span = &spans[index];
-    let curve = through_crossings(span).ok_or(NoEdge::NoPath)?;
+    let curve = crossings_curve(span).ok_or(NoEdge::NoPath)?;
     let spacing = lines_beside::spacing(spans, index, curve.along);
-    let least_rim = span.rims.iter().copied().filter(|rim| *rim > 0.0);
-    let share = least_rim.map(|rim| 0.5 * rim).fold(SHADE_SHARE, f64::min);
-    let reach = SHADE_REACH.min(share * spacing);
-    let mut seen: Vec<Stretch> = Vec::new();
+    let rims = span.rims.iter().copied().filter(|rim| *rim > 0.0);
+    let reach_share = rims.map(|rim| 0.5 * rim).fold(SHADE_SHARE, f64::min);
+    let reach = SHADE_REACH.min(reach_share * spacing);
+    let mut stretches: Vec<Stretch> = Vec::new();
     let mut hidden = span.gaps(&curve);
-    let mut stretches = 0.0;
+    let mut stretch_count = 0.0;
     for (ends, numbers) in span.path.windows(2).zip(span.crossings.windows(2)) {
         if numbers[1].1.abs_diff(numbers[0].1) != 1 {
             continue;
         }
-        stretches += 1.0;
+        stretch_count += 1.0;
         let ends = [ends[0], ends[1]].map(|end| curve.local(end).0);
-        match look(reader, &curve, ends, reach) {
-            Some((shades, slope)) => seen.push(Stretch {
+        match measure_stretch(reader, &curve, ends, reach) {
+            Some((shades, slope)) => stretches.push(Stretch {
                 ends,
                 shades: span.unflipped(numbers[0].1, shades),
                 slope,
@@ -62,33 +62,34 @@ pub(super) fn find(
             None => hidden.push(ends),
         }
     }
-    if seen.is_empty() {
+    if stretches.is_empty() {
         return Err(NoEdge::OutsidePicture);
     }
     let contrast =
         |stretch: &Stretch| span.polarity.signum() * (stretch.shades[1] - stretch.shades[0]);
-    let supporting = seen.iter().filter(|stretch| contrast(stretch) > 0.0);
-    if (supporting.count() as f64) < MIN_SUPPORT * stretches {
+    let supporting = stretches.iter().filter(|stretch| contrast(stretch) > 0.0);
+    if (supporting.count() as f64) < MIN_SUPPORT * stretch_count {
         return Err(NoEdge::Inconsistent);
     }
-    let usual = median(seen.iter().map(contrast));
+    let median_contrast = median(stretches.iter().map(contrast));
     hidden.extend(
-        seen.iter()
-            .filter(|stretch| contrast(stretch) < MIN_CONTRAST * usual)
+        stretches
+            .iter()
+            .filter(|stretch| contrast(stretch) < MIN_CONTRAST * median_contrast)
             .map(|stretch| stretch.ends),
     );
-    let slope = median(seen.iter().map(|stretch| stretch.slope));
+    let slope = median(stretches.iter().map(|stretch| stretch.slope));
     Ok(CoarseEdge {
         curve,
-        plateaus: [0, 1].map(|side| median(seen.iter().map(|stretch| stretch.shades[side]))),
+        plateaus: [0, 1].map(|side| median(stretches.iter().map(|stretch| stretch.shades[side]))),
         // At the edge itself the slope is the contrast times the normal density over the blur.
-        blur: pdf(0.0) * usual / slope,
+        blur: pdf(0.0) * median_contrast / slope,
         hidden,
     })
 }
 
 /// A smooth curve through a line's crossings, each of which has an error of a pixel or so.
-fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
+fn crossings_curve(span: &EdgeSpan) -> Option<ChordCurve> {
     let (&start, &end) = (span.path.first()?, span.path.last()?);
     if span.crossings.len() != span.path.len() || span.path.len() < 2 {
         return None;
@@ -102,8 +103,8 @@ fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
     let degree = degree_for(curve.length());
     // The degree is at most half the number of crossings, so that the curve does not follow the
     // error of each.
-    let seen = degree.min((places.len() - 1).div_ceil(2));
-    if !curve.fit(places.iter().map(|(s, y)| (*s, *y, 1.0)), seen) {
+    let fitted_degree = degree.min((places.len() - 1).div_ceil(2));
+    if !curve.fit(places.iter().map(|(s, y)| (*s, *y, 1.0)), fitted_degree) {
         return None;
     }
     curve.degree = degree;
@@ -112,7 +113,7 @@ fn through_crossings(span: &EdgeSpan) -> Option<ChordCurve> {
 
 /// The median shades on both sides between two crossings, and the median steepest slope; `None`
 /// outside the picture.
-fn look(
+fn measure_stretch(
     reader: &GreyReader<'_>,
     curve: &ChordCurve,
     ends: [f64; 2],
@@ -149,7 +150,7 @@ impl EdgeSpan {
     /// The shades after a crossing of the given number, exchanged if the polarity is the opposite
     /// there.
     fn unflipped(&self, number: usize, [before, after]: [f64; 2]) -> [f64; 2] {
-        if self.sign(number) > 0.0 {
+        if self.contrast_sign(number) > 0.0 {
             [before, after]
         } else {
             [after, before]

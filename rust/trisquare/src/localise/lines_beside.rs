@@ -6,35 +6,35 @@ use super::span::EdgeSpan;
 
 /// A line beside a grid line, at which the light changes back.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Beside {
+pub(super) struct LineBeside {
     /// Distance from the grid line, pixels.
     pub distance: f64,
     /// Whether it is the grid's outline, beyond which all is light.
     pub is_outline: bool,
 }
 
-impl Beside {
+impl LineBeside {
     pub const NONE: Self = Self {
         distance: f64::INFINITY,
         is_outline: true,
     };
 
     /// The line beside at a place along the line, from those at the crossings before and after it.
-    pub fn between(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
-        let (Some((start, one)), Some((end, other))) = (before, after) else {
-            return before.or(after).map_or(Self::NONE, |(_, one)| one);
+    pub fn interpolated(s: f64, before: Option<(f64, Self)>, after: Option<(f64, Self)>) -> Self {
+        let (Some((start, first)), Some((end, second))) = (before, after) else {
+            return before.or(after).map_or(Self::NONE, |(_, first)| first);
         };
         // If only one crossing has a line there and not just the outline, that line is used.
-        match (one.is_outline, other.is_outline) {
-            (true, false) => other,
-            (false, true) => one,
-            (is_outline, _) if one.distance.is_finite() && other.distance.is_finite() => Self {
-                distance: one.distance
-                    + (s - start) / (end - start) * (other.distance - one.distance),
+        match (first.is_outline, second.is_outline) {
+            (true, false) => second,
+            (false, true) => first,
+            (is_outline, _) if first.distance.is_finite() && second.distance.is_finite() => Self {
+                distance: first.distance
+                    + (s - start) / (end - start) * (second.distance - first.distance),
                 is_outline,
             },
-            _ if one.distance < other.distance => one,
-            _ => other,
+            _ if first.distance < second.distance => first,
+            _ => second,
         }
     }
 }
@@ -48,33 +48,33 @@ pub(super) fn next_line(
     index: usize,
     number: usize,
     along: Vector2<f64>,
-) -> Beside {
-    if let Some(&distance) = distances(spans, index, number, along).first() {
-        return Beside {
+) -> LineBeside {
+    if let Some(&distance) = line_distances(spans, index, number, along).first() {
+        return LineBeside {
             distance,
             is_outline: false,
         };
     }
-    let inwards = distances(spans, index, number, -along);
+    let inwards = line_distances(spans, index, number, -along);
     let distance = match inwards[..] {
         [first, second, third, ..] => (second - first) * first / (third - second),
         [first, second] => second - first,
-        _ => return Beside::NONE,
+        _ => return LineBeside::NONE,
     };
-    Beside {
+    LineBeside {
         distance,
         is_outline: true,
     }
 }
 
 /// Distances from a line to the next lines on the right of the given direction, at most three.
-pub(super) fn distances(
+pub(super) fn line_distances(
     spans: &[EdgeSpan],
     index: usize,
     number: usize,
     along: Vector2<f64>,
 ) -> Vec<f64> {
-    let points = following(spans, index, number, along).unwrap_or_default();
+    let points = next_crossings(spans, index, number, along).unwrap_or_default();
     let here = spans[index].path.get(number).copied().unwrap_or_default();
     let distance = |point: &Vector2<f64>| along.perp(&(point - here));
     points.iter().map(distance).collect()
@@ -82,17 +82,17 @@ pub(super) fn distances(
 
 /// The next crossings, at most three, along the line that crosses another, on the right of the
 /// given direction; they end at the first missing one.
-pub(super) fn following(
+pub(super) fn next_crossings(
     spans: &[EdgeSpan],
     index: usize,
     number: usize,
     along: Vector2<f64>,
 ) -> Option<Vec<Vector2<f64>>> {
-    let other = spans[index].crossings.get(number)?.0?;
-    let place = position(spans, other, index)?;
+    let crossing_line = spans[index].crossings.get(number)?.0?;
+    let place = crossing_index(spans, crossing_line, index)?;
     let EdgeSpan {
         path, crossings, ..
-    } = &spans[other];
+    } = &spans[crossing_line];
     let here = path.get(place)?;
     let runs = [-1, 1].map(|step| {
         let mut from = place;
@@ -120,7 +120,11 @@ pub(super) fn spacing(spans: &[EdgeSpan], index: usize, along: Vector2<f64>) -> 
 }
 
 /// Index in the list of a line's crossings of the one with another line.
-pub(super) fn position(spans: &[EdgeSpan], line: usize, other: usize) -> Option<usize> {
+pub(super) fn crossing_index(
+    spans: &[EdgeSpan],
+    line: usize,
+    crossing_line: usize,
+) -> Option<usize> {
     let crossings = &spans.get(line)?.crossings;
-    crossings.iter().position(|c| c.0 == Some(other))
+    crossings.iter().position(|c| c.0 == Some(crossing_line))
 }

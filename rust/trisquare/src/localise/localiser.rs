@@ -17,7 +17,7 @@ use super::side_sums::LIGHT;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge, SpanEdges};
 use super::surroundings::{
-    FAR_RATIO, far_margin, margin, near, near_within, refuse_thin_bars, whole_band,
+    FAR_RATIO, far_margin, margin, near, near_within, reject_thin_bars, whole_band,
 };
 use super::tone_fit::{self, ToneShare};
 use super::{blur_differences, patches, plateaus, thinning};
@@ -55,7 +55,7 @@ pub(super) struct Localiser<'a> {
     noise_floor: f64,
     pixels: Vec<Pixel>,
     /// The pixels of a preview's wider band.
-    wide: Vec<Pixel>,
+    wide_pixels: Vec<Pixel>,
     predictions: Vec<Prediction>,
     residuals: Vec<f64>,
 }
@@ -68,7 +68,7 @@ impl<'a> Localiser<'a> {
             lens_kurtosis: None,
             noise_floor: picture.rounding_noise(),
             pixels: Vec::new(),
-            wide: Vec::new(),
+            wide_pixels: Vec::new(),
             predictions: Vec::new(),
             residuals: Vec::new(),
         }
@@ -76,7 +76,7 @@ impl<'a> Localiser<'a> {
 
     /// The same localiser, with its sides used to estimate the tone curve, for this kurtosis of the
     /// lens's blur.
-    pub fn for_tone(self, lens_kurtosis: f64) -> Self {
+    pub fn with_lens_kurtosis(self, lens_kurtosis: f64) -> Self {
         Self {
             lens_kurtosis: Some(lens_kurtosis),
             ..self
@@ -90,77 +90,85 @@ impl<'a> Localiser<'a> {
     /// Fits the edges of all spans to some of their pixels.
     pub fn previews(&mut self, sought: &mut Sought<'_>) -> Vec<Result<Preview, NoEdge>> {
         let indices = 0..sought.spans.len();
-        let is_of_bar = |index: &usize| sought.spans[*index].far_edge.is_some();
-        let of_bars: Vec<usize> = indices.clone().filter(is_of_bar).collect();
+        let is_bar = |index: &usize| sought.spans[*index].far_edge.is_some();
+        let bar_spans: Vec<usize> = indices.clone().filter(is_bar).collect();
         let mut previews: Vec<_> = indices
             .map(|index| self.preview(sought, index, &[]))
             .collect();
-        let moved = sought.settle_crossings(&self.reader, &previews);
-        let rounds = std::iter::repeat_n(of_bars, BAR_ROUNDS).flatten();
+        let moved = sought.move_crossings(&self.reader, &previews);
+        let rounds = std::iter::repeat_n(bar_spans, BAR_ROUNDS).flatten();
         for index in moved.into_iter().chain(rounds) {
             previews[index] = self.preview(sought, index, &previews);
         }
-        refuse_thin_bars(&sought.spans, &mut previews);
+        reject_thin_bars(&sought.spans, &mut previews);
         previews
     }
 
     /// Fits a span's edge to some of its pixels, away from its ends. The far edge of a thin bar is
-    /// taken from `known`, if it is there.
+    /// taken from `previews`, if it is there.
     fn preview<'b>(
         &mut self,
         sought: &'b Sought<'_>,
         index: usize,
-        known: &'b [Result<Preview, NoEdge>],
+        previews: &'b [Result<Preview, NoEdge>],
     ) -> Result<Preview, NoEdge> {
         let span = &sought.spans[index];
         let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
         let is_crossed = !span.crossings.is_empty();
-        let mut side = self.first_guess(coarse, is_crossed);
-        let around = PreviewBand::about(&side, sought, index, known, self.tone)?;
+        let mut side = self.initial_side(coarse, is_crossed);
+        let preview_band = PreviewBand::around(&side, sought, index, previews, self.tone)?;
         let margin = margin(&sought.spans, index, &side);
         let within = |width: f64| margin.map(|margin| width.min(margin));
         let narrow = near(&side);
-        self.gather_around(&around, &side, narrow, within(narrow))?;
+        self.gather_around(&preview_band, &side, narrow, within(narrow))?;
         self.predict(&side);
-        let noise = self.noise_about(&side);
+        let noise = self.edge_noise(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_ROUGH_STEP));
         if !is_crossed {
             side.blur_degree = LIGHT - 1;
         }
-        self.settle_spread(&mut side, noise);
+        self.refine_spread(&mut side, noise);
 
         let near = near_within(&side, margin);
         let far = (FAR_RATIO * near).min(far_margin(&side, is_crossed));
         let far = within(far.max(near));
-        let far_edge = around.far_edge(&side);
-        side.feels_far_edge = far_edge.is_some_and(|far_edge| far_edge.is_felt);
-        self.gather_around(&around, &side, far[0].max(far[1]), far)?;
-        std::mem::swap(&mut self.pixels, &mut self.wide);
+        let far_edge = preview_band.far_edge(&side);
+        side.has_far_edge = far_edge.is_some_and(|far_edge| far_edge.is_modelled);
+        self.gather_around(&preview_band, &side, far[0].max(far[1]), far)?;
+        std::mem::swap(&mut self.pixels, &mut self.wide_pixels);
         let is_near = |pixel: &&Pixel| side.distance(pixel).abs() <= near;
         self.pixels.clear();
-        self.pixels.extend(self.wide.iter().filter(is_near));
+        self.pixels.extend(self.wide_pixels.iter().filter(is_near));
         self.predict(&side);
-        let noise = self.noise_about(&side);
+        let noise = self.edge_noise(&side);
         self.fit(&mut side, noise, (PREVIEW_STEPS, LAST_STEP));
-        self.settle_spread(&mut side, noise);
-        side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
-        let mut noise = self.noise_about(&side);
+        self.refine_spread(&mut side, noise);
+        side.predict_all(
+            self.reader.curve(),
+            &self.wide_pixels,
+            &mut self.predictions,
+        );
+        let mut noise = self.edge_noise(&side);
         // The flips of a crossed line assume a normal blur, and the shift by a wrong shape
         // alternates in sign from cell to cell.
-        if !is_crossed && side.shape(self.reader.curve(), &self.pixels, noise) {
-            side.predict_all(self.reader.curve(), &self.wide, &mut self.predictions);
-            noise = self.noise_about(&side);
+        if !is_crossed && side.fit_shape(self.reader.curve(), &self.pixels, noise) {
+            side.predict_all(
+                self.reader.curve(),
+                &self.wide_pixels,
+                &mut self.predictions,
+            );
+            noise = self.edge_noise(&side);
         }
         // Other objects beside the edge are not noise. Such a side is judged once its patches,
         // which have their own light, are measured.
         if !span.is_beside_others {
-            self.judge(&side, span.polarity, noise)?;
+            self.check_step(&side, span.polarity, noise)?;
         }
         if span.margin[0].min(span.margin[1]) < MIN_MARGIN_BLURS * side.mean_blur() {
             return Err(NoEdge::Cramped);
         }
         let reach = plateaus::reach(&side, &self.predictions, noise, near, far);
-        let (pixels, predictions) = self.wide_within(&side, reach);
+        let (pixels, predictions) = self.pixels_within(&side, reach);
         Ok(Preview {
             side,
             noise,
@@ -181,7 +189,7 @@ impl<'a> Localiser<'a> {
         let mut measured: Vec<_> = indices
             .map(|index| self.measure(spans, index, previews))
             .collect();
-        blur_differences::settle(measured.iter_mut().flatten());
+        blur_differences::reduce_blur_changes(measured.iter_mut().flatten());
         measured
     }
 
@@ -201,11 +209,13 @@ impl<'a> Localiser<'a> {
         let crossings = is_crossed
             .then(|| GridCrossings::fitted(spans, index, (&side.curve, side.edge_shape()), found));
         let band = whole_band(spans, index, previews, preview, crossings.as_ref())?;
-        side.feels_far_edge = band.far_edge.is_some();
+        side.has_far_edge = band.far_edge.is_some();
         self.gather(&band)?;
         self.predict(&side);
         let normal = self.fit(&mut side, *noise, (FINAL_STEPS, LAST_STEP));
-        if side.reshape(self.reader.curve(), &self.pixels, *noise) || self.predictions.is_empty() {
+        if side.refine_shape(self.reader.curve(), &self.pixels, *noise)
+            || self.predictions.is_empty()
+        {
             self.predict(&side);
         }
         let (samples, noise) = patches::measure(
@@ -216,7 +226,7 @@ impl<'a> Localiser<'a> {
             span.is_beside_others,
             &mut self.residuals,
         );
-        self.judge(&side, span.polarity, noise)?;
+        self.check_step(&side, span.polarity, noise)?;
         if samples.points.len() < MIN_SAMPLES {
             return Err(NoEdge::Unmeasurable);
         }
@@ -224,8 +234,8 @@ impl<'a> Localiser<'a> {
         let share = match self.lens_kurtosis {
             Some(kurtosis) => {
                 let stride = tone_fit::stride(self.pixels.len(), spans.len());
-                let asked = thinning::some_of(self.pixels.iter().zip(&self.predictions), stride);
-                ToneShare::of(&side, (self.reader.curve(), kurtosis), asked, noise)
+                let sampled = thinning::subset(self.pixels.iter().zip(&self.predictions), stride);
+                ToneShare::of(&side, (self.reader.curve(), kurtosis), sampled, noise)
             }
             None => None,
         };
@@ -247,7 +257,7 @@ impl<'a> Localiser<'a> {
         })
     }
 
-    fn first_guess(&self, coarse: &CoarseEdge, is_crossed: bool) -> SideModel {
+    fn initial_side(&self, coarse: &CoarseEdge, is_crossed: bool) -> SideModel {
         let [before, after] = coarse.plateaus.map(|coded| self.tone.decode(coded));
         SideModel {
             curve: coarse.curve.clone(),
@@ -257,7 +267,7 @@ impl<'a> Localiser<'a> {
             blur_degree: 0,
             shape: BlurShape::NORMAL,
             spread: is_crossed.then_some(0.0),
-            feels_far_edge: false,
+            has_far_edge: false,
         }
     }
 
@@ -273,21 +283,21 @@ impl<'a> Localiser<'a> {
     /// Collects the pixels of a preview around a side.
     fn gather_around(
         &mut self,
-        around: &PreviewBand<'_>,
+        preview_band: &PreviewBand<'_>,
         side: &SideModel,
         near: f64,
         reach: [f64; 2],
     ) -> Result<(), NoEdge> {
-        let crossings = around.crossings(side);
-        self.gather(&around.band(side, near, reach, crossings.as_ref()))
+        let crossings = preview_band.crossings(side);
+        self.gather(&preview_band.band(side, near, reach, crossings.as_ref()))
     }
 
     /// The pixels of the wider band within reach of a side, and their predictions.
-    fn wide_within(&self, side: &SideModel, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
+    fn pixels_within(&self, side: &SideModel, reach: [f64; 2]) -> (Vec<Pixel>, Vec<Prediction>) {
         let (mut pixels, mut predictions) = (Vec::new(), Vec::new());
-        pixels.reserve_exact(self.wide.len());
-        predictions.reserve_exact(self.wide.len());
-        for (pixel, prediction) in self.wide.iter().zip(&self.predictions) {
+        pixels.reserve_exact(self.wide_pixels.len());
+        predictions.reserve_exact(self.wide_pixels.len());
+        for (pixel, prediction) in self.wide_pixels.iter().zip(&self.predictions) {
             if (-reach[0]..=reach[1]).contains(&side.distance(pixel)) {
                 pixels.push(*pixel);
                 predictions.push(*prediction);
@@ -309,7 +319,7 @@ impl<'a> Localiser<'a> {
 
     /// Fits the spread of a fitted crossed line, and everything else with it; does nothing for
     /// other sides.
-    fn settle_spread(&mut self, side: &mut SideModel, noise: f64) {
+    fn refine_spread(&mut self, side: &mut SideModel, noise: f64) {
         let Some(before) = side.spread else {
             return;
         };
@@ -317,7 +327,7 @@ impl<'a> Localiser<'a> {
             if self.predictions.is_empty() {
                 self.predict(side);
             }
-            let step = side.fit_spread(&self.pixels, &self.predictions, noise);
+            let step = side.step_spread(&self.pixels, &self.predictions, noise);
             if side.small_spread().is_some() {
                 side.spread = Some(0.0);
             }
@@ -325,23 +335,23 @@ impl<'a> Localiser<'a> {
                 return;
             }
             self.predict(side);
-            let noise = self.noise_about(side);
+            let noise = self.edge_noise(side);
             self.fit(side, noise, (PREVIEW_STEPS, LAST_STEP));
         }
     }
 
     /// The noise in the residuals of the last predictions.
-    fn noise_about(&mut self, side: &SideModel) -> f64 {
+    fn edge_noise(&mut self, side: &SideModel) -> f64 {
         side.edge_noise(&self.predictions, self.noise_floor, &mut self.residuals)
     }
 
     /// Checks that a fitted side is a step of the expected polarity, above the noise.
-    fn judge(&self, side: &SideModel, polarity: f64, noise: f64) -> Result<(), NoEdge> {
+    fn check_step(&self, side: &SideModel, polarity: f64, noise: f64) -> Result<(), NoEdge> {
         let [before, after] = side.plateaus().map(|light| self.tone.encode(light));
         let contrast = polarity.signum() * (after - before);
         let relative_length = EVIDENT_LENGTH / side.curve.length();
-        let least = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
-        let is_step = side.mean_blur() < BLUR_RANGE[1] && contrast > least;
+        let min_contrast = MIN_CONTRAST * noise * relative_length.sqrt().min(1.0);
+        let is_step = side.mean_blur() < BLUR_RANGE[1] && contrast > min_contrast;
         if is_step {
             Ok(())
         } else {

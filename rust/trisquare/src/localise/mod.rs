@@ -145,8 +145,8 @@ const SHIFT_PER_LIGHT: f64 = 5.0;
 pub fn localise_with_unknown_tone(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let (edges, estimate, mut faults) = with_best_curve(picture, spans);
     if let Some(shift) = estimate.shift_std {
-        let own = SHIFT_PER_LIGHT * shift * faults.light_spread;
-        faults.side_error = faults.side_error.hypot(own);
+        let light_error = SHIFT_PER_LIGHT * shift * faults.light_spread;
+        faults.side_error = faults.side_error.hypot(light_error);
     }
     (edges, estimate, faults)
 }
@@ -211,7 +211,7 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
         curve: assumed,
         ..first
     };
-    let edges = displacement::shifted(measured, shift_std);
+    let edges = displacement::with_shift_std(measured, shift_std);
     (sought.joined(edges), estimate, faults)
 }
 
@@ -223,7 +223,8 @@ fn with_curve(
     previews: &[Result<Preview, NoEdge>],
     first: &ToneEstimate,
 ) -> (Vec<Result<SpanEdges, NoEdge>>, ToneEstimate) {
-    let mut localiser = Localiser::new(picture, Tone::Power(first.curve)).for_tone(first.kurtosis);
+    let mut localiser =
+        Localiser::new(picture, Tone::Power(first.curve)).with_lens_kurtosis(first.kurtosis);
     let measured = localiser.measure_all(&sought.spans, previews);
     let (edges, mut estimate) = displacement::corrected(first.curve, measured);
     // A misfit that a subset of the pixels does not show is chance, or that of a single side.

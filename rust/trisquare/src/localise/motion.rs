@@ -8,7 +8,7 @@ use super::preview::Preview;
 /// Minimum number of sides to determine it.
 const MIN_SIDES: u32 = 8;
 /// Number of standard deviations, and length (px), above which it is significant.
-const CERTAIN: f64 = 6.0;
+const MIN_DEVIATIONS: f64 = 6.0;
 const MIN_LENGTH: f64 = 1.5;
 /// Variance of a box of length 1.
 const BOX_VARIANCE: f64 = 1.0 / 12.0;
@@ -49,10 +49,10 @@ pub(super) fn blur<'a>(previews: impl Iterator<Item = &'a Preview>) -> Option<Mo
     let variance = (squares - solution.dot(&right)).max(0.0) / f64::from(count - 3);
     // Half the difference of the eigenvalues, as a vector at twice the angle of the motion.
     let half = Vector2::new(solution[1], solution[2]);
-    let own = factor.inverse().fixed_view::<2, 2>(1, 1).into_owned();
-    let deviations = (half.dot(&own.cholesky()?.solve(&half)) / variance).sqrt();
+    let half_covariance = factor.inverse().fixed_view::<2, 2>(1, 1).into_owned();
+    let deviations = (half.dot(&half_covariance.cholesky()?.solve(&half)) / variance).sqrt();
     let length = (2.0 * half.norm() / BOX_VARIANCE).sqrt();
-    (deviations > CERTAIN && length > MIN_LENGTH).then(|| MotionBlur {
+    (deviations > MIN_DEVIATIONS && length > MIN_LENGTH).then(|| MotionBlur {
         length,
         direction: (0.5 * half.y.atan2(half.x)).to_degrees().rem_euclid(180.0),
     })
@@ -89,7 +89,7 @@ mod tests {
                     blur_degree: 0,
                     shape: BlurShape::NORMAL,
                     spread: None,
-                    feels_far_edge: false,
+                    has_far_edge: false,
                 },
                 noise: 0.01,
                 reach: [3.0; 2],

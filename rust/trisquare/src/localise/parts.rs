@@ -88,21 +88,21 @@ struct Offset {
 }
 
 /// Comparison of a side in two parts of its pixels.
-struct Seen {
+struct SideOffset {
     normal: Vector2<f64>,
     /// Position relative to the picture's middle.
     place: Vector2<f64>,
     /// Offset along the normal of the second part relative to the first, px, and its variance.
     offset: f64,
     variance: f64,
-    to_dark: f64,
+    dark_sign: f64,
 }
 
 /// Displacement of the odd columns, as a fraction of that of the odd rows, above which the cause is
 /// not interlacing, which displaces only rows, but enlargement or strong compression.
-const ALIKE: f64 = 0.5;
+const MAX_COLUMN_RATIO: f64 = 0.5;
 /// Number of standard deviations above which the columns are displaced.
-const DISPLACED: f64 = 3.0;
+const MIN_COLUMN_DEVIATIONS: f64 = 3.0;
 
 /// Displacement of the odd rows against the even ones; `None` if there are too few sides, or if the
 /// odd columns are displaced as well.
@@ -113,24 +113,25 @@ pub(super) fn rows<'a>(
     let (mut by_row, mut by_column) = (Vec::new(), Vec::new());
     for preview in previews {
         let side = &preview.side;
-        let [even, odd] = by_parity(preview);
-        let of = |first: &[PartSums; 2], second: &[PartSums; 2]| {
+        let [even, odd] = parity_sums(preview);
+        let compared = |first: &[PartSums; 2], second: &[PartSums; 2]| {
             let offset = |parts: &[PartSums; 2]| parts[0].plus(&parts[1]).offset();
-            Seen::of(reader, side, offset(first)?, offset(second)?)
+            SideOffset::of(reader, side, offset(first)?, offset(second)?)
         };
-        by_column.extend(of(&[even[0], odd[0]], &[even[1], odd[1]]));
-        by_row.extend(of(&even, &odd));
+        by_column.extend(compared(&[even[0], odd[0]], &[even[1], odd[1]]));
+        by_row.extend(compared(&even, &odd));
     }
     let rows = displacement(by_row.into_iter())?;
     let columns = displacement(by_column.into_iter());
     let are_displaced = |columns: PartDisplacement| {
-        columns.shift_deviations > DISPLACED && columns.shift.norm() > ALIKE * rows.shift.norm()
+        columns.shift_deviations > MIN_COLUMN_DEVIATIONS
+            && columns.shift.norm() > MAX_COLUMN_RATIO * rows.shift.norm()
     };
     (!columns.is_some_and(are_displaced)).then_some(rows)
 }
 
 /// Sums over the pixels of even and of odd rows, each for even and for odd columns.
-fn by_parity(preview: &Preview) -> [[PartSums; 2]; 2] {
+fn parity_sums(preview: &Preview) -> [[PartSums; 2]; 2] {
     let mut parts = [[PartSums::default(); 2]; 2];
     for (pixel, p) in single_pixels(preview) {
         // The remaining errors of the side's model, to first order.
@@ -158,7 +159,7 @@ pub(super) fn colours<'a>(
         for (pixel, p) in single_pixels(preview) {
             let [x, y] = pixel_place(side, pixel);
             // Each colour's light has its own base and contrast.
-            let (step, by_offset) = side.step_in(pixel, p);
+            let (step, by_offset) = side.step_fraction(pixel, p);
             let terms = SVector::from([1.0, pixel.s, step, by_offset]);
             for (part, light) in parts.iter_mut().zip(reader.lights(x, y)) {
                 part.add(&terms, light);
@@ -176,7 +177,7 @@ pub(super) fn colours<'a>(
             continue;
         };
         for (sides, offset) in sides.iter_mut().zip([blue, red]) {
-            sides.extend(Seen::of(reader, side, green, offset));
+            sides.extend(SideOffset::of(reader, side, green, offset));
         }
     }
     let [blue, red] = sides.map(|sides| displacement(sides.into_iter()));
@@ -213,7 +214,7 @@ fn pixel_place(side: &SideModel, pixel: &Pixel) -> [usize; 2] {
     [place.x.round() as usize, place.y.round() as usize]
 }
 
-impl Seen {
+impl SideOffset {
     fn of(
         reader: &GreyReader<'_>,
         side: &SideModel,
@@ -230,13 +231,13 @@ impl Seen {
             place: middle - 0.5 * (size - Vector2::repeat(1.0)),
             offset,
             variance,
-            to_dark: -side.contrast[0].signum(),
+            dark_sign: -side.contrast[0].signum(),
         })
     }
 }
 
 /// The displacement that fits the offsets of all sides best.
-fn displacement(sides: impl Iterator<Item = Seen>) -> Option<PartDisplacement> {
+fn displacement(sides: impl Iterator<Item = SideOffset>) -> Option<PartDisplacement> {
     let mut normal = SMatrix::<f64, DISPLACEMENTS, DISPLACEMENTS>::zeros();
     let mut right = SVector::<f64, DISPLACEMENTS>::zeros();
     let (mut squares, mut count) = (0.0, 0_u32);
@@ -245,7 +246,7 @@ fn displacement(sides: impl Iterator<Item = Seen>) -> Option<PartDisplacement> {
             side.normal.x,
             side.normal.y,
             side.normal.dot(&side.place),
-            side.to_dark,
+            side.dark_sign,
         ]);
         normal += row * row.transpose() / side.variance;
         right += row * (side.offset / side.variance);
@@ -261,10 +262,12 @@ fn displacement(sides: impl Iterator<Item = Seen>) -> Option<PartDisplacement> {
     let misfit = ((squares - solution.dot(&right)) / freedom).max(1.0);
     let covariance = factor.inverse() * misfit;
     let shift = Vector2::new(solution[0], solution[1]);
-    let of_shift = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    let shift_covariance = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     Some(PartDisplacement {
         shift,
-        shift_deviations: shift.dot(&of_shift.cholesky()?.solve(&shift)).sqrt(),
+        shift_deviations: shift
+            .dot(&shift_covariance.cholesky()?.solve(&shift))
+            .sqrt(),
         magnification: solution[MAGNIFICATION],
         magnification_std: covariance[(MAGNIFICATION, MAGNIFICATION)].sqrt(),
     })

@@ -73,40 +73,44 @@ struct PatchLight {
 /// Measures a side's samples, and the standard deviation of the residuals about it (at least
 /// `floor`), given its expected value.
 ///
-/// With `own_light`, every patch has its own base and contrast: where there are other objects
+/// With `has_own_light`, every patch has its own base and contrast: where there are other objects
 /// beside the edge, those of the side would displace its samples.
 pub(super) fn measure(
     side: &SideModel,
     tone: &ToneCurve,
     (pixels, predictions): (&[Pixel], &[Prediction]),
     (expected_noise, floor): (f64, f64),
-    own_light: bool,
+    has_own_light: bool,
     residuals: &mut Vec<f64>,
 ) -> (Samples, f64) {
     let mut patches = Patches::over(side, tone, pixels, expected_noise);
     let mut parameters = side.edge_parameters();
-    let of_side = |index: usize, _: &Pixel, _: &Patch| predictions[index];
-    let of_patch = |_: usize, pixel: &Pixel, patch: &Patch| {
+    let side_prediction = |index: usize, _: &Pixel, _: &Patch| predictions[index];
+    let patch_prediction = |_: usize, pixel: &Pixel, patch: &Patch| {
         side.predict(tone, pixel, patch.offset, patch.light.shift.into())
     };
     residuals.clear();
-    if own_light {
+    if has_own_light {
         patches.have_own_light = true;
         // The patch's light is still that of the side, so that no pixel can be taken for an
         // outlier.
-        patches.update(pixels, of_side, NO_OUTLIERS, |_| {});
+        patches.update(pixels, side_prediction, NO_OUTLIERS, |_| {});
         patches
             .patches
             .iter_mut()
             .for_each(|patch| patch.step = None);
         parameters = PARAMETERS_IN_LIGHT * patches.patches.len() as f64;
-        patches.update(pixels, of_patch, expected_noise, |r| residuals.push(r));
+        patches.update(pixels, patch_prediction, expected_noise, |r| {
+            residuals.push(r)
+        });
     } else {
-        patches.update(pixels, of_side, expected_noise, |r| residuals.push(r));
+        patches.update(pixels, side_prediction, expected_noise, |r| {
+            residuals.push(r)
+        });
     }
     let noise = pixel_noise::scale(residuals, parameters, floor);
     if patches.patches.iter().any(Patch::is_unsettled) {
-        patches.update(pixels, of_patch, noise, |_| {});
+        patches.update(pixels, patch_prediction, noise, |_| {});
     }
     (patches.samples(side, noise), noise)
 }
@@ -145,7 +149,7 @@ impl Patches {
     }
 
     /// Makes one Gauss-Newton step of the offset of every unsettled patch, and passes the residuals
-    /// at the edge to `tell`.
+    /// at the edge to `record_residual`.
     ///
     /// `prediction` returns the prediction for a pixel, given its index and its patch.
     fn update(
@@ -153,7 +157,7 @@ impl Patches {
         pixels: &[Pixel],
         prediction: impl Fn(usize, &Pixel, &Patch) -> Prediction,
         noise: f64,
-        mut tell: impl FnMut(f64),
+        mut record_residual: impl FnMut(f64),
     ) {
         for patch in self.patches.iter_mut().filter(|p| p.is_unsettled()) {
             *patch = Patch {
@@ -192,7 +196,7 @@ impl Patches {
             if p.is_at_edge() {
                 patch.squares += square.min(CHI_CAP) * noise * noise;
                 patch.edge_pixels += 1.0;
-                tell(p.residual);
+                record_residual(p.residual);
             }
         }
         for patch in self.patches.iter_mut().filter(|p| p.is_unsettled()) {
@@ -206,12 +210,12 @@ impl Patches {
             self.patches.iter().map(|patch| patch.information).collect();
         let middle = information.len() / 2;
         let (_, median, _) = information.select_nth_unstable_by(middle, f64::total_cmp);
-        let least = MIN_INFORMATION * *median;
+        let min_information = MIN_INFORMATION * *median;
         let (mut points, mut std) = (Vec::new(), Vec::new());
         for patch in self
             .patches
             .iter()
-            .filter(|patch| patch.is_sound(least, noise))
+            .filter(|patch| patch.is_sound(min_information, noise))
         {
             let [foot, sign] = [patch.moment, patch.sign].map(|sum| sum / patch.information);
             let across = side.spread_at(1.0) * sign + patch.offset;
@@ -262,19 +266,19 @@ impl Patch {
         let step = factor.solve(&light.right);
         light.per_offset = -factor.solve(&light.cross);
         light.shift += step;
-        let left = self.information + light.cross.dot(&light.per_offset);
+        let remaining = self.information + light.cross.dot(&light.per_offset);
         self.squares -= light.right.dot(&step);
         self.right -= light.cross.dot(&step);
-        self.moment *= left / self.information;
-        self.sign *= left / self.information;
-        self.information = left;
+        self.moment *= remaining / self.information;
+        self.sign *= remaining / self.information;
+        self.information = remaining;
     }
 
-    fn is_sound(&self, least_information: f64, noise: f64) -> bool {
+    fn is_sound(&self, min_information: f64, noise: f64) -> bool {
         let freedom = self.edge_pixels - 1.0;
         let mean_square = self.squares / (noise * noise * freedom);
         self.information > 0.0
-            && self.information >= least_information
+            && self.information >= min_information
             && freedom >= 1.0
             && self.offset.abs() < MAX_OFFSET
             && mean_square < 1.0 + MAX_CHI_DEVIATIONS * (2.0 / freedom).sqrt()

@@ -82,7 +82,7 @@ fn wave(preview: &Preview, contrast: f64) -> Option<f64> {
     let steps = (OVERSAMPLING * highest * spread(low, high)).ceil();
     let step = highest / steps;
     let mut across: Vec<Wave> = values().map(|(y, _)| Wave::new(step * y)).collect();
-    let along = Along::of(&columns);
+    let along = AlongWaves::of(&columns);
     let mut strongest = 0f64;
     for _ in 0..=steps as usize {
         let mut waves = across.iter_mut();
@@ -122,13 +122,13 @@ impl Wave {
 }
 
 /// Waves along a side, for the frequencies that its columns resolve.
-struct Along {
+struct AlongWaves {
     /// For each column, the wave of the lowest frequency.
-    slowest: Vec<Wave>,
+    lowest: Vec<Wave>,
     frequencies: usize,
 }
 
-impl Along {
+impl AlongWaves {
     fn of(columns: &[ResidualColumn]) -> Self {
         let first = columns[0].number;
         let spacings = columns
@@ -139,29 +139,29 @@ impl Along {
         let spacing = spacings.min().unwrap_or(1).max(1) as f64;
         let last = columns[columns.len() - 1].number;
         let periods = (last - first) as f64 / spacing + 1.0;
-        let tried = (OVERSAMPLING * periods) as usize;
-        let slowest = (OVERSAMPLING * MIN_PERIODS) as usize;
+        let frequencies = (OVERSAMPLING * periods) as usize;
+        let lowest = (OVERSAMPLING * MIN_PERIODS) as usize;
         let at = |column: &ResidualColumn| {
-            let turns = (column.number - first) as f64 / (tried as f64 * spacing);
+            let turns = (column.number - first) as f64 / (frequencies as f64 * spacing);
             Wave {
-                now: Complex::from_polar(1.0, TAU * turns * slowest as f64),
+                now: Complex::from_polar(1.0, TAU * turns * lowest as f64),
                 ..Wave::new(turns)
             }
         };
         Self {
-            slowest: columns.iter().map(at).collect(),
-            frequencies: tried.saturating_sub(2 * slowest),
+            lowest: columns.iter().map(at).collect(),
+            frequencies: frequencies.saturating_sub(2 * lowest),
         }
     }
 
     /// The largest absolute value, over the frequencies, of the sums over the columns of their
     /// terms times the wave.
     fn strongest(&self, columns: impl Iterator<Item = Complex<f64>>) -> f64 {
-        let mut terms = self.slowest.clone();
+        let mut terms = self.lowest.clone();
         terms
             .iter_mut()
             .zip(columns)
-            .for_each(|(term, own)| term.now *= own);
+            .for_each(|(term, factor)| term.now *= factor);
         let norms = (0..self.frequencies).map(|_| {
             terms
                 .iter_mut()

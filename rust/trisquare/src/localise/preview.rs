@@ -6,7 +6,7 @@ use super::flip::EdgeShape;
 use super::prediction::Prediction;
 use super::side::SideModel;
 use super::span::NoEdge;
-use super::thinning::some_of;
+use super::thinning::subset;
 
 /// A side found by the first fit, and the noise about it.
 pub(super) struct Preview {
@@ -35,8 +35,8 @@ impl Preview {
     /// Keeps one in `stride` pixels.
     pub fn thin(&mut self, stride: usize) {
         if stride > 1 {
-            self.pixels = some_of(self.pixels.iter().copied(), stride).collect();
-            self.predictions = some_of(self.predictions.iter().copied(), stride).collect();
+            self.pixels = subset(self.pixels.iter().copied(), stride).collect();
+            self.predictions = subset(self.predictions.iter().copied(), stride).collect();
         }
     }
 }

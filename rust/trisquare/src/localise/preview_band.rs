@@ -9,7 +9,7 @@ use super::preview::Preview;
 use super::side::SideModel;
 use super::sought::Sought;
 use super::span::{EdgeSpan, NoEdge};
-use super::surroundings::{inner_end, limit_at};
+use super::surroundings::{far_edge_limit, inner_end};
 use crate::image::Tone;
 
 /// Approximate number of columns of pixels in a preview, which only finds curve and blur. The
@@ -22,7 +22,7 @@ pub(super) struct PreviewBand<'a> {
     index: usize,
     hidden: &'a [[f64; 2]],
     /// The curve and the contrast of the far edge of a thin bar.
-    beside: Option<(&'a ChordCurve, f64)>,
+    far_side: Option<(&'a ChordCurve, f64)>,
     /// End of the band along the chord, pixels from its middle.
     end: f64,
     stride: usize,
@@ -31,16 +31,16 @@ pub(super) struct PreviewBand<'a> {
 impl<'a> PreviewBand<'a> {
     /// The band around the first guess of a side. The far edge of a thin bar is taken from the
     /// previews, if there are any, and else from the coarse edges.
-    pub fn about(
+    pub fn around(
         side: &SideModel,
         sought: &'a Sought<'_>,
         index: usize,
-        known: &'a [Result<Preview, NoEdge>],
+        previews: &'a [Result<Preview, NoEdge>],
         tone: Tone,
     ) -> Result<Self, NoEdge> {
         let span = &sought.spans[index];
         let coarse = sought.coarse[index].as_ref().map_err(|&reason| reason)?;
-        let seen = |other: usize| match (known.get(other), &sought.coarse[other]) {
+        let find_far_side = |other: usize| match (previews.get(other), &sought.coarse[other]) {
             (Some(Ok(Preview { side, .. })), _) => Ok((&side.curve, side.contrast[0])),
             (
                 None,
@@ -57,7 +57,7 @@ impl<'a> PreviewBand<'a> {
             spans: &sought.spans,
             index,
             hidden: &coarse.hidden,
-            beside: span.far_edge.map(seen).transpose()?,
+            far_side: span.far_edge.map(find_far_side).transpose()?,
             end: match span.crossings.is_empty() {
                 true => inner_end(side),
                 false => side.curve.half_length,
@@ -68,9 +68,9 @@ impl<'a> PreviewBand<'a> {
 
     /// The far edge of a thin bar, for the current estimate of the side.
     pub fn far_edge(&self, side: &SideModel) -> Option<FarEdge<'a>> {
-        let own = (&side.curve, side.contrast[0]);
-        let beside = self.beside?;
-        Some(FarEdge::beside(own, beside, side.mean_blur()))
+        let near_side = (&side.curve, side.contrast[0]);
+        let far_side = self.far_side?;
+        Some(FarEdge::new(near_side, far_side, side.mean_blur()))
     }
 
     /// The lines that cross the side, for its current estimate.
@@ -94,10 +94,10 @@ impl<'a> PreviewBand<'a> {
             near,
             reach,
             ends: [-self.end, self.end],
-            limits: far_edge.iter().map(limit_at).collect(),
+            limits: far_edge.iter().map(far_edge_limit).collect(),
             hidden: self.hidden,
             crossings,
-            far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
+            far_edge: far_edge.filter(|far_edge| far_edge.is_modelled),
             stride: self.stride,
         }
     }

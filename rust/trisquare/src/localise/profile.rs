@@ -62,9 +62,9 @@ impl ResidualProfile {
             bins += 1.0;
         }
         // The expected sum of squares from noise, plus some standard deviations of it.
-        let by_chance = noise * (1.0 + MISFIT_DEVIATIONS * (2.0_f64 / bins).sqrt());
-        if total > by_chance {
-            ((total - by_chance) / bins).sqrt()
+        let noise_limit = noise * (1.0 + MISFIT_DEVIATIONS * (2.0_f64 / bins).sqrt());
+        if total > noise_limit {
+            ((total - noise_limit) / bins).sqrt()
         } else {
             0.0
         }

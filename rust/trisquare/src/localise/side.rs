@@ -57,7 +57,7 @@ pub(super) struct SideModel {
     pub spread: Option<f64>,
     /// Whether the far edge of a thin bar is modelled beside it; the asymmetry of its profile is
     /// then not that of a tone curve.
-    pub feels_far_edge: bool,
+    pub has_far_edge: bool,
 }
 
 /// Position of a pixel in the blur of its edge.
@@ -143,28 +143,28 @@ impl SideModel {
     /// 1 if the light is on the side to which the normal points, with a [`Flip`](super::flip::Flip)
     /// of this slope, else -1.
     #[inline]
-    fn towards_light(&self, slope: f64) -> f64 {
+    fn light_sign(&self, slope: f64) -> f64 {
         (self.contrast[0] * slope).signum()
     }
 
     /// Displacement of the edge from the curve along its normal, with a flip of this slope.
     #[inline]
     pub fn spread_at(&self, slope: f64) -> f64 {
-        self.spread.unwrap_or(0.0) * self.towards_light(slope)
+        self.spread.unwrap_or(0.0) * self.light_sign(slope)
     }
 
     /// Derivative of a prediction with respect to the spread, without the effect of crossings.
     #[inline]
     pub fn by_spread(&self, pixel: &Pixel, prediction: &Prediction) -> f64 {
         match self.spread {
-            Some(_) => prediction.by_offset * self.towards_light(pixel.flip.slope),
+            Some(_) => prediction.by_offset * self.light_sign(pixel.flip.slope),
             None => 0.0,
         }
     }
 
     /// The fraction of the step at a pixel, and its derivative with respect to an offset of the
     /// edge along its normal, recovered from a prediction that is not silent.
-    pub fn step_in(&self, pixel: &Pixel, prediction: &Prediction) -> (f64, f64) {
+    pub fn step_fraction(&self, pixel: &Pixel, prediction: &Prediction) -> (f64, f64) {
         let contrast = polynomial(&self.contrast, pixel.s);
         let by_light = prediction.by_base;
         (
@@ -248,9 +248,9 @@ impl SideModel {
         // To first order the spread removes as much light near a crossing as elsewhere. The
         // displaced step includes the part proportional to its slope; this is the rest.
         let spread = self.spread.unwrap_or(0.0) / self.blur[0] * (1.0 - pixel.flip.slope.abs());
-        let taken = contrast.abs() * spread * density;
+        let spread_loss = contrast.abs() * spread * density;
         Light {
-            value: polynomial(&self.base, pixel.s) + base + contrast * step - taken,
+            value: polynomial(&self.base, pixel.s) + base + contrast * step - spread_loss,
             by_contrast: step,
             by_blurs: contrast * pixel.flip.slope * density,
         }
@@ -258,8 +258,8 @@ impl SideModel {
 
     /// Fits all parameters by damped Gauss-Newton; `noise` is the expected scale of the residuals.
     ///
-    /// The iteration ends with a step shorter than `settled` pixels, or after `max_steps`. The side
-    /// is left at the lowest cost found, except that a last step too small to matter is made
+    /// The iteration ends with a step shorter than `last_step` pixels, or after `max_steps`. The
+    /// side is left at the lowest cost found, except that a last step too small to matter is made
     /// without evaluating its cost. `predictions` are the side's predictions for the pixels, before
     /// and after; they are empty afterwards if the last step was too long for a linear update.
     /// Returns the matrix of the last normal equations.
@@ -269,12 +269,12 @@ impl SideModel {
         pixels: &[Pixel],
         predictions: &mut Vec<Prediction>,
         noise: f64,
-        (max_steps, settled): (usize, f64),
+        (max_steps, last_step): (usize, f64),
     ) -> Normal {
         let along = (self.curve.length(), self.degrees());
         let mut damping = FIRST_DAMPING;
         let mut best = Equations::of(along, pixels, predictions, noise);
-        let mut are_own = true;
+        let mut are_current = true;
         for _ in 0..max_steps {
             let Some(step) = best.step(damping) else {
                 damping *= DAMPING_RATIO;
@@ -282,25 +282,25 @@ impl SideModel {
             };
             let mut next = self.clone();
             let length = next.advance(&step);
-            if length < settled {
-                are_own &= length < LAST_FOLLOWED_STEP;
-                if are_own {
-                    next.adopt(self, pixels, predictions);
+            if length < last_step {
+                are_current &= length < LAST_FOLLOWED_STEP;
+                if are_current {
+                    next.update_predictions(self, pixels, predictions);
                 }
                 *self = next;
                 break;
             }
             next.predict_all(tone, pixels, predictions);
             let equations = Equations::of(along, pixels, predictions, noise);
-            are_own = equations.cost < best.cost;
-            if are_own {
+            are_current = equations.cost < best.cost;
+            if are_current {
                 (*self, best) = (next, equations);
                 damping = (damping / DAMPING_RATIO).max(FIRST_DAMPING);
             } else {
                 damping *= DAMPING_RATIO;
             }
         }
-        if !are_own {
+        if !are_current {
             predictions.clear();
         }
         best.normal
@@ -308,7 +308,7 @@ impl SideModel {
 
     /// Makes one Gauss-Newton step of the spread with all else held: only the spread's effect
     /// alternates from cell to cell. Returns the length of the step, pixels.
-    pub fn fit_spread(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> f64 {
+    pub fn step_spread(&mut self, pixels: &[Pixel], predictions: &[Prediction], noise: f64) -> f64 {
         let inverse_variance = 1.0 / (noise * noise);
         let (mut square, mut product) = (0.0, 0.0);
         for (pixel, p) in pixels.iter().zip(predictions) {
@@ -332,14 +332,23 @@ impl SideModel {
     }
 
     /// Changes the predictions of a side very near to this one into those of this one, linearly.
-    fn adopt(&self, near: &Self, pixels: &[Pixel], predictions: &mut [Prediction]) {
+    fn update_predictions(
+        &self,
+        previous: &Self,
+        pixels: &[Pixel],
+        predictions: &mut [Prediction],
+    ) {
         let mut moved = self.curve.clone();
-        for (own, old) in moved.coefficients.iter_mut().zip(near.curve.coefficients) {
-            *own -= old;
+        for (difference, old) in moved
+            .coefficients
+            .iter_mut()
+            .zip(previous.curve.coefficients)
+        {
+            *difference -= old;
         }
-        let base = std::array::from_fn(|k| self.base[k] - near.base[k]);
-        let contrast = std::array::from_fn(|k| self.contrast[k] - near.contrast[k]);
-        let blur = std::array::from_fn(|k| self.blur[k] - near.blur[k]);
+        let base = std::array::from_fn(|k| self.base[k] - previous.base[k]);
+        let contrast = std::array::from_fn(|k| self.contrast[k] - previous.contrast[k]);
+        let blur = std::array::from_fn(|k| self.blur[k] - previous.blur[k]);
         for (pixel, p) in pixels.iter().zip(predictions) {
             p.residual -= p.by_height * moved.height(pixel.s)
                 + p.by_base * polynomial(&base, pixel.s)
@@ -362,16 +371,16 @@ impl SideModel {
             self.base[k] += scale * step[BASE + k];
             self.contrast[k] += scale * step[CONTRAST + k];
         }
-        let of_blur = std::array::from_fn(|k| scale * step[BLUR + k]);
+        let blur_step = std::array::from_fn(|k| scale * step[BLUR + k]);
         let old = PLACES.map(|s| polynomial(&self.blur, s));
         let new = [0, 1, 2].map(|i| {
-            (old[i] + polynomial(&of_blur, PLACES[i]))
+            (old[i] + polynomial(&blur_step, PLACES[i]))
                 .clamp(old[i] / MAX_BLUR_RATIO, old[i] * MAX_BLUR_RATIO)
                 .clamp(BLUR_RANGE[0], BLUR_RANGE[1])
         });
         self.blur = polynomial_through(new);
-        let by_blur = old.iter().zip(new).map(|(old, new)| (new - old).abs());
-        by_blur.fold(scale * shift, f64::max)
+        let blur_changes = old.iter().zip(new).map(|(old, new)| (new - old).abs());
+        blur_changes.fold(scale * shift, f64::max)
     }
 
     /// Robust standard deviation of the residuals at the edge, at least `floor`.
@@ -450,7 +459,7 @@ mod tests {
             blur_degree: 0,
             shape: BlurShape::NORMAL,
             spread: None,
-            feels_far_edge: false,
+            has_far_edge: false,
         };
         let pixels = clipped_pixels(&truth, &tone);
         assert!(pixels.iter().any(|pixel| pixel.is_clipped));

@@ -27,7 +27,7 @@ const MAX_DEVIATIONS: f64 = 5.0;
 /// Minimum fraction of a span's samples that agree.
 const MIN_SHARE: f64 = 0.4;
 /// Displacement of the crossings of grid lines, pixels, below which it hardly moves the lines.
-const SETTLED: f64 = 0.1;
+const MIN_CROSSING_MOVE: f64 = 0.1;
 /// Number of points of a piece's path.
 const PATH_POINTS: usize = 5;
 
@@ -36,23 +36,23 @@ pub(super) struct Sought<'a> {
     pub spans: Vec<EdgeSpan>,
     pub coarse: Vec<Result<CoarseEdge, NoEdge>>,
     /// The requested spans, and the number of pieces of each.
-    asked: &'a [EdgeSpan],
+    requested: &'a [EdgeSpan],
     counts: Vec<usize>,
 }
 
 impl<'a> Sought<'a> {
-    pub fn of(reader: &GreyReader<'_>, asked: &'a [EdgeSpan]) -> Self {
+    pub fn of(reader: &GreyReader<'_>, requested: &'a [EdgeSpan]) -> Self {
         let mut sought = Self {
-            spans: Vec::with_capacity(asked.len()),
-            coarse: Vec::with_capacity(asked.len()),
-            asked,
-            counts: Vec::with_capacity(asked.len()),
+            spans: Vec::with_capacity(requested.len()),
+            coarse: Vec::with_capacity(requested.len()),
+            requested,
+            counts: Vec::with_capacity(requested.len()),
         };
-        for (index, span) in asked.iter().enumerate() {
-            let found = match span.fault(asked.len()) {
+        for (index, span) in requested.iter().enumerate() {
+            let found = match span.fault(requested.len()) {
                 Some(fault) => Err(NoEdge::InvalidArgument(fault)),
                 None if span.crossings.is_empty() => coarse::find(reader, span),
-                None => grid_line::find(reader, asked, index),
+                None => grid_line::find(reader, requested, index),
             };
             let pieces = match &found {
                 Ok(found) if span.is_beside_others => pieces(span, &found.curve),
@@ -74,17 +74,17 @@ impl<'a> Sought<'a> {
 
     /// Moves the crossings of grid lines to where the fitted lines meet; returns the lines whose
     /// crossings moved so far that they have to be fitted again.
-    pub fn settle_crossings(
+    pub fn move_crossings(
         &mut self,
         reader: &GreyReader<'_>,
         previews: &[Result<Preview, NoEdge>],
     ) -> Vec<usize> {
-        let settled = self.spans.iter().zip(previews).enumerate();
-        let settled = settled.filter_map(|(index, (span, own))| {
+        let moves = self.spans.iter().zip(previews).enumerate();
+        let moves = moves.filter_map(|(index, (span, preview))| {
             if span.crossings.is_empty() {
                 return None;
             }
-            let (curve, shape) = match (own, &self.coarse[index]) {
+            let (curve, shape) = match (preview, &self.coarse[index]) {
                 (Ok(Preview { side, .. }), _) => (&side.curve, side.edge_shape()),
                 (_, Ok(coarse)) => (&coarse.curve, EdgeShape::unspread(coarse.blur)),
                 _ => return None,
@@ -92,18 +92,19 @@ impl<'a> Sought<'a> {
             let found = |line| preview::found(previews, line);
             let crossings = GridCrossings::fitted(&self.spans, index, (curve, shape), found);
             let path: Vec<_> = crossings.points().collect();
-            let is_off = |(was, is): (&Vector2<f64>, &Vector2<f64>)| (is - was).norm() > SETTLED;
-            let far_off = span.path.iter().zip(&path).any(is_off);
-            far_off.then_some((index, path))
+            let has_moved =
+                |(was, is): (&Vector2<f64>, &Vector2<f64>)| (is - was).norm() > MIN_CROSSING_MOVE;
+            let is_moved = span.path.iter().zip(&path).any(has_moved);
+            is_moved.then_some((index, path))
         });
-        let (far_off, paths): (Vec<usize>, Vec<_>) = settled.unzip();
-        for (index, path) in far_off.iter().zip(paths) {
+        let (moved, paths): (Vec<usize>, Vec<_>) = moves.unzip();
+        for (index, path) in moved.iter().zip(paths) {
             self.spans[*index].path = path;
         }
-        for &index in &far_off {
+        for &index in &moved {
             self.coarse[index] = grid_line::find(reader, &self.spans, index);
         }
-        far_off
+        moved
     }
 
     /// Replaces the spans' indices of requested spans by those of the pieces.
@@ -135,7 +136,7 @@ impl<'a> Sought<'a> {
         edges: impl IntoIterator<Item = Result<SpanEdges, NoEdge>>,
     ) -> Vec<Result<SpanEdges, NoEdge>> {
         let mut edges = edges.into_iter();
-        let spans = self.asked.iter().zip(&self.counts);
+        let spans = self.requested.iter().zip(&self.counts);
         spans
             .map(|(span, &count)| match count {
                 1 => edges.next().unwrap_or(Err(NoEdge::NoPath)),
@@ -187,10 +188,10 @@ fn join(
     let mut whole = SpanEdges {
         points: Vec::new(),
         std: Vec::new(),
-        blur: mean(|own| own.blur),
-        dark: mean(|own| own.dark),
-        light: mean(|own| own.light),
-        noise: mean(|own| own.noise),
+        blur: mean(|edges| edges.blur),
+        dark: mean(|edges| edges.dark),
+        light: mean(|edges| edges.light),
+        noise: mean(|edges| edges.noise),
         tone_drift: Vec::new(),
     };
     for piece in found {
@@ -198,18 +199,23 @@ fn join(
         whole.std.extend(piece.std);
         whole.tone_drift.extend(piece.tone_drift);
     }
-    let curve = coarse::agreed(span, &whole.points).ok_or(reason)?;
-    let is_own = |(point, std): (&Vector2<f64>, &f64)| {
+    let curve = coarse::consensus_curve(span, &whole.points).ok_or(reason)?;
+    let is_agreeing = |(point, std): (&Vector2<f64>, &f64)| {
         curve.signed_distance(*point).abs() < MAX_DEVIATIONS * std
     };
-    let own: Vec<bool> = whole.points.iter().zip(&whole.std).map(is_own).collect();
-    let count = own.iter().filter(|is_own| **is_own).count();
-    if (count as f64) < MIN_SHARE * own.len() as f64 {
+    let agreeing: Vec<bool> = whole
+        .points
+        .iter()
+        .zip(&whole.std)
+        .map(is_agreeing)
+        .collect();
+    let count = agreeing.iter().filter(|is_agreeing| **is_agreeing).count();
+    if (count as f64) < MIN_SHARE * agreeing.len() as f64 {
         return Err(NoEdge::Inconsistent);
     }
-    keep(&mut whole.points, &own);
-    keep(&mut whole.std, &own);
-    keep(&mut whole.tone_drift, &own);
+    keep(&mut whole.points, &agreeing);
+    keep(&mut whole.std, &agreeing);
+    keep(&mut whole.tone_drift, &agreeing);
     Ok(whole)
 }
 

@@ -62,8 +62,8 @@ impl EdgeSpan {
     /// given together.
     pub(super) fn fault(&self, count: usize) -> Option<&'static str> {
         let crossings = self.crossings.iter().filter_map(|crossing| crossing.0);
-        let beside = self.bounds.into_iter().flatten().chain(self.far_edge);
-        let mut met = beside.chain(crossings);
+        let neighbours = self.bounds.into_iter().flatten().chain(self.far_edge);
+        let mut met = neighbours.chain(crossings);
         if self.polarity == 0.0 || self.polarity.is_nan() {
             Some("its polarity must be 1 or -1")
         } else if met.any(|other| other >= count) {

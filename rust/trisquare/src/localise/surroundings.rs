@@ -1,8 +1,8 @@
 //! Extent of the surroundings of an edge that belong to it.
 
 use super::band::{Band, SearchLimit};
-use super::far_edge::{FarEdge, width};
-use super::flip::COMPLETE;
+use super::far_edge::{FarEdge, bar_width};
+use super::flip::COMPLETE_BLURS;
 use super::grid_crossings::GridCrossings;
 use super::lines_beside;
 use super::preview::Preview;
@@ -77,35 +77,35 @@ pub(super) fn whole_band<'a>(
     spans: &[EdgeSpan],
     index: usize,
     previews: &'a [Result<Preview, NoEdge>],
-    own: &'a Preview,
+    preview: &'a Preview,
     crossings: Option<&'a GridCrossings>,
 ) -> Result<Band<'a>, NoEdge> {
-    let (span, side) = (&spans[index], &own.side);
-    let other = span.far_edge.map(|other| previews[other].as_ref());
-    let other = other.transpose().map_err(|&reason| reason)?;
-    let far_edge = other.map(|Preview { side: other, .. }| {
-        FarEdge::beside(
+    let (span, side) = (&spans[index], &preview.side);
+    let far_preview = span.far_edge.map(|index| previews[index].as_ref());
+    let far_preview = far_preview.transpose().map_err(|&reason| reason)?;
+    let far_edge = far_preview.map(|Preview { side: far_side, .. }| {
+        FarEdge::new(
             (&side.curve, side.contrast[0]),
-            (&other.curve, other.contrast[0]),
-            other.mean_blur(),
+            (&far_side.curve, far_side.contrast[0]),
+            far_side.mean_blur(),
         )
     });
     let (ends, mut limits) = match crossings {
         Some(_) => ([-1.0, 1.0].map(|s| s * side.curve.half_length), Vec::new()),
         None => limits(span, side, previews),
     };
-    limits.extend(far_edge.iter().map(limit_at));
+    limits.extend(far_edge.iter().map(far_edge_limit));
     let margin = margin(spans, index, side);
     let near = near_within(side, margin);
     Ok(Band {
         curve: side.curve.clone(),
         near,
-        reach: [0, 1].map(|i| own.reach[i].max(near).min(margin[i])),
+        reach: [0, 1].map(|i| preview.reach[i].max(near).min(margin[i])),
         ends,
         limits,
-        hidden: &own.hidden,
+        hidden: &preview.hidden,
         crossings,
-        far_edge: far_edge.filter(|far_edge| far_edge.is_felt),
+        far_edge: far_edge.filter(|far_edge| far_edge.is_modelled),
         stride: 1,
     })
 }
@@ -142,32 +142,32 @@ fn limits<'a>(
 
 /// The limit at the far edge of a thin bar: pixels beyond it are not used, nor those that it blurs
 /// if it is not modelled.
-pub(super) fn limit_at<'a>(far_edge: &FarEdge<'a>) -> SearchLimit<'a> {
+pub(super) fn far_edge_limit<'a>(far_edge: &FarEdge<'a>) -> SearchLimit<'a> {
     SearchLimit {
         curve: far_edge.curve,
         side: far_edge.sign,
-        clearance: match far_edge.is_felt {
+        clearance: match far_edge.is_modelled {
             true => 0.0,
-            false => COMPLETE * far_edge.blur,
+            false => COMPLETE_BLURS * far_edge.blur,
         },
     }
 }
 
 /// Rejects the edges of bars that are too thin for the median blur of the picture's edges.
-pub(super) fn refuse_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Preview, NoEdge>]) {
+pub(super) fn reject_thin_bars(spans: &[EdgeSpan], previews: &mut [Result<Preview, NoEdge>]) {
     if spans.iter().all(|span| span.far_edge.is_none()) {
         return;
     }
     let found = previews.iter().flatten();
-    let Some(blur) = median(found.map(|own| own.side.mean_blur()).collect()) else {
+    let Some(blur) = median(found.map(|preview| preview.side.mean_blur()).collect()) else {
         return;
     };
     let curve = |index: usize| Some(&previews.get(index)?.as_ref().ok()?.side.curve);
     let is_thin = |index: &usize| {
-        spans[*index].far_edge.is_some_and(|other| {
+        spans[*index].far_edge.is_some_and(|far_edge| {
             let width = curve(*index)
-                .zip(curve(other))
-                .map(|(own, other)| width(own, other));
+                .zip(curve(far_edge))
+                .map(|(near_curve, far_curve)| bar_width(near_curve, far_curve));
             width.is_none_or(|width| width < MIN_WIDTH_BLURS * blur)
         })
     };

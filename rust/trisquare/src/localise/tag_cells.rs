@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::flip::COMPLETE;
+use super::flip::COMPLETE_BLURS;
 use crate::numeric::cdf_and_pdf;
 
 /// Distance from a light cell, in blurs, below which pixels are not used: they would require its
@@ -14,7 +14,7 @@ const CLEARANCE: f64 = 1.0;
 pub(super) struct TagCells {
     /// Map from the picture to the position along the side, and to the depth beyond it, as
     /// fractions of the tag's.
-    to_square: Matrix3<f64>,
+    square_from_picture: Matrix3<f64>,
     /// Length of the side, and distance from it to the opposite one, pixels.
     size: [f64; 2],
     /// The side's unit normal, pointing into the tag.
@@ -38,10 +38,10 @@ impl TagCells {
         let [along, beyond] = [near[1] - near[0], far[0] - near[0]];
         let length = along.norm();
         let area = along.perp(&beyond);
-        let to_square = square_to_picture(near, far).try_inverse()?;
-        let is_finite = to_square.iter().all(|entry| entry.is_finite());
+        let square_from_picture = picture_from_square(near, far).try_inverse()?;
+        let is_finite = square_from_picture.iter().all(|entry| entry.is_finite());
         is_finite.then_some(Self {
-            to_square,
+            square_from_picture,
             size: [length, area.abs() / length],
             inwards: Vector2::new(-along.y, along.x) * (area.signum() / length),
             border,
@@ -51,7 +51,7 @@ impl TagCells {
 
     /// Position of a point, as fractions of the side and of the depth.
     fn place(&self, point: Vector2<f64>) -> [f64; 2] {
-        let place = self.to_square * Vector3::new(point.x, point.y, 1.0);
+        let place = self.square_from_picture * Vector3::new(point.x, point.y, 1.0);
         [place.x / place.z, place.y / place.z]
     }
 
@@ -62,7 +62,7 @@ impl TagCells {
 
     /// Whether the cells have no effect at a point.
     pub fn is_far(&self, point: Vector2<f64>, inverse_blur: f64) -> bool {
-        self.clearance(point, inverse_blur) > COMPLETE
+        self.clearance(point, inverse_blur) > COMPLETE_BLURS
     }
 
     /// Whether a point is too near to the cells.
@@ -74,8 +74,8 @@ impl TagCells {
     pub fn light(&self, point: Vector2<f64>, inverse_blur: f64) -> f64 {
         let depth = self.place(point)[1];
         // Light that is blurred from the cells to here comes from straight across.
-        let to_cells = (self.border - depth).max(0.0) * self.size[1];
-        let along = self.place(point + self.inwards * to_cells)[0];
+        let cell_distance = (self.border - depth).max(0.0) * self.size[1];
+        let along = self.place(point + self.inwards * cell_distance)[0];
         let count = self.cells.len();
         let width = (1.0 - 2.0 * self.border) / count as f64;
         let step = |place: f64, cell: usize, axis: usize| {
@@ -87,9 +87,9 @@ impl TagCells {
         let mut before = step(depth, 0, 1);
         for (row, cells) in self.cells.iter().enumerate() {
             let after = step(depth, row + 1, 1);
-            let lit = cells.iter().zip(columns.windows(2));
-            let lit = lit.filter(|(is_light, _)| **is_light);
-            light += (before - after) * lit.map(|(_, ends)| ends[0] - ends[1]).sum::<f64>();
+            let light_cells = cells.iter().zip(columns.windows(2));
+            let light_cells = light_cells.filter(|(is_light, _)| **is_light);
+            light += (before - after) * light_cells.map(|(_, ends)| ends[0] - ends[1]).sum::<f64>();
             if after < 1e-6 {
                 break;
             }
@@ -101,7 +101,7 @@ impl TagCells {
 
 /// The homography that maps the unit square's corners to those of a quadrilateral (P. Heckbert,
 /// Fundamentals of Texture Mapping and Image Warping, 1989, section 2.2.3).
-fn square_to_picture(near: [Vector2<f64>; 2], far: [Vector2<f64>; 2]) -> Matrix3<f64> {
+fn picture_from_square(near: [Vector2<f64>; 2], far: [Vector2<f64>; 2]) -> Matrix3<f64> {
     let [start, end] = near;
     let (right, left) = (end - far[1], far[0] - far[1]);
     let sum = start - end + far[1] - far[0];

@@ -38,7 +38,7 @@ const MAX_STEP: f64 = 0.4;
 
 /// Number of a side's own parameters, including its spread, which has the effect of a shift by a
 /// tone curve.
-const OWN: usize = PARAMETERS + 1;
+const SIDE_PARAMETERS: usize = PARAMETERS + 1;
 const SPREAD: usize = PARAMETERS;
 /// Standard deviation (px) of a wide prior on the spread, which keeps the equations regular for a
 /// side without any.
@@ -53,13 +53,13 @@ const SPREAD_STD: f64 = 1.0;
 const SHARED: usize = TONE_PARAMETERS + 1;
 /// Index of the kurtosis among the shared parameters; among the parameters of a fit to the pixels
 /// it is [`crate::image::KURTOSIS`].
-pub(super) const KURTOSIS_OF_SHARED: usize = TONE_PARAMETERS;
+pub(super) const SHARED_KURTOSIS: usize = TONE_PARAMETERS;
 /// Values of the shared parameters, or a step of them; of the kurtosis, whose effect is linear,
 /// always the value.
 pub(super) type Shared = SVector<f64, SHARED>;
 pub(super) type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
 /// Total number of parameters.
-const TOTAL: usize = OWN + SHARED;
+const TOTAL: usize = SIDE_PARAMETERS + SHARED;
 
 /// Misfit of the mean profile, as a fraction of the contrast, at which the information on the tone
 /// curve is halved: with a larger misfit, JPEG or sharpening is measured instead. Squares in
@@ -88,7 +88,7 @@ const USUAL_SHIFT: f64 = 0.5;
 /// Smallest shift, in blurs, that profiles of no curve leave undetermined: frames under S-shaped
 /// curves, which determine it to hundredths of that, were shifted by 0.1 to 0.3 where their misfit
 /// allowed for 0.03.
-const MIN_UNREAD_SHIFT: f64 = 0.1;
+const MIN_UNDETERMINED_SHIFT: f64 = 0.1;
 /// Number of standard deviations of a gamma by which its difference from the usual one is reduced.
 const GAMMA_DEVIATIONS: f64 = 1.0;
 /// Smallest blur (px) with which a photograph is coded: that of the pixel's box and some of a lens.
@@ -108,8 +108,8 @@ const MIN_PIXELS: usize = 300;
 /// One in this many of a side's pixels is used, in a picture with the given number of sides: the
 /// tone is the same everywhere along the side.
 pub(super) fn stride(pixels: usize, sides: usize) -> usize {
-    let most = (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS);
-    pixels.div_ceil(most).max(1)
+    let max_pixels = (PIXELS / sides.max(1)).clamp(MIN_PIXELS, MAX_PIXELS);
+    pixels.div_ceil(max_pixels).max(1)
 }
 
 /// Number of the first bin, before any pixel; the side's middle is a boundary of bins.
@@ -184,9 +184,9 @@ impl ToneEstimate {
 /// One side's normal equations for the shared parameters, with the side's own parameters
 /// eliminated.
 pub(super) struct ToneShare {
-    factor: Cholesky<f64, Const<OWN>>,
-    cross: SMatrix<f64, OWN, SHARED>,
-    right: SVector<f64, OWN>,
+    factor: Cholesky<f64, Const<SIDE_PARAMETERS>>,
+    cross: SMatrix<f64, SIDE_PARAMETERS, SHARED>,
+    right: SVector<f64, SIDE_PARAMETERS>,
     information: SharedMatrix,
     gradient: Shared,
     profile: ResidualProfile,
@@ -201,7 +201,7 @@ impl ToneShare {
     /// parameters undetermined.
     pub fn of<'a>(
         side: &SideModel,
-        (tone, of_lens): (&ToneCurve, f64),
+        (tone, lens_kurtosis): (&ToneCurve, f64),
         pixels: impl Iterator<Item = (&'a Pixel, &'a Prediction)>,
         noise: f64,
     ) -> Option<Self> {
@@ -209,15 +209,18 @@ impl ToneShare {
         let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = ResidualProfile::default();
         let blur = side.mean_blur();
-        let of_box = box_kurtosis(&side.curve.along, blur);
+        let pixel_kurtosis = box_kurtosis(&side.curve.along, blur);
         let usable = pixels.filter(|(pixel, p)| !p.is_silent && pixel.flip.is_clear());
         let rows = usable.map(|(pixel, p)| {
             let [by_gamma, by_toe] = tone.sensitivity(p.light);
             // Edgeworth: the kurtosis adds to Phi(z) a multiple of (z^3 - 3 z) phi(z).
             let by_kurtosis = p.by_offset * blur * p.blurs * (p.blurs * p.blurs - 3.0);
-            let residual = p.residual - of_box * by_kurtosis;
+            let residual = p.residual - pixel_kurtosis * by_kurtosis;
             let lighter = side.contrast[0] * pixel.flip.slope;
-            profile.add(p.blurs * lighter.signum(), residual - of_lens * by_kurtosis);
+            profile.add(
+                p.blurs * lighter.signum(),
+                residual - lens_kurtosis * by_kurtosis,
+            );
             let row = [
                 p.by_height,
                 p.by_base,
@@ -244,13 +247,17 @@ impl ToneShare {
 
     fn reduced(side: &SideModel, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
         let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
-        let mut own = all.fixed_view::<OWN, OWN>(0, 0).into_owned();
-        let cross = all.fixed_view::<OWN, SHARED>(0, OWN).into_owned();
-        let right = direct.fixed_rows::<OWN>(0).into_owned();
-        own[(SPREAD, SPREAD)] += 1.0 / (SPREAD_STD * SPREAD_STD);
-        let factor = own.cholesky()?;
-        let square = all.fixed_view::<SHARED, SHARED>(OWN, OWN);
-        let direct = direct.fixed_rows::<SHARED>(OWN);
+        let mut side_block = all
+            .fixed_view::<SIDE_PARAMETERS, SIDE_PARAMETERS>(0, 0)
+            .into_owned();
+        let cross = all
+            .fixed_view::<SIDE_PARAMETERS, SHARED>(0, SIDE_PARAMETERS)
+            .into_owned();
+        let right = direct.fixed_rows::<SIDE_PARAMETERS>(0).into_owned();
+        side_block[(SPREAD, SPREAD)] += 1.0 / (SPREAD_STD * SPREAD_STD);
+        let factor = side_block.cholesky()?;
+        let square = all.fixed_view::<SHARED, SHARED>(SIDE_PARAMETERS, SIDE_PARAMETERS);
+        let direct = direct.fixed_rows::<SHARED>(SIDE_PARAMETERS);
         Some(Self {
             information: square - cross.tr_mul(&factor.solve(&cross)),
             gradient: direct - cross.tr_mul(&factor.solve(&right)),
@@ -264,7 +271,7 @@ impl ToneShare {
     }
 
     /// The step of the side's own parameters for a step of the shared ones.
-    pub fn own_step(&self, step: &Shared) -> SVector<f64, OWN> {
+    pub fn side_step(&self, step: &Shared) -> SVector<f64, SIDE_PARAMETERS> {
         self.factor.solve(&(self.right - self.cross * step))
     }
 
@@ -279,7 +286,7 @@ impl ToneShare {
 fn is_sound(side: &SideModel, tone: &ToneCurve, noise: f64) -> bool {
     let margin = CLIPPED_VALUE.max(CLIPPED_DEVIATIONS * noise);
     let is_whole = |light| (margin..=1.0 - margin).contains(&tone.encode_with_slope(light).0);
-    !side.feels_far_edge && side.plateaus().into_iter().all(is_whole)
+    !side.has_far_edge && side.plateaus().into_iter().all(is_whole)
 }
 
 /// Whether a misfit of the profiles reduces their weight: only once the curve is the best one.
@@ -304,17 +311,20 @@ pub(super) fn pool<'a>(
     trust: Trust,
 ) -> Pooled {
     let prior = TonePrior::at(&curve);
-    let [of_gamma, of_toe] = prior.information;
-    let mut information =
-        SharedMatrix::from_diagonal(&Shared::new(of_gamma, of_toe, USUAL_KURTOSIS));
+    let [gamma_information, toe_information] = prior.information;
+    let mut information = SharedMatrix::from_diagonal(&Shared::new(
+        gamma_information,
+        toe_information,
+        USUAL_KURTOSIS,
+    ));
     let mut gradient = Shared::new(prior.gradient[0], prior.gradient[1], 0.0);
     let mut sides = 0_u32;
     let mut profile = ResidualProfile::default();
     let mut blurs = 0.0;
-    let mut of_sides = (SharedMatrix::zeros(), Shared::zeros());
+    let (mut side_information, mut side_gradient) = (SharedMatrix::zeros(), Shared::zeros());
     for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
-        of_sides.0 += share.information;
-        of_sides.1 += share.gradient;
+        side_information += share.information;
+        side_gradient += share.gradient;
         profile.merge(&share.profile);
         blurs += share.blur;
         sides += 1;
@@ -324,9 +334,9 @@ pub(super) fn pool<'a>(
         Trust::Full => 1.0,
         Trust::ByMisfit => 1.0 / (1.0 + (misfit / TRUSTED_MISFIT).powi(2)),
     };
-    information += of_sides.0 * trust;
-    gradient += of_sides.1 * trust;
-    let fits = sides > 0 && misfit < MAX_MISFIT;
+    information += side_information * trust;
+    gradient += side_gradient * trust;
+    let has_fit = sides > 0 && misfit < MAX_MISFIT;
     let mean_blur = blurs / f64::from(sides);
     // The prior makes it positive definite, unless it overflows.
     let covariance = information
@@ -336,27 +346,31 @@ pub(super) fn pool<'a>(
     let curve = curve.moved(&[step[0], step[1]]);
     let misfit_shift = match sides {
         0 => BLIND_SHIFT_STD,
-        _ if fits => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
+        _ if has_fit => SHIFT_PER_FITTED_MISFIT * misfit * mean_blur,
         _ => {
-            let of_misfit = (SHIFT_PER_MISFIT * misfit).min(MAX_SHIFT);
-            of_misfit.hypot(unread_shift(&curve)) * mean_blur
+            let misfit_blurs = (SHIFT_PER_MISFIT * misfit).min(MAX_SHIFT);
+            misfit_blurs.hypot(undetermined_shift(&curve)) * mean_blur
         }
     };
-    let of_curve = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    let curve_covariance = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let hidden_shift = match sides {
         0 => 0.0,
-        _ => hidden_shift(mean_blur, &curve, curve.effective_gamma_std(&of_curve)),
+        _ => hidden_shift(
+            mean_blur,
+            &curve,
+            curve.effective_gamma_std(&curve_covariance),
+        ),
     };
     let misfit_shift = misfit_shift.hypot(hidden_shift);
     let estimate = ToneEstimate {
         curve,
-        covariance: of_curve,
+        covariance: curve_covariance,
         sides: sides as usize,
         misfit,
         hidden_shift,
         misfit_shift,
-        shift_std: (!fits).then_some(misfit_shift),
-        kurtosis: step[KURTOSIS_OF_SHARED],
+        shift_std: (!has_fit).then_some(misfit_shift),
+        kurtosis: step[SHARED_KURTOSIS],
     };
     Pooled {
         step,
@@ -368,7 +382,7 @@ pub(super) fn pool<'a>(
 /// Additional shift of all edges towards the dark, in blurs, that this curve may lack if no curve
 /// fits their profiles. A usual curve may have coded them all the same: a shoulder, or wings of the
 /// blur, can hide its asymmetry.
-fn unread_shift(curve: &PowerCurve) -> f64 {
+fn undetermined_shift(curve: &PowerCurve) -> f64 {
     let excess = curve.effective_gamma() - 1.0;
     // A fit that diverged has no effective gamma, and gives no information.
     let part = if excess.is_nan() {
@@ -376,7 +390,7 @@ fn unread_shift(curve: &PowerCurve) -> f64 {
     } else {
         excess / USUAL_EXCESS
     };
-    (USUAL_SHIFT * (1.0 - part.clamp(0.0, 1.0))).max(MIN_UNREAD_SHIFT)
+    (USUAL_SHIFT * (1.0 - part.clamp(0.0, 1.0))).max(MIN_UNDETERMINED_SHIFT)
 }
 
 /// Additional shift of all edges towards the dark, compared with a curve below the usual ones, if
@@ -393,11 +407,11 @@ fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
     let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
     // A fit that diverged has no effective gamma; its misfit gives the possible displacement of the
     // edges.
-    let least = match curve.is_like_linear() {
+    let min_blur = match curve.is_like_linear() {
         true => MIN_BLUR,
         false => MIN_BLUR_OF_SMALLER,
     };
-    if !excess.is_finite() || blur * coded_blur < least {
+    if !excess.is_finite() || blur * coded_blur < min_blur {
         return 0.0;
     }
     USUAL_SHIFT * blur * (coded_blur - coded_blur.powi(3))
@@ -436,27 +450,29 @@ pub(super) fn estimate_tone(
         };
         let shares: Vec<Option<ToneShare>> = previews.iter_mut().map(share).collect();
         let Pooled { step, estimate, .. } = pool(power, shares.iter().flatten(), trust);
-        let cut = (MAX_STEP / step[0].abs()).min(1.0);
-        let step = step * cut;
+        let scale = (MAX_STEP / step[0].abs()).min(1.0);
+        let step = step * scale;
         let next = power.moved(&[step[0], step[1]]);
         for (preview, share) in previews.iter_mut().zip(&shares) {
             if let (Ok(preview), Some(share)) = (preview, share) {
-                preview
-                    .side
-                    .follow(share, &step, [Tone::Power(power), Tone::Power(next)]);
+                preview.side.apply_shared_step(
+                    share,
+                    &step,
+                    [Tone::Power(power), Tone::Power(next)],
+                );
             }
         }
-        (power, kurtosis) = (next, step[KURTOSIS_OF_SHARED]);
+        (power, kurtosis) = (next, step[SHARED_KURTOSIS]);
         let deviations = step[0].powi(2) / estimate.covariance[(0, 0)];
-        let settled = cut >= 1.0 && deviations < LAST_STEP * LAST_STEP;
-        if rounds == MAX_ROUNDS || (settled && trust == Trust::ByMisfit) {
+        let has_settled = scale >= 1.0 && deviations < LAST_STEP * LAST_STEP;
+        if rounds == MAX_ROUNDS || (has_settled && trust == Trust::ByMisfit) {
             share_spread(previews);
             return ToneEstimate {
                 curve: power,
                 ..estimate
             };
         }
-        if settled {
+        if has_settled {
             trust = Trust::ByMisfit;
         }
     }
@@ -482,21 +498,22 @@ impl SideModel {
     ///
     /// The effect of the curve's change on base and contrast is far from linear where there is
     /// little light, but their coded values hardly change: these are kept instead.
-    fn follow(&mut self, share: &ToneShare, step: &Shared, [old, new]: [Tone; 2]) {
-        let at_old = share.factor.solve(&share.right);
-        let mut own = share.own_step(step);
-        own.fixed_rows_mut::<{ BLUR - BASE }>(BASE)
-            .copy_from(&at_old.fixed_rows::<{ BLUR - BASE }>(BASE));
-        self.advance(&own.fixed_rows::<PARAMETERS>(0).into_owned());
-        self.spread = self.spread.map(|spread| spread + own[SPREAD]);
+    fn apply_shared_step(&mut self, share: &ToneShare, step: &Shared, [old, new]: [Tone; 2]) {
+        let old_step = share.factor.solve(&share.right);
+        let mut side_step = share.side_step(step);
+        side_step
+            .fixed_rows_mut::<{ BLUR - BASE }>(BASE)
+            .copy_from(&old_step.fixed_rows::<{ BLUR - BASE }>(BASE));
+        self.advance(&side_step.fixed_rows::<PARAMETERS>(0).into_owned());
+        self.spread = self.spread.map(|spread| spread + side_step[SPREAD]);
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side and in its middle, for both plateaus.
         let base = PLACES.map(|s| polynomial(&self.base, s));
-        let lit =
+        let light =
             PLACES.map(|s| translated(polynomial(&self.base, s) + polynomial(&self.contrast, s)));
         let base = base.map(translated);
         self.base = polynomial_through(base);
-        self.contrast = polynomial_through([0, 1, 2].map(|i| lit[i] - base[i]));
+        self.contrast = polynomial_through([0, 1, 2].map(|i| light[i] - base[i]));
     }
 }
 
@@ -513,7 +530,9 @@ mod tests {
             let mut profile = ResidualProfile::default();
             (0..40).for_each(|i| profile.add(0.1 * f64::from(i) - 2.0, residual));
             ToneShare {
-                factor: SMatrix::<f64, OWN, OWN>::identity().cholesky().unwrap(),
+                factor: SMatrix::<f64, SIDE_PARAMETERS, SIDE_PARAMETERS>::identity()
+                    .cholesky()
+                    .unwrap(),
                 cross: SMatrix::zeros(),
                 right: SVector::zeros(),
                 information: SharedMatrix::identity(),
@@ -542,15 +561,15 @@ mod tests {
 
     #[test]
     fn profiles_of_no_curve_may_be_those_of_a_usual_one() {
-        let shift = |gamma| unread_shift(&PowerCurve { gamma, toe: 0.0 });
+        let shift = |gamma| undetermined_shift(&PowerCurve { gamma, toe: 0.0 });
         let away = PowerCurve {
             gamma: 0.63,
             toe: -0.21,
         };
-        assert_eq!(unread_shift(&away), USUAL_SHIFT);
+        assert_eq!(undetermined_shift(&away), USUAL_SHIFT);
         assert_eq!(shift(0.8), USUAL_SHIFT);
         assert!((shift(1.6) - 0.5 * USUAL_SHIFT).abs() < 1e-12);
-        assert_eq!(shift(2.3), MIN_UNREAD_SHIFT);
+        assert_eq!(shift(2.3), MIN_UNDETERMINED_SHIFT);
     }
 
     #[test]
@@ -565,7 +584,7 @@ mod tests {
                     blur_degree: 0,
                     shape: BlurShape::NORMAL,
                     spread,
-                    feels_far_edge: false,
+                    has_far_edge: false,
                 },
                 noise: 0.01,
                 reach: [5.0; 2],

@@ -48,43 +48,43 @@ impl Block {
     /// parameters.
     fn renumbered(&self, place: impl Fn(usize) -> Option<usize>) -> Self {
         let kept = (0..self.columns.len())
-            .filter_map(|own| Some((own, place(self.columns[own])?)))
+            .filter_map(|index| Some((index, place(self.columns[index])?)))
             .collect::<Vec<_>>();
-        let own: Vec<usize> = kept.iter().map(|(own, _)| *own).collect();
+        let indices: Vec<usize> = kept.iter().map(|(index, _)| *index).collect();
         Self {
             columns: kept.iter().map(|(_, place)| *place).collect(),
-            shared: self.shared.select_rows(&own).select_columns(&own),
-            shared_gradient: self.shared_gradient.select_rows(&own),
+            shared: self.shared.select_rows(&indices).select_columns(&indices),
+            shared_gradient: self.shared_gradient.select_rows(&indices),
             hessian: self.hessian.clone(),
-            cross: self.cross.select_columns(&own),
+            cross: self.cross.select_columns(&indices),
             gradient: self.gradient.clone(),
             ties: self.ties.clone(),
         }
     }
 
-    /// The block with `further` shared parameters, without any information on them yet.
-    pub fn extended(&self, further: &[usize]) -> Self {
-        let mut grown = self.clone();
-        grown.columns.extend(further);
-        let count = grown.columns.len();
-        grown.shared.resize_mut(count, count, 0.0);
-        grown.shared_gradient.resize_vertically_mut(count, 0.0);
-        grown.cross.resize_horizontally_mut(count, 0.0);
-        grown
+    /// The block with `additional` shared parameters, without any information on them yet.
+    pub fn extended(&self, additional: &[usize]) -> Self {
+        let mut extended = self.clone();
+        extended.columns.extend(additional);
+        let count = extended.columns.len();
+        extended.shared.resize_mut(count, count, 0.0);
+        extended.shared_gradient.resize_vertically_mut(count, 0.0);
+        extended.cross.resize_horizontally_mut(count, 0.0);
+        extended
     }
 
     /// The part of a step of the shared parameters on which the plane depends.
-    fn part_of(&self, shared: &DVector<f64>) -> DVector<f64> {
+    fn shared_part(&self, shared: &DVector<f64>) -> DVector<f64> {
         shared.select_rows(&self.columns)
     }
 
     /// The cross terms with all `shared` parameters.
-    pub fn whole_cross(&self, shared: usize) -> DMatrix<f64> {
-        let mut whole = DMatrix::zeros(self.cross.nrows(), shared);
-        for (own, column) in self.columns.iter().enumerate() {
-            whole.set_column(*column, &self.cross.column(own));
+    pub fn full_cross(&self, shared: usize) -> DMatrix<f64> {
+        let mut full = DMatrix::zeros(self.cross.nrows(), shared);
+        for (index, column) in self.columns.iter().enumerate() {
+            full.set_column(*column, &self.cross.column(index));
         }
-        whole
+        full
     }
 }
 
@@ -118,14 +118,19 @@ impl Eliminated {
         self.factor.inverse()
     }
 
-    /// Adds the contribution of a block to `moves`, the derivatives of some parameters by the
+    /// Adds the contribution of a block to `derivatives`, the derivatives of some parameters by the
     /// eliminated ones. `response` is the derivatives of these parameters by the block's own
     /// gradient.
-    pub fn add_moves(&self, moves: &mut DMatrix<f64>, block: usize, response: &DMatrix<f64>) {
+    pub fn add_derivatives(
+        &self,
+        derivatives: &mut DMatrix<f64>,
+        block: usize,
+        response: &DMatrix<f64>,
+    ) {
         let (columns, cross) = &self.crosses[block];
-        for (column, moved) in columns.iter().zip((response * cross).column_iter()) {
-            let mut sum = moves.column_mut(*column);
-            sum += moved;
+        for (column, derivative) in columns.iter().zip((response * cross).column_iter()) {
+            let mut sum = derivatives.column_mut(*column);
+            sum += derivative;
         }
     }
 }
@@ -194,7 +199,7 @@ impl ArrowSystem {
         let mut factors = Vec::with_capacity(self.blocks.len());
         for block in &self.blocks {
             let factor = Cholesky::new(damped(&block.hessian, damping))?;
-            let (information, shift) = eliminated(block, &factor);
+            let (information, shift) = elimination_terms(block, &factor);
             reduced.add(&block.columns, &-information, &-shift);
             factors.push(factor);
         }
@@ -208,13 +213,13 @@ impl ArrowSystem {
         let mut decrease = -shared_gradient.dot(&shared);
         let mut blocks = Vec::with_capacity(self.blocks.len());
         for (block, factor) in self.blocks.iter().zip(&factors) {
-            let mut pull = &block.gradient + &block.cross * block.part_of(&shared);
+            let mut gradient = &block.gradient + &block.cross * block.shared_part(&shared);
             if let Some(multipliers) = &multipliers {
-                pull += &block.ties * multipliers;
+                gradient += &block.ties * multipliers;
             }
-            let own = -factor.solve(&pull);
-            decrease -= block.gradient.dot(&own);
-            blocks.push(own);
+            let block_step = -factor.solve(&gradient);
+            decrease -= block.gradient.dot(&block_step);
+            blocks.push(block_step);
         }
         let step = ArrowStep {
             shared,
@@ -248,7 +253,7 @@ impl ArrowSystem {
         let ties = self.ties(&factors);
         let blocks = self.blocks.iter().zip(&factors).enumerate();
         let contributions = blocks.map(|(p, (block, factor))| {
-            let (information, shift) = eliminated(block, factor);
+            let (information, shift) = elimination_terms(block, factor);
             let mut reduced = Reduced {
                 information: &block.shared - information,
                 gradient: &block.shared_gradient - shift,
@@ -278,7 +283,7 @@ impl ArrowSystem {
         let blocks = self.blocks.iter();
         if self.tie_count() == 0 {
             let shared = self.prior.nrows();
-            return Some(blocks.map(|block| block.whole_cross(shared)).collect());
+            return Some(blocks.map(|block| block.full_cross(shared)).collect());
         }
         let ties = self.own_ties()?;
         Some(blocks.map(|block| ties.cross(block)).collect())
@@ -291,12 +296,12 @@ impl ArrowSystem {
             gradient: self.prior_gradient.clone(),
         };
         let all: Vec<usize> = (0..self.prior.nrows()).collect();
-        for (block, own) in self.blocks.iter().zip(self.contributions()?) {
+        for (block, contribution) in self.blocks.iter().zip(self.contributions()?) {
             let columns = match self.tie_count() {
                 0 => &block.columns,
                 _ => &all,
             };
-            total.add(columns, &own.information, &own.gradient);
+            total.add(columns, &contribution.information, &contribution.gradient);
         }
         Some(total.information)
     }
@@ -334,25 +339,29 @@ impl ArrowSystem {
     /// Additional decrease of the linearised cost if the last `count` shared parameters are free as
     /// well: half of their score statistic (C. R. Rao, Math. Proc. Camb. Philos. Soc. 44 (1948)
     /// 50-57), in units of the noise.
-    pub fn gain_of_last(&self, count: usize) -> Option<f64> {
-        let all = self.solve(0.0)?.predicted_decrease;
-        let without = self.leading(self.prior.nrows() - count).solve(0.0)?;
-        Some(all - without.predicted_decrease)
+    pub fn freeing_gain(&self, count: usize) -> Option<f64> {
+        let with_all = self.solve(0.0)?.predicted_decrease;
+        let with_leading = self.leading(self.prior.nrows() - count).solve(0.0)?;
+        Some(with_all - with_leading.predicted_decrease)
     }
 }
 
 impl ArrowStep {
     /// The step to the minimum of a cost whose curvature is `1 / factor` of the normal equations'.
-    pub fn lengthened(self, factor: f64) -> Self {
+    pub fn scaled(self, factor: f64) -> Self {
         Self {
             shared: self.shared * factor,
-            blocks: self.blocks.into_iter().map(|own| own * factor).collect(),
+            blocks: self
+                .blocks
+                .into_iter()
+                .map(|block| block * factor)
+                .collect(),
             predicted_decrease: self.predicted_decrease * factor,
         }
     }
 
     pub fn parameter_count(&self) -> usize {
-        self.shared.len() + self.blocks.iter().map(|own| own.len()).sum::<usize>()
+        self.shared.len() + self.blocks.iter().map(|block| block.len()).sum::<usize>()
     }
 
     fn is_finite(&self) -> bool {
@@ -371,13 +380,13 @@ fn damped(hessian: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
 }
 
 /// `C^T H^-1 C` and `C^T H^-1 g` of one block.
-fn eliminated(block: &Block, factor: &Cholesky<f64, Dyn>) -> (DMatrix<f64>, DVector<f64>) {
-    let half = factor.l_dirty();
+fn elimination_terms(block: &Block, factor: &Cholesky<f64, Dyn>) -> (DMatrix<f64>, DVector<f64>) {
+    let lower_factor = factor.l_dirty();
     // With H = L L^T, both are products of L^-1 C; the first one is then exactly symmetric.
     let mut cross = block.cross.clone();
     let mut gradient = block.gradient.clone();
-    half.solve_lower_triangular_unchecked_mut(&mut cross);
-    half.solve_lower_triangular_unchecked_mut(&mut gradient);
+    lower_factor.solve_lower_triangular_unchecked_mut(&mut cross);
+    lower_factor.solve_lower_triangular_unchecked_mut(&mut gradient);
     (cross.tr_mul(&cross), cross.tr_mul(&gradient))
 }
 
@@ -443,7 +452,7 @@ mod tests {
         let block = &system.blocks[1];
         let inverse = block.hessian.clone().try_inverse().unwrap();
         let mut moves = DMatrix::zeros(3, 1);
-        eliminated.add_moves(&mut moves, 1, &-&inverse);
+        eliminated.add_derivatives(&mut moves, 1, &-&inverse);
         let own = &inverse + &moves * eliminated.covariance() * moves.transpose();
         assert!((own - covariance.view((4, 4), (3, 3))).norm() < 1e-12);
         let followed = -(&inverse * &block.cross) + &moves * &eliminated.by_kept;

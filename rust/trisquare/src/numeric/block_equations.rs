@@ -55,11 +55,11 @@ impl Block {
         let (own, shared) = self.cross.shape();
         let part = |first: [usize; 2], rows: usize, columns: usize| {
             DMatrix::from_fn(rows, columns, |i, j| {
-                equations.at(first[0] + i, first[1] + j)
+                equations.entry(first[0] + i, first[1] + j)
             })
         };
         let gradient = |first: usize, rows: usize| {
-            DVector::from_fn(rows, |i, _| equations.at(first + i, own + shared))
+            DVector::from_fn(rows, |i, _| equations.entry(first + i, own + shared))
         };
         Self {
             columns: self.columns.clone(),
@@ -74,7 +74,7 @@ impl Block {
 }
 
 impl BlockEquations {
-    fn at(&self, i: usize, j: usize) -> f64 {
+    fn entry(&self, i: usize, j: usize) -> f64 {
         self.matrix[(i.max(j), i.min(j))]
     }
 
@@ -99,11 +99,14 @@ impl BlockEquations {
     /// their determinant; `None` if they are not positive definite.
     pub fn without_first(mut self, count: usize) -> Option<(Self, f64)> {
         let log_determinant = self.eliminate_first(count)?;
-        let left = self.matrix.nrows() - count;
+        let remaining = self.matrix.nrows() - count;
         let rest = Self {
             own: self.own - count,
             shared: self.shared,
-            matrix: self.matrix.view((count, count), (left, left)).into_owned(),
+            matrix: self
+                .matrix
+                .view((count, count), (remaining, remaining))
+                .into_owned(),
         };
         Some((rest, log_determinant))
     }
@@ -113,13 +116,15 @@ impl BlockEquations {
     pub fn reduced(mut self) -> Option<(Reduced, f64)> {
         let log_determinant = self.eliminate_first(self.own)?;
         let gradient = self.own + self.shared;
-        let left = (self.own..self.matrix.nrows()).filter(|i| *i != gradient);
-        let left: Vec<usize> = left.collect();
+        let remaining = (self.own..self.matrix.nrows()).filter(|i| *i != gradient);
+        let remaining: Vec<usize> = remaining.collect();
         let reduced = Reduced {
-            information: DMatrix::from_fn(left.len(), left.len(), |i, j| self.at(left[i], left[j])),
-            gradient: DVector::from_fn(left.len(), |i, _| self.at(left[i], gradient)),
+            information: DMatrix::from_fn(remaining.len(), remaining.len(), |i, j| {
+                self.entry(remaining[i], remaining[j])
+            }),
+            gradient: DVector::from_fn(remaining.len(), |i, _| self.entry(remaining[i], gradient)),
         };
-        Some((reduced, log_determinant + self.at(gradient, gradient)))
+        Some((reduced, log_determinant + self.entry(gradient, gradient)))
     }
 
     /// Eliminates the first `count` of its own parameters from all that follow.
@@ -135,8 +140,8 @@ fn eliminate(mut unknowns: DMatrix<f64>, (rest, first): (&mut DMatrix<f64>, usiz
     let ((length, count), size) = (unknowns.shape(), rest.nrows());
     let mut log_determinant = 0.0;
     for k in 0..count {
-        let (own, later) = unknowns.as_mut_slice()[length * k..].split_at_mut(length);
-        let pivot = own[k];
+        let (pivot_column, later) = unknowns.as_mut_slice()[length * k..].split_at_mut(length);
+        let pivot = pivot_column[k];
         if !(pivot > 0.0) {
             return None;
         }
@@ -144,13 +149,13 @@ fn eliminate(mut unknowns: DMatrix<f64>, (rest, first): (&mut DMatrix<f64>, usiz
         let later = later.chunks_exact_mut(length);
         subtract(
             later.map(|column| &mut column[k + 1..]),
-            &own[k + 1..],
+            &pivot_column[k + 1..],
             pivot,
         );
         let rest = rest.as_mut_slice()[size * first..].chunks_exact_mut(size);
         subtract(
             rest.map(|column| &mut column[first..]),
-            &own[count..],
+            &pivot_column[count..],
             pivot,
         );
     }
@@ -164,8 +169,8 @@ fn subtract<'a>(columns: impl Iterator<Item = &'a mut [f64]>, terms: &[f64], piv
     let inverse = 1.0 / pivot;
     for ((i, term), column) in terms.iter().enumerate().zip(columns) {
         let factor = term * inverse;
-        for (value, other) in column[i..].iter_mut().zip(&terms[i..]) {
-            *value -= factor * other;
+        for (value, other_term) in column[i..].iter_mut().zip(&terms[i..]) {
+            *value -= factor * other_term;
         }
     }
 }

@@ -33,9 +33,9 @@ pub(crate) fn node_places() -> &'static [f64; NODES] {
 /// Coefficients of functions that are given by their values at the nodes.
 pub(crate) fn coefficients<const N: usize>(values: &AtNodes<N>) -> AtNodes<N> {
     let mut found = [[0.0; N]; NODES];
-    for (own, factors) in found.iter_mut().zip(TRANSFORM.iter()) {
+    for (sums, factors) in found.iter_mut().zip(TRANSFORM.iter()) {
         for (factor, values) in factors.iter().zip(values) {
-            for (sum, value) in own.iter_mut().zip(values) {
+            for (sum, value) in sums.iter_mut().zip(values) {
                 *sum += factor * value;
             }
         }

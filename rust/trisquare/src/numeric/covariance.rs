@@ -30,13 +30,18 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
     let correlation = DMatrix::from_fn(unit.len(), unit.len(), |i, j| {
         matrix[(i, j)] / unit[i] / unit[j]
     });
-    let is_sound = |i: usize, j: usize| {
-        let (own, other) = (correlation[(i, j)], correlation[(j, i)]);
+    let is_valid_entry = |i: usize, j: usize| {
+        let (entry, transposed) = (correlation[(i, j)], correlation[(j, i)]);
         let is_known = std[i] == 0.0 || std[j] == 0.0;
-        own.abs() <= 1.0 + ROUNDING && (own - other).abs() <= ROUNDING && !(is_known && own != 0.0)
+        entry.abs() <= 1.0 + ROUNDING
+            && (entry - transposed).abs() <= ROUNDING
+            && !(is_known && entry != 0.0)
     };
     let all = 0..unit.len();
-    if !all.clone().all(|i| all.clone().all(|j| is_sound(i, j))) {
+    if !all
+        .clone()
+        .all(|i| all.clone().all(|j| is_valid_entry(i, j)))
+    {
         return false;
     }
     let symmetric = 0.5 * (&correlation + correlation.transpose());

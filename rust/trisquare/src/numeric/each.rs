@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 /// Number of items below which the work is sequential: a thread would take longer to wake up than
 /// to do its part.
 #[cfg(feature = "rayon")]
-const LEAST: usize = 16;
+const MIN_PARALLEL_COUNT: usize = 16;
 
 /// The results of `work` for the indices from 0 to `count`, in order; `None` if one of them is
 /// `None`.
@@ -18,15 +18,12 @@ pub(crate) fn each<T: Send + Sync>(
     work: impl Fn(usize) -> Option<T> + Sync + Send,
 ) -> Option<Vec<T>> {
     #[cfg(feature = "rayon")]
-    if count >= LEAST && rayon::current_thread_index().is_some() {
-        let places: Vec<OnceLock<Option<T>>> = (0..count).map(|_| OnceLock::new()).collect();
-        share(count, &|i| {
-            places[i].get_or_init(|| work(i));
+    if count >= MIN_PARALLEL_COUNT && rayon::current_thread_index().is_some() {
+        let slots: Vec<OnceLock<Option<T>>> = (0..count).map(|_| OnceLock::new()).collect();
+        run_in_pool(count, &|i| {
+            slots[i].get_or_init(|| work(i));
         });
-        return places
-            .into_iter()
-            .map(|found| found.into_inner()?)
-            .collect();
+        return slots.into_iter().map(|slot| slot.into_inner()?).collect();
     }
     (0..count).map(work).collect()
 }
@@ -34,7 +31,7 @@ pub(crate) fn each<T: Send + Sync>(
 /// Does the work in the threads of the pool. Not generic, so that it is compiled only once: rayon
 /// is large.
 #[cfg(feature = "rayon")]
-fn share(count: usize, work: &(dyn Fn(usize) + Sync)) {
+fn run_in_pool(count: usize, work: &(dyn Fn(usize) + Sync)) {
     use rayon::iter::{IntoParallelIterator, ParallelIterator};
     (0..count).into_par_iter().for_each(work);
 }

@@ -85,7 +85,7 @@ pub(crate) fn minimise<P: Problem>(
             growth *= 2.0;
             continue;
         };
-        let last = step.predicted_decrease <= limits.decrease;
+        let is_last = step.predicted_decrease <= limits.decrease;
         if step.predicted_decrease <= ROUNDING * best.cost {
             best.termination = Termination::Converged;
             break;
@@ -101,11 +101,11 @@ pub(crate) fn minimise<P: Problem>(
                 damping = 0.0;
             }
             growth = 4.0;
-            if last {
+            if is_last {
                 best.termination = Termination::Converged;
                 break;
             }
-        } else if last {
+        } else if is_last {
             // At the optimum to rounding: predicted and actual decrease are negligible.
             best.termination = Termination::Converged;
             break;

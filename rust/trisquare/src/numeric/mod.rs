@@ -26,7 +26,7 @@ pub(crate) use each::each;
 pub(crate) use levenberg::{Limits, Minimum, Problem, Termination, minimise};
 pub use normal::cdf;
 pub(crate) use normal::{BivariateNormal, cdf_and_pdf, pdf};
-pub(crate) use rank_one::{LaneSums, add_rank_one, symmetric};
+pub(crate) use rank_one::{LaneSums, add_rank_one, symmetric_entry};
 pub(crate) use robust::{Loss, ResidualSpread, median, median_scale, upper_median};
 pub(crate) use ties::{Ties, pseudo_inverse};
 pub(crate) use variance_component::variance_about_zero;

@@ -29,11 +29,11 @@ static CELLS: LazyLock<Vec<Cell>> = LazyLock::new(|| {
             let (x, end) = (f64::from(index) * WIDTH, f64::from(index + 1) * WIDTH);
             let (value, end_value) = (exact_pdf(x), exact_pdf(end));
             let (slope, end_slope) = (-x * value * WIDTH, -end * end_value * WIDTH);
-            let rise = end_value - value;
-            let square = 3.0 * rise - 2.0 * slope - end_slope;
+            let change = end_value - value;
+            let square = 3.0 * change - 2.0 * slope - end_slope;
             Cell {
                 cdf: 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2),
-                pdf: [value, slope, square, slope + end_slope - 2.0 * rise],
+                pdf: [value, slope, square, slope + end_slope - 2.0 * change],
                 third: square / 3.0,
             }
         })
@@ -126,7 +126,7 @@ impl BivariateNormal {
     #[must_use]
     pub fn new(rho: f64) -> Self {
         let half_angle = 0.5 * rho.clamp(-MAX_CORRELATION, MAX_CORRELATION).asin();
-        let at = |angle: f64| {
+        let node_at = |angle: f64| {
             let sine = angle.sin();
             Node {
                 sine,
@@ -135,7 +135,10 @@ impl BivariateNormal {
         };
         let nodes = GAUSS_LEGENDRE.map(|(node, weight)| {
             let offset = half_angle * node;
-            ([at(half_angle - offset), at(half_angle + offset)], weight)
+            (
+                [node_at(half_angle - offset), node_at(half_angle + offset)],
+                weight,
+            )
         });
         Self { half_angle, nodes }
     }

@@ -45,7 +45,7 @@ impl<const N: usize> LaneSums<N> {
 }
 
 /// An element of a symmetric matrix given by its lower triangle.
-pub(crate) fn symmetric<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
+pub(crate) fn symmetric_entry<const N: usize>(sums: &[[f64; N]; N], i: usize, j: usize) -> f64 {
     sums[i.max(j)][i.min(j)]
 }
 

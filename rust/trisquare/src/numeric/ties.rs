@@ -54,7 +54,7 @@ impl ArrowSystem {
         let mut cross = DMatrix::zeros(count, self.prior.nrows());
         for (block, response) in self.blocks.iter().zip(&responses) {
             square.gemm_tr(1.0, &block.ties, response, 1.0);
-            cross.gemm_tr(1.0, response, &block.whole_cross(self.prior.nrows()), 1.0);
+            cross.gemm_tr(1.0, response, &block.full_cross(self.prior.nrows()), 1.0);
         }
         let (inverse, _) = pseudo_inverse(square);
         Some(Ties {
@@ -80,13 +80,13 @@ impl Ties {
     /// A block's cross terms `C` by which the gradient of the shared parameters depends on its own
     /// gradient, as `-C^T H^-1`.
     pub fn cross(&self, block: &Block) -> DMatrix<f64> {
-        block.whole_cross(self.by_shared.ncols()) - &block.ties * &self.by_shared
+        block.full_cross(self.by_shared.ncols()) - &block.ties * &self.by_shared
     }
 
     /// Reduction of the inverse of the blocks' own equations by the ties, between two of the
     /// blocks.
-    pub fn between(&self, one: usize, other: usize) -> DMatrix<f64> {
-        &self.responses[one] * &self.inverse * self.responses[other].transpose()
+    pub fn reduction_between(&self, first: usize, second: usize) -> DMatrix<f64> {
+        &self.responses[first] * &self.inverse * self.responses[second].transpose()
     }
 
     /// Information of the ties on the shared parameters, `D^T M^+ D`.
@@ -97,8 +97,8 @@ impl Ties {
     /// Adds the information of one block on the shared parameters through the ties.
     pub fn add_to(&self, reduced: &mut Reduced, index: usize, block: &Block) {
         let response = &self.responses[index];
-        let own = block.ties.tr_mul(response);
-        reduced.information += self.by_shared.tr_mul(&(own * &self.by_shared));
+        let tie_information = block.ties.tr_mul(response);
+        reduced.information += self.by_shared.tr_mul(&(tie_information * &self.by_shared));
         reduced.gradient += self.by_shared.tr_mul(&response.tr_mul(&block.gradient));
     }
 
@@ -138,15 +138,15 @@ impl Reduced {
 pub(crate) fn pseudo_inverse(square: DMatrix<f64>) -> (DMatrix<f64>, f64) {
     let eigen = SymmetricEigen::new(square);
     let limit = RANK_TOLERANCE * eigen.eigenvalues.amax();
-    let counts = |value: &f64| *value > limit;
+    let is_regular = |value: &f64| *value > limit;
     let inverse = eigen
         .eigenvalues
-        .map(|value| if counts(&value) { 1.0 / value } else { 0.0 });
+        .map(|value| if is_regular(&value) { 1.0 / value } else { 0.0 });
     let vectors = &eigen.eigenvectors;
-    let counting = eigen.eigenvalues.iter().filter(|value| counts(value));
+    let regular_values = eigen.eigenvalues.iter().filter(|value| is_regular(value));
     (
         vectors * DMatrix::from_diagonal(&inverse) * vectors.transpose(),
-        counting.map(|value| value.ln()).sum(),
+        regular_values.map(|value| value.ln()).sum(),
     )
 }
 
@@ -226,7 +226,7 @@ mod tests {
         // these.
         let ties = system.own_ties().unwrap();
         let inverse = system.blocks[1].hessian.clone().try_inverse().unwrap();
-        let given = &inverse - ties.between(1, 1);
+        let given = &inverse - ties.reduction_between(1, 1);
         let follow = -inverse * &system.tied_crosses().unwrap()[1];
         let all = given + &follow * shared * follow.transpose();
         let first = SHARED + OWN;

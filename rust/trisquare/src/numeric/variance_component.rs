@@ -12,17 +12,17 @@ const ROUNDS: usize = 12;
 pub(crate) fn variance_about_zero(values: &[(f64, f64)]) -> f64 {
     // Starting from below, a precise value that happens to be small would dominate all others.
     let squares = values.iter().map(|(value, _)| value * value);
-    let mut found = squares.sum::<f64>() / values.len().max(1) as f64;
+    let mut estimate = squares.sum::<f64>() / values.len().max(1) as f64;
     for _ in 0..ROUNDS {
         let (mut sum, mut weights) = (0.0, 0.0);
         for (value, variance) in values {
-            let weight = (found + variance).powi(-2);
+            let weight = (estimate + variance).powi(-2);
             sum += weight * (value * value - variance);
             weights += weight;
         }
-        found = if sum > 0.0 { sum / weights } else { 0.0 };
+        estimate = if sum > 0.0 { sum / weights } else { 0.0 };
     }
-    found
+    estimate
 }
 
 #[cfg(test)]

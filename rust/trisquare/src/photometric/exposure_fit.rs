@@ -11,7 +11,7 @@ use crate::image::PictureState;
 use crate::lens::Lens;
 use crate::numeric::{
     ArrowStep, ArrowSystem, Block, Limits, Loss, Problem, Termination, add_rank_one, median_scale,
-    minimise, symmetric,
+    minimise, symmetric_entry,
 };
 use crate::observations::View;
 
@@ -120,9 +120,9 @@ impl<L: Lens> Problem for HeldGeometry<'_, L> {
         let mut block = Block::zeros(EXPOSURE_PARAMETERS, Vec::new());
         for i in 0..EXPOSURE_PARAMETERS {
             for j in 0..EXPOSURE_PARAMETERS {
-                block.hessian[(i, j)] = symmetric(&sums, i, j);
+                block.hessian[(i, j)] = symmetric_entry(&sums, i, j);
             }
-            block.gradient[i] = symmetric(&sums, i, EXPOSURE_PARAMETERS);
+            block.gradient[i] = symmetric_entry(&sums, i, EXPOSURE_PARAMETERS);
         }
         cost += blur_prior::add_wide(exposure, &mut block, 0);
         Some((cost, ArrowSystem::of(0, std::iter::once(block))))

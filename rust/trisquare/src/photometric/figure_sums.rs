@@ -14,7 +14,7 @@ use super::figure_chart::{FigureChart, TERMS};
 use super::scene::{Scene, Shade};
 use crate::image::PICTURE_PARAMETERS;
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
-use crate::numeric::{Block, LANES, LaneSums, add_rank_one, polynomials, symmetric};
+use crate::numeric::{Block, LANES, LaneSums, add_rank_one, polynomials, symmetric_entry};
 use crate::observations::FreeParameters;
 
 /// Row length of a pixel cut by one side: `(terms, residual, picture, light, blur)`, with the
@@ -311,7 +311,7 @@ impl<'a> FigureSums<'a> {
         exposure: &Exposure,
         block: &mut Block,
     ) {
-        let at = |i: usize, j: usize| symmetric(sums, i, j);
+        let at = |i: usize, j: usize| symmetric_entry(sums, i, j);
         // Index into the summed rows, skipping the residual.
         let source = |i: usize| if i < RESIDUAL { i } else { i + 1 };
         let square = DMatrix::from_fn(CUT - 1, CUT - 1, |i, j| at(source(i), source(j)));
@@ -368,9 +368,9 @@ fn add_plateau(
     let residual = PLATEAU_ROW - 1;
     for i in 0..LIGHT_PARAMETERS {
         for j in 0..LIGHT_PARAMETERS {
-            block.hessian[(light_offset + i, light_offset + j)] += symmetric(sums, i, j);
+            block.hessian[(light_offset + i, light_offset + j)] += symmetric_entry(sums, i, j);
         }
-        block.gradient[light_offset + i] += symmetric(sums, i, residual);
+        block.gradient[light_offset + i] += symmetric_entry(sums, i, residual);
     }
     let Some(picture) = picture else {
         return;
@@ -378,11 +378,11 @@ fn add_plateau(
     for i in 0..PICTURE_PARAMETERS {
         let (row, own) = (picture + i, LIGHT_PARAMETERS + i);
         for k in 0..LIGHT_PARAMETERS {
-            block.cross[(light_offset + k, row)] += symmetric(sums, own, k);
+            block.cross[(light_offset + k, row)] += symmetric_entry(sums, own, k);
         }
         for j in 0..PICTURE_PARAMETERS {
-            block.shared[(row, picture + j)] += symmetric(sums, own, LIGHT_PARAMETERS + j);
+            block.shared[(row, picture + j)] += symmetric_entry(sums, own, LIGHT_PARAMETERS + j);
         }
-        block.shared_gradient[row] += symmetric(sums, own, residual);
+        block.shared_gradient[row] += symmetric_entry(sums, own, residual);
     }
 }

@@ -275,7 +275,7 @@ impl PixelFit<'_> {
 
     /// The Newton step of an optimum's normal equations.
     pub fn step(&self, system: &ArrowSystem) -> Option<ArrowStep> {
-        Some(system.solve(0.0)?.lengthened(self.loss.newton_factor()))
+        Some(system.solve(0.0)?.scaled(self.loss.newton_factor()))
     }
 
     /// The state after a step.

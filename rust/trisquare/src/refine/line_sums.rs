@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::lens::MAX_LENS_COLUMNS;
-use crate::numeric::{Block, symmetric};
+use crate::numeric::{Block, symmetric_entry};
 
 /// Column of the residual, after the three of the line.
 pub(super) const RESIDUAL: usize = 3;
@@ -32,7 +32,7 @@ impl<const N: usize> LineSums<N> {
     // columns, in a test program that is optimised across crates. `make test-release` shows it.
     #[inline(never)]
     pub fn split(&self, shared: usize, block: &mut Block) -> OnLine {
-        let at = |i: usize, j: usize| symmetric(&self.products, i, j);
+        let at = |i: usize, j: usize| symmetric_entry(&self.products, i, j);
         for i in 0..shared {
             for j in 0..shared {
                 block.shared[(i, j)] += at(SHARED_OFFSET + i, SHARED_OFFSET + j);

@@ -250,7 +250,7 @@ fn finish_near<L: Lens>(
         let step = system
             .leading(free.len())
             .solve(0.0)?
-            .lengthened(problem.loss.newton_factor());
+            .scaled(problem.loss.newton_factor());
         view = view.advanced(free, &step);
         let arrived = step.predicted_decrease < LAST_FINAL_DECREASE;
         if !arrived && rescalings > 0 {

@@ -9,12 +9,12 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 const CORNER_REACH: usize = 7;
 /// Minimum turn between them at a corner, radians: an arc as long as the picture turns by less than
 /// a tenth of a radian.
-const CORNER_TURN: f64 = 0.25;
+const MIN_CORNER_TURN: f64 = 0.25;
 /// Number of points next to a corner, and at a chain's ends, that the other edge has displaced.
-const CORNER_ROOM: usize = 3;
+const CORNER_MARGIN: usize = 3;
 
 /// Number of points whose mean deviation is compared with the tolerance, as single points scatter.
-const MEAN_OF: usize = 5;
+const MEAN_POINTS: usize = 5;
 
 /// Minimum ratio of the chord of an arc to its length.
 const MIN_CHORD: f64 = 0.5;
@@ -34,11 +34,11 @@ pub struct ArcLimits {
 #[must_use]
 pub fn circular_arcs<'a>(chain: &'a [Vector2<f64>], limits: &ArcLimits) -> Vec<&'a [Vector2<f64>]> {
     let mut arcs = Vec::new();
-    let shortest = limits.shortest.max(MEAN_OF + 1);
-    for (start, end) in between_corners(chain) {
+    let shortest = limits.shortest.max(MEAN_POINTS + 1);
+    for (start, end) in corner_free_stretches(chain) {
         let mut parts: Vec<(usize, usize)> = Vec::new();
-        let mut waiting = vec![(start, end)];
-        while let Some((start, end)) = waiting.pop() {
+        let mut pending = vec![(start, end)];
+        while let Some((start, end)) = pending.pop() {
             if end - start < shortest {
                 continue;
             }
@@ -51,8 +51,8 @@ pub fn circular_arcs<'a>(chain: &'a [Vector2<f64>], limits: &ArcLimits) -> Vec<&
                 Some((_, place)) if (shortest..=end - start - shortest).contains(&place) => place,
                 _ => (end - start) / 2,
             };
-            waiting.push((start + place, end));
-            waiting.push((start, start + place));
+            pending.push((start + place, end));
+            pending.push((start, start + place));
         }
         arcs.extend(
             parts
@@ -82,7 +82,7 @@ fn append(
 }
 
 /// The stretches of a chain between its corners, without the points next to them.
-fn between_corners(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
+fn corner_free_stretches(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
     let mut turns = vec![0.0; chain.len()];
     for i in CORNER_REACH..chain.len().saturating_sub(CORNER_REACH) {
         let before = chain[i - 1] - chain[i - CORNER_REACH];
@@ -91,13 +91,13 @@ fn between_corners(chain: &[Vector2<f64>]) -> Vec<(usize, usize)> {
     }
     let is_corner = |i: usize| {
         let around = i.saturating_sub(CORNER_REACH)..(i + CORNER_REACH + 1).min(chain.len());
-        turns[i] > CORNER_TURN && turns[around].iter().all(|turn| *turn <= turns[i])
+        turns[i] > MIN_CORNER_TURN && turns[around].iter().all(|turn| *turn <= turns[i])
     };
     let corners = (0..chain.len()).filter(|&i| is_corner(i));
     let mut stretches = Vec::new();
     let mut start = 0;
     for corner in corners.chain(std::iter::once(chain.len())) {
-        let (first, last) = (start + CORNER_ROOM, corner.saturating_sub(CORNER_ROOM));
+        let (first, last) = (start + CORNER_MARGIN, corner.saturating_sub(CORNER_MARGIN));
         if first < last {
             stretches.push((first, last));
         }
@@ -165,16 +165,18 @@ fn deviation(points: &[Vector2<f64>]) -> Option<(f64, usize)> {
     let circle = Circle::through(points)?;
     let distances: Vec<f64> = points.iter().map(|p| circle.distance(p)).collect();
     let means = distances
-        .windows(MEAN_OF)
-        .map(|few| few.iter().sum::<f64>().abs() / MEAN_OF as f64);
-    means.zip(MEAN_OF / 2..).max_by(|a, b| a.0.total_cmp(&b.0))
+        .windows(MEAN_POINTS)
+        .map(|few| few.iter().sum::<f64>().abs() / MEAN_POINTS as f64);
+    means
+        .zip(MEAN_POINTS / 2..)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// Whether an arc's radius is large enough, within the tolerance.
 fn is_wide(points: &[Vector2<f64>], limits: &ArcLimits) -> bool {
     Circle::through(points).is_some_and(|circle| {
-        let most = 0.5 * circle.half_chord.powi(2) / limits.smallest_radius;
-        circle.height() <= most + limits.tolerance
+        let max_height = 0.5 * circle.half_chord.powi(2) / limits.smallest_radius;
+        circle.height() <= max_height + limits.tolerance
     })
 }
 
@@ -210,7 +212,7 @@ mod tests {
         for chain in [arc(400.0, 300.0), segment([5.0, 9.0], [200.0, 70.0])] {
             let arcs = circular_arcs(&chain, &LIMITS);
             assert_eq!(arcs.len(), 1);
-            assert_eq!(arcs[0].len(), chain.len() - 2 * CORNER_ROOM);
+            assert_eq!(arcs[0].len(), chain.len() - 2 * CORNER_MARGIN);
         }
     }
 

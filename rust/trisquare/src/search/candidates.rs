@@ -14,11 +14,11 @@ const MIN_SADDLE: f32 = 1.1;
 /// Response of the derivative filters to a second derivative of one grey level per square pixel.
 /// They are five pixels wide, which smooths by about one pixel; cells of five pixels are preserved.
 const FILTER_GAIN: f32 = 64.0;
-const WEAKEST: f32 = (FILTER_GAIN * MIN_SADDLE) * (FILTER_GAIN * MIN_SADDLE);
+const MIN_STRENGTH: f32 = (FILTER_GAIN * MIN_SADDLE) * (FILTER_GAIN * MIN_SADDLE);
 
 /// Ratio of a saddle to a stronger one within some pairs of pixels below which it is dropped: print
 /// in a cell, or beside an edge, is finer than the cell and more blurred.
-const MIN_OF_RIVAL: f32 = 0.6;
+const MIN_RIVAL_RATIO: f32 = 0.6;
 const RIVAL_PAIRS: usize = 2;
 
 /// Width (px) of the border in which no saddle is sought: the reach of the filters and of the
@@ -91,19 +91,22 @@ impl Strengths {
         Self { values, width }
     }
 
-    /// Adds the peaks of a row, whose index is `row` here and `row + above` in the picture.
-    fn add_peaks(&self, row: usize, above: usize, found: &mut Vec<SaddleCandidate>) {
+    /// Adds the peaks of a row, whose index is `row` here and `row + first_row` in the picture.
+    fn add_peaks(&self, row: usize, first_row: usize, found: &mut Vec<SaddleCandidate>) {
         let strengths = &self.values[row * self.width..(row + 1) * self.width];
         let inner = &strengths[MARGIN..self.width - MARGIN];
         for (number, run) in inner.chunks(RUN).enumerate() {
             // Most pixels have no such curvature.
-            if !run.iter().fold(false, |any, it| any | (*it > WEAKEST)) {
+            if !run
+                .iter()
+                .fold(false, |any, strength| any | (*strength > MIN_STRENGTH))
+            {
                 continue;
             }
             for (column, &strength) in (MARGIN + number * RUN..).zip(run) {
-                if strength > WEAKEST && self.is_peak(strength, column, row) {
+                if strength > MIN_STRENGTH && self.is_peak(strength, column, row) {
                     found.push(SaddleCandidate {
-                        pixel: [column, row + above],
+                        pixel: [column, row + first_row],
                         strength: f64::from(strength),
                     });
                 }
@@ -122,7 +125,7 @@ impl Strengths {
             [pair - 2 * RIVAL_PAIRS - 1, pair + 2 * RIVAL_PAIRS + 2]
         };
         let rival = self.strongest(pairs(column), pairs(row));
-        strength >= MIN_OF_RIVAL * MIN_OF_RIVAL * rival
+        strength >= MIN_RIVAL_RATIO * MIN_RIVAL_RATIO * rival
     }
 
     /// The largest strength in ranges of columns and rows, whose ends are exclusive.
@@ -148,9 +151,9 @@ impl FilteredRow {
         for (level, value) in padded[REACH..].iter_mut().zip(values) {
             *level = i16::from(*value);
         }
-        for off in 1..=REACH {
-            padded[REACH - off] = padded[REACH + off];
-            padded[REACH + width - 1 + off] = padded[REACH + width - 1 - off];
+        for offset in 1..=REACH {
+            padded[REACH - offset] = padded[REACH + offset];
+            padded[REACH + width - 1 + offset] = padded[REACH + width - 1 - offset];
         }
         let from = |k: usize| &padded[k..k + width];
         let (a, b, c, d, e) = (from(0), from(1), from(2), from(3), from(4));

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
-use super::lattice::{Lattice, STEPS, Site, beside};
+use super::lattice::{Lattice, STEPS, Site, neighbour_site};
 use super::photograph::Photograph;
 
 /// Position at which the four cells at a crossing are sampled: pixels of the photograph along both
@@ -47,8 +47,8 @@ const LIGHT_SPACE: f64 = 0.7;
 /// Minimum number of cells beside a space, on both sides together, and of each shade: fewer may be
 /// light and dark by chance. Two boards with four crossings opposite each other have six, of which
 /// two are light or two dark.
-const MIN_BESIDE: usize = 6;
-const MIN_OF_SHADE: usize = 2;
+const MIN_SPACE_CELLS: usize = 6;
+const MIN_SHADE_CELLS: usize = 2;
 
 /// Places in a cell, in units of its sides.
 type Places = [(f64, f64)];
@@ -77,9 +77,9 @@ impl Photograph<'_> {
                 true => shades,
                 false => shades.map(|shade| -shade),
             };
-            let least = second.min(fourth) - first.max(third);
+            let min_step = second.min(fourth) - first.max(third);
             let mean = 0.5 * (second + fourth) - 0.5 * (first + third);
-            mean > 0.0 && least > MIN_CONTRAST * mean
+            mean > 0.0 && min_step > MIN_CONTRAST * mean
         })
     }
 
@@ -87,14 +87,16 @@ impl Photograph<'_> {
     /// sides of cells beyond the lattice are replaced by the opposite ones.
     fn shades_around(&self, lattice: &Lattice, site: Site) -> Option<[f64; 4]> {
         let here = lattice.at(site)?;
-        let mut ways = [Vector2::zeros(); 4];
-        for (way, step) in ways.iter_mut().zip(STEPS) {
-            let ahead = lattice.at(beside(site, step, 1)).map(|next| next - here);
-            let behind = || Some(here - lattice.at(beside(site, step, -1))?);
-            *way = ahead.or_else(behind)?;
+        let mut directions = [Vector2::zeros(); 4];
+        for (direction, step) in directions.iter_mut().zip(STEPS) {
+            let ahead = lattice
+                .at(neighbour_site(site, step, 1))
+                .map(|next| next - here);
+            let behind = || Some(here - lattice.at(neighbour_site(site, step, -1))?);
+            *direction = ahead.or_else(behind)?;
         }
         Some(std::array::from_fn(|k| {
-            let (first, second) = (ways[k], ways[(k + 1) % 4]);
+            let (first, second) = (directions[k], directions[(k + 1) % 4]);
             let side = self.scale * first.norm().min(second.norm());
             let part = INTO_CELL / side.max(MIN_SIDE);
             let part = part.clamp(MIN_INTO_CELL, MAX_INTO_CELL);
@@ -112,19 +114,21 @@ impl Photograph<'_> {
             return false;
         }
         let mean_of = |cells: &[(Site, [Vector2<f64>; 4])], places: &Places| -> f64 {
-            let points = cells
-                .iter()
-                .flat_map(|(_, around)| places.iter().map(move |place| within(around, *place)));
+            let points = cells.iter().flat_map(|(_, around)| {
+                places
+                    .iter()
+                    .map(move |place| point_in_cell(around, *place))
+            });
             points.map(|point| self.level(point)).sum::<f64>() / (cells.len() * places.len()) as f64
         };
-        let darkest = mean_of(&dark, CENTRE);
+        let dark_level = mean_of(&dark, CENTRE);
         let rims = |cells: &[_], rim| [middles(rim), corners(rim)].map(|at| mean_of(cells, &at));
         let [dark_rim, dark_corner] = rims(&dark, DARK_RIM);
         let [light_rim, light_corner] = rims(&light, LIGHT_RIM);
         // The middle of a light cell may be in a marker.
-        let lightest = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
+        let light_level = mean_of(&light, CENTRE).max(light_rim).max(light_corner);
         let step = light_rim.min(light_corner) - dark_rim.max(dark_corner);
-        lightest > darkest && step > MIN_STEP * (lightest - darkest)
+        light_level > dark_level && step > MIN_STEP * (light_level - dark_level)
     }
 
     /// The boards of a lattice, separated where there is light paper between whole cells of two
@@ -148,7 +152,10 @@ impl Photograph<'_> {
     /// it.
     pub fn space(&self, lattice: &Lattice) -> Option<(usize, isize)> {
         [0, 1].into_iter().find_map(|axis| {
-            let occupied: BTreeSet<_> = lattice.found().map(|it| across(it.0, axis)).collect();
+            let occupied: BTreeSet<_> = lattice
+                .found()
+                .map(|crossing| across(crossing.0, axis))
+                .collect();
             let ends = occupied.iter().zip(occupied.iter().skip(1));
             let mut gaps = ends.filter(|(last, first)| *first - *last >= 2);
             gaps.find(|(last, first)| self.is_space(lattice, axis, (**last, **first)))
@@ -172,7 +179,7 @@ impl Photograph<'_> {
             let [Some(a), Some(b), Some(c), Some(d)] = around else {
                 continue;
             };
-            let level = |place, part| self.level(within(&[a, b, c, d], (place, part)));
+            let level = |place, part| self.level(point_in_cell(&[a, b, c, d], (place, part)));
             for (across, part) in [(last, half_cell), (first - 1, 1.0 - half_cell)] {
                 match lattice.is_dark(site(across, along)) {
                     true => dark.push(level(0.5, part)),
@@ -187,13 +194,15 @@ impl Photograph<'_> {
             space.push(level(0.5, 0.5));
         }
         let count = dark.len() + light.len();
-        if count < MIN_BESIDE || dark.len().min(light.len()) < MIN_OF_SHADE {
+        if count < MIN_SPACE_CELLS || dark.len().min(light.len()) < MIN_SHADE_CELLS {
             return false;
         }
         let mean = |levels: &[f64]| levels.iter().sum::<f64>() / levels.len() as f64;
-        let (darkest, step) = (mean(&dark), mean(&light) - mean(&dark));
-        let share = |levels: &[f64], least: f64| {
-            let lighter = levels.iter().filter(|it| **it > darkest + least * step);
+        let (dark_mean, step) = (mean(&dark), mean(&light) - mean(&dark));
+        let share = |levels: &[f64], min_lightness: f64| {
+            let lighter = levels
+                .iter()
+                .filter(|level| **level > dark_mean + min_lightness * step);
             lighter.count() as f64 / levels.len() as f64
         };
         step > 0.0
@@ -209,7 +218,7 @@ fn across(site: Site, axis: usize) -> isize {
 }
 
 /// The point at a position in a cell, by bilinear interpolation.
-fn within(corners: &[Vector2<f64>; 4], (u, v): (f64, f64)) -> Vector2<f64> {
+fn point_in_cell(corners: &[Vector2<f64>; 4], (u, v): (f64, f64)) -> Vector2<f64> {
     let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
     corners
         .iter()

@@ -66,20 +66,20 @@ pub(super) fn contours(
     limits: &ContourLimits,
 ) -> Vec<Vec<Contour>> {
     let mut map = Map::of(picture.size());
-    let of_level = |level: &u8| {
+    let level_contours = |level: &u8| {
         map.fill(picture.values(), *level);
         let mut kept = map.contours(limits);
         kept.reverse();
         kept
     };
-    levels.iter().map(of_level).collect()
+    levels.iter().map(level_contours).collect()
 }
 
 impl ContourLimits {
-    fn admit(&self, points: &[[i32; 2]], area: f64, size: [i32; 2]) -> bool {
+    fn admits(&self, points: &[[i32; 2]], area: f64, size: [i32; 2]) -> bool {
         let count = points.len();
-        let least = self.area.max(self.compactness * (count * count) as f64);
-        if count < self.points || area.abs() < least {
+        let min_area = self.area.max(self.compactness * (count * count) as f64);
+        if count < self.points || area.abs() < min_area {
             return false;
         }
         let (mut low, mut high) = (points[0], points[0]);
@@ -134,20 +134,21 @@ impl Map {
         for row in 0..self.size[1] {
             let start = (row + 1) * self.stride;
             let end = start + self.stride;
-            let mut at = start + 1;
+            let mut position = start + 1;
             let mut before = OUTSIDE;
-            while let Some(place) = self.next_change(at, end, before) {
-                let own = self.cells[place];
-                let is_region = before == OUTSIDE && own == INSIDE;
-                let is_hole = own == OUTSIDE && before != FOLLOWED_RIGHT;
-                at = place + 1;
+            while let Some(place) = self.next_change(position, end, before) {
+                let cell = self.cells[place];
+                let is_region = before == OUTSIDE && cell == INSIDE;
+                let is_hole = cell == OUTSIDE && before != FOLLOWED_RIGHT;
+                position = place + 1;
                 if is_region || is_hole {
                     let column = (place - start - 1) as i32 - i32::from(is_hole);
                     let first = place - usize::from(is_hole);
                     points.clear();
-                    let doubled = self.follow(first, [column, row as i32], is_hole, &mut points);
-                    let area = 0.5 * doubled as f64;
-                    if (limits.holes || !is_hole) && limits.admit(&points, area, size) {
+                    let doubled_area =
+                        self.follow(first, [column, row as i32], is_hole, &mut points);
+                    let area = 0.5 * doubled_area as f64;
+                    if (limits.holes || !is_hole) && limits.admits(&points, area, size) {
                         kept.push(Contour {
                             points: points.clone(),
                             area,
@@ -160,20 +161,20 @@ impl Map {
         kept
     }
 
-    /// The first cell from `at` to before `end` that differs from the one before it.
-    fn next_change(&self, at: usize, end: usize, before: u8) -> Option<usize> {
-        let row = self.cells.get(at..end)?;
-        let alike = [before; RUN];
+    /// The first cell from `position` to before `end` that differs from the one before it.
+    fn next_change(&self, position: usize, end: usize, before: u8) -> Option<usize> {
+        let row = self.cells.get(position..end)?;
+        let same_cells = [before; RUN];
         let mut skipped = 0;
         for run in row.as_chunks::<RUN>().0 {
-            if *run != alike {
+            if *run != same_cells {
                 break;
             }
             skipped += RUN;
         }
         for (number, cell) in row[skipped..].iter().enumerate() {
             if *cell != before {
-                return Some(at + skipped + number);
+                return Some(position + skipped + number);
             }
         }
         None

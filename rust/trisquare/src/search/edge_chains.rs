@@ -11,7 +11,7 @@ use nalgebra::Vector2;
 const REACH: usize = 2;
 
 /// Index for "no edge point".
-const NONE: u32 = u32::MAX;
+const NO_POINT: u32 = u32::MAX;
 
 /// Grey levels in any unit, in row order.
 #[derive(Debug, Clone, Copy)]
@@ -58,22 +58,22 @@ struct EdgePoint {
 pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<Vector2<f64>>> {
     let (points, grid) = edge_points(picture, weak);
     let (next, previous) = links(picture.size, &points, &grid);
-    let mut taken = vec![false; points.len()];
+    let mut is_used = vec![false; points.len()];
     let mut chains = Vec::new();
     // Open chains first, from their first points; the remaining chains are rings.
-    let first = (0..points.len()).filter(|&i| previous[i] == NONE);
+    let first = (0..points.len()).filter(|&i| previous[i] == NO_POINT);
     for start in first.chain(0..points.len()) {
         let mut chain = Vec::new();
         let mut is_strong = false;
-        let mut at = start;
-        while !taken[at] {
-            taken[at] = true;
-            chain.push(points[at].place);
-            is_strong |= points[at].gradient.norm() >= strong;
-            if next[at] == NONE {
+        let mut index = start;
+        while !is_used[index] {
+            is_used[index] = true;
+            chain.push(points[index].place);
+            is_strong |= points[index].gradient.norm() >= strong;
+            if next[index] == NO_POINT {
                 break;
             }
-            at = next[at] as usize;
+            index = next[index] as usize;
         }
         if is_strong && chain.len() > 1 {
             chains.push(chain);
@@ -86,7 +86,7 @@ pub fn edge_chains(picture: &GreyFloats<'_>, weak: f32, strong: f32) -> Vec<Vec<
 fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>) {
     let [width, height] = picture.size;
     let mut points = Vec::new();
-    let mut grid = vec![NONE; width * height];
+    let mut grid = vec![NO_POINT; width * height];
     if width < 2 * REACH + 1 || height < 2 * REACH + 1 {
         return (points, grid);
     }
@@ -101,14 +101,14 @@ fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>
     }
     for y in REACH..height - REACH {
         for x in REACH..width - REACH {
-            let at = y * width + x;
-            let (gradient, middle) = (gradients[at], magnitudes[at]);
+            let index = y * width + x;
+            let (gradient, middle) = (gradients[index], magnitudes[index]);
             if middle < weak || middle <= 0.0 {
                 continue;
             }
             let along_x = gradient.x.abs() >= gradient.y.abs();
             let step = if along_x { 1 } else { width };
-            let (before, after) = (magnitudes[at - step], magnitudes[at + step]);
+            let (before, after) = (magnitudes[index - step], magnitudes[index + step]);
             if !(middle > before && middle >= after) {
                 continue;
             }
@@ -118,7 +118,7 @@ fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>
             } else {
                 Vector2::new(0.0, offset)
             };
-            grid[at] = points.len() as u32;
+            grid[index] = points.len() as u32;
             points.push(EdgePoint {
                 place: Vector2::new(x as f64, y as f64) + shift,
                 gradient,
@@ -130,14 +130,14 @@ fn edge_points(picture: &GreyFloats<'_>, weak: f32) -> (Vec<EdgePoint>, Vec<u32>
 
 /// The next and the previous point of each point.
 fn links(size: [usize; 2], points: &[EdgePoint], grid: &[u32]) -> (Vec<u32>, Vec<u32>) {
-    let mut next = vec![NONE; points.len()];
-    let mut previous = vec![NONE; points.len()];
+    let mut next = vec![NO_POINT; points.len()];
+    let mut previous = vec![NO_POINT; points.len()];
     for (here, point) in points.iter().enumerate() {
         let (forward, backward) = neighbours(size, points, grid, point);
-        if forward != NONE {
+        if forward != NO_POINT {
             connect(&mut next, &mut previous, points, here as u32, forward);
         }
-        if backward != NONE {
+        if backward != NO_POINT {
             connect(&mut next, &mut previous, points, backward, here as u32);
         }
     }
@@ -155,11 +155,11 @@ fn neighbours(
         point.place.x.round() as usize,
         point.place.y.round() as usize,
     );
-    let mut nearest = [(NONE, f64::INFINITY); 2];
+    let mut nearest = [(NO_POINT, f64::INFINITY); 2];
     for row in y.saturating_sub(REACH)..=(y + REACH).min(size[1] - 1) {
         for column in x.saturating_sub(REACH)..=(x + REACH).min(size[0] - 1) {
             let other = grid[row * size[0] + column];
-            if other == NONE {
+            if other == NO_POINT {
                 continue;
             }
             let to = &points[other as usize];
@@ -184,16 +184,16 @@ fn connect(next: &mut [u32], previous: &mut [u32], points: &[EdgePoint], from: u
     let length = distance(from, to);
     let (old_next, old_previous) = (next[from as usize], previous[to as usize]);
     if old_next == to
-        || (old_next != NONE && distance(from, old_next) <= length)
-        || (old_previous != NONE && distance(old_previous, to) <= length)
+        || (old_next != NO_POINT && distance(from, old_next) <= length)
+        || (old_previous != NO_POINT && distance(old_previous, to) <= length)
     {
         return;
     }
-    if old_next != NONE {
-        previous[old_next as usize] = NONE;
+    if old_next != NO_POINT {
+        previous[old_next as usize] = NO_POINT;
     }
-    if old_previous != NONE {
-        next[old_previous as usize] = NONE;
+    if old_previous != NO_POINT {
+        next[old_previous as usize] = NO_POINT;
     }
     next[from as usize] = to;
     previous[to as usize] = from;

@@ -12,18 +12,18 @@ use crate::image::GreyBytes;
 
 /// Cosine of the largest angle between a neighbour and an edge's direction: 18 degrees, for the
 /// effect of noise and of the smoothing of slanted edges on the direction.
-const MISALIGNED: f64 = 0.95;
+const MIN_ALIGNMENT: f64 = 0.95;
 
 /// Same for neighbours that are sought first: 10 degrees, which suffices except for small cells.
 /// Print in a cell crosses its white rim, whose middle is 15 degrees from the cell's edge.
-const MISALIGNED_LITTLE: f64 = 0.985;
+const MIN_FIRST_ALIGNMENT: f64 = 0.985;
 
 /// Same for neighbours near a crossing, where the corner of a slanted cell is as small as the blur:
 /// 33 degrees.
-const MISALIGNED_NEAR: f64 = 0.84;
+const MIN_NEAR_ALIGNMENT: f64 = 0.84;
 
 /// Largest distance (px) of such a near neighbour.
-const NEAR: f64 = 12.0;
+const MAX_NEAR_DISTANCE: f64 = 12.0;
 
 /// Positions at which the edge between two crossings is examined, as fractions of the distance. The
 /// blur of the crossings reaches them only in the shortest cells, where it is symmetric.
@@ -32,20 +32,20 @@ const PLACES: [f64; 6] = [0.15, 0.3, 0.43, 0.57, 0.7, 0.85];
 /// Distance (px) from an edge at which the light and the dark side are sampled: the blur has faded
 /// enough for the sign, and the white rim of a cell with a marker, an eighth of the cell, is not
 /// yet crossed.
-const BESIDE: f64 = 1.3;
+const SIDE_DISTANCE: f64 = 1.3;
 
 /// Distance (px) from a crossing within which a sample beside the edge may be in the opposite cell,
 /// if the two edges cross at an oblique angle. The middle, from the given fraction on, is examined
 /// in any case.
-const CORNER: f64 = 2.2;
-const MIDDLE: f64 = 0.36;
+const CORNER_LENGTH: f64 = 2.2;
+const MIDDLE_START: f64 = 0.36;
 
 /// Smallest step across an edge, over the mean of all positions; noise and shading leave more.
-const FAINTEST: f64 = 0.5;
+const MIN_RELATIVE_STEP: f64 = 0.5;
 
 /// Same for the first and the last position: next to a crossing the step fades, the more so the
 /// more oblique the two edges are. Noise alone would produce a step of either sign.
-const FAINTEST_END: f64 = 0.1;
+const MIN_END_STEP: f64 = 0.1;
 
 /// Smallest mean step across an edge, grey levels: a tenth of a contrast of 30, as remains after
 /// two pixels of blur. Noise would not have the same sign at all of `PLACES`.
@@ -93,18 +93,19 @@ impl GreyBytes<'_> {
         end: Vector2<f64>,
         dark_clockwise: bool,
     ) -> bool {
-        let way = end - start;
-        let length = way.norm();
+        let chord = end - start;
+        let length = chord.norm();
         if !(length > 0.0 && length.is_finite()) {
             return false;
         }
-        let clockwise = Vector2::new(-way.y, way.x) * (BESIDE / length);
+        let clockwise = Vector2::new(-chord.y, chord.x) * (SIDE_DISTANCE / length);
         let sign = if dark_clockwise { 1.0 } else { -1.0 };
         let mut steps = [0.0; PLACES.len()];
-        let first = (corner / length).clamp(PLACES[0], MIDDLE);
+        let first = (corner / length).clamp(PLACES[0], MIDDLE_START);
         for (step, place) in steps.iter_mut().zip(PLACES) {
-            let on_edge = start + way * place.clamp(first, 1.0 - first);
-            *step = sign * (self.at(on_edge - clockwise) - self.at(on_edge + clockwise));
+            let on_edge = start + chord * place.clamp(first, 1.0 - first);
+            *step =
+                sign * (self.bilinear(on_edge - clockwise) - self.bilinear(on_edge + clockwise));
             if *step <= 0.0 {
                 return false;
             }
@@ -112,8 +113,8 @@ impl GreyBytes<'_> {
         let [start_step, between @ .., end_step] = steps;
         let mean = steps.iter().sum::<f64>() / PLACES.len() as f64;
         mean > MIN_STEP
-            && start_step.min(end_step) > FAINTEST_END * mean
-            && between.iter().all(|step| *step > FAINTEST * mean)
+            && start_step.min(end_step) > MIN_END_STEP * mean
+            && between.iter().all(|step| *step > MIN_RELATIVE_STEP * mean)
     }
 }
 
@@ -122,7 +123,8 @@ impl Crossing {
     #[must_use]
     pub fn direction(&self, vector: Vector2<f64>) -> Option<usize> {
         let (direction, along) = self.nearest_direction(vector);
-        (along * along >= MISALIGNED * MISALIGNED * vector.norm_squared()).then_some(direction)
+        (along * along >= MIN_ALIGNMENT * MIN_ALIGNMENT * vector.norm_squared())
+            .then_some(direction)
     }
 
     /// The direction nearest to that of a vector, and the vector's component along it.
@@ -142,7 +144,7 @@ impl Crossing {
 pub fn link_crossings(picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Vec<Followers> {
     let from_each = crossings.iter();
     let nearest: Vec<[Followers; PASSES.len()]> = from_each
-        .map(|from| nearest_of(picture, crossings, from))
+        .map(|from| nearest_followers(picture, crossings, from))
         .collect();
     let mut links = vec![[None; 4]; crossings.len()];
     for pass in 0..PASSES.len() {
@@ -152,16 +154,16 @@ pub fn link_crossings(picture: &GreyBytes<'_>, crossings: &[Crossing]) -> Vec<Fo
 }
 
 /// Adds links between directions that have no link yet.
-fn add_links(links: &mut [Followers], others: &[Followers]) {
-    for (number, others) in others.iter().enumerate() {
-        for (direction, other) in others.iter().enumerate() {
-            let Some(follower) = *other else { continue };
-            let returning = links[follower.crossing][follower.back];
+fn add_links(links: &mut [Followers], new_links: &[Followers]) {
+    for (number, new_links) in new_links.iter().enumerate() {
+        for (direction, new_link) in new_links.iter().enumerate() {
+            let Some(follower) = *new_link else { continue };
+            let opposite = links[follower.crossing][follower.back];
             let back = Follower {
                 crossing: number,
                 back: direction,
             };
-            if links[number][direction].is_none() && returning.is_none_or(|it| it == back) {
+            if links[number][direction].is_none() && opposite.is_none_or(|link| link == back) {
                 links[number][direction] = Some(follower);
                 links[follower.crossing][follower.back] = Some(back);
             }
@@ -179,12 +181,12 @@ pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
         if !std::mem::take(&mut is_new[first]) {
             continue;
         }
-        let (mut waiting, mut count) = (vec![first], 0);
-        while let Some(number) = waiting.pop() {
+        let (mut pending, mut count) = (vec![first], 0);
+        while let Some(number) = pending.pop() {
             count += 1;
             for follower in links[number].iter().flatten() {
                 if std::mem::take(&mut is_new[follower.crossing]) {
-                    waiting.push(follower.crossing);
+                    pending.push(follower.crossing);
                 }
             }
         }
@@ -197,7 +199,7 @@ pub(super) fn linked_groups(links: &[Followers]) -> Vec<usize> {
 #[derive(Debug, Clone, Copy)]
 struct Pass {
     /// Cosine of the largest angle between a neighbour and an edge's direction.
-    aligned: f64,
+    min_alignment: f64,
     /// Largest distance of a neighbour, pixels.
     reach: f64,
     /// Length at both ends of the edge that is not examined, pixels.
@@ -206,19 +208,19 @@ struct Pass {
 
 const PASSES: [Pass; 3] = [
     Pass {
-        aligned: MISALIGNED_LITTLE,
+        min_alignment: MIN_FIRST_ALIGNMENT,
         reach: f64::INFINITY,
         corner: 0.0,
     },
     Pass {
-        aligned: MISALIGNED,
+        min_alignment: MIN_ALIGNMENT,
         reach: f64::INFINITY,
         corner: 0.0,
     },
     Pass {
-        aligned: MISALIGNED_NEAR,
-        reach: NEAR,
-        corner: CORNER,
+        min_alignment: MIN_NEAR_ALIGNMENT,
+        reach: MAX_NEAR_DISTANCE,
+        corner: CORNER_LENGTH,
     },
 ];
 
@@ -226,11 +228,11 @@ const PASSES: [Pass; 3] = [
 fn mutual_links(nearest: &[[Followers; PASSES.len()]], pass: usize) -> Vec<Followers> {
     let mutual = |number: usize, direction: usize| {
         nearest[number][pass][direction].filter(|follower| {
-            let home = Follower {
+            let returning = Follower {
                 crossing: number,
                 back: direction,
             };
-            nearest[follower.crossing][pass][follower.back] == Some(home)
+            nearest[follower.crossing][pass][follower.back] == Some(returning)
         })
     };
     (0..nearest.len())
@@ -241,26 +243,27 @@ fn mutual_links(nearest: &[[Followers; PASSES.len()]], pass: usize) -> Vec<Follo
 /// The nearest crossings, for each pass, that are connected to one by an edge.
 ///
 /// All pairs of crossings are examined, but only once for all passes.
-fn nearest_of(
+fn nearest_followers(
     picture: &GreyBytes<'_>,
     crossings: &[Crossing],
     from: &Crossing,
 ) -> [Followers; PASSES.len()] {
     let mut aligned: [[Vec<(f64, Follower)>; 4]; PASSES.len()] = Default::default();
-    let mut beside = vec![0; crossings.len()];
-    let count = numbers_beside(from, crossings, &mut beside);
-    for &number in &beside[..count] {
+    let mut numbers = vec![0; crossings.len()];
+    let count = find_aligned(from, crossings, &mut numbers);
+    for &number in &numbers[..count] {
         let other = &crossings[number];
-        let way = other.point - from.point;
-        let distance = way.norm_squared();
-        let (direction, along) = from.nearest_direction(way);
-        let (back, along_back) = other.nearest_direction(-way);
+        let offset = other.point - from.point;
+        let distance = offset.norm_squared();
+        let (direction, along) = from.nearest_direction(offset);
+        let (back, along_back) = other.nearest_direction(-offset);
         if distance == 0.0 || (direction + back) % 2 == 0 {
             continue;
         }
-        let least_along = along.abs().min(along_back.abs());
+        let smaller_along = along.abs().min(along_back.abs());
         for (pass, aligned) in PASSES.iter().zip(&mut aligned) {
-            let is_aligned = least_along * least_along >= pass.aligned * pass.aligned * distance;
+            let is_aligned =
+                smaller_along * smaller_along >= pass.min_alignment * pass.min_alignment * distance;
             if is_aligned && distance <= pass.reach * pass.reach {
                 let follower = Follower {
                     crossing: number,
@@ -285,24 +288,28 @@ fn nearest_of(
 /// `numbers`, and counts them.
 ///
 /// There is no branch, since most pairs of crossings are not aligned and should cost little.
-fn numbers_beside(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
+fn find_aligned(from: &Crossing, crossings: &[Crossing], numbers: &mut [usize]) -> usize {
     let mut count = 0;
     for (number, other) in crossings.iter().enumerate() {
-        let way = other.point - from.point;
-        let distance = way.norm_squared();
-        let is_near = distance <= NEAR * NEAR;
-        let least = if is_near { MISALIGNED_NEAR } else { MISALIGNED };
+        let offset = other.point - from.point;
+        let distance = offset.norm_squared();
+        let is_near = distance <= MAX_NEAR_DISTANCE * MAX_NEAR_DISTANCE;
+        let min_alignment = if is_near {
+            MIN_NEAR_ALIGNMENT
+        } else {
+            MIN_ALIGNMENT
+        };
         let along = [
-            from.edges[0].dot(&way),
-            from.edges[1].dot(&way),
-            other.edges[0].dot(&way),
-            other.edges[1].dot(&way),
+            from.edges[0].dot(&offset),
+            from.edges[1].dot(&offset),
+            other.edges[0].dot(&offset),
+            other.edges[1].dot(&offset),
         ];
-        let own = along[0].abs().max(along[1].abs());
-        let others = along[2].abs().max(along[3].abs());
-        let along = own.min(others);
+        let from_along = along[0].abs().max(along[1].abs());
+        let other_along = along[2].abs().max(along[3].abs());
+        let along = from_along.min(other_along);
         numbers[count] = number;
-        count += usize::from(along * along >= least * least * distance);
+        count += usize::from(along * along >= min_alignment * min_alignment * distance);
     }
     count
 }

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::lattice::{Lattice, Site, beside};
+use super::lattice::{Lattice, Site, neighbour_site};
 use super::lattice_surface::LatticeSurface;
-use super::link_edges::WAYS;
+use super::link_edges::LINK_STEPS;
 use super::outline::Outline;
 use super::photograph::Photograph;
 use super::saddles::refine_corner;
@@ -16,7 +16,7 @@ const MAX_EXTENSIONS: usize = 12;
 
 /// Distance, in cells, from the outline of another lattice with a rim of one cell, within which
 /// there may be a fold.
-const AT_FOLD: f64 = 0.25;
+const FOLD_DISTANCE: f64 = 0.25;
 
 /// Width (px) of the border in which no crossing is predicted: the reach of the filters that find
 /// one.
@@ -31,7 +31,7 @@ impl Lattice {
         let last = Vector2::new(width as f64, height as f64).add_scalar(-1.0 - MARGIN);
         let mut wider = padded.clone();
         for site in padded.rim() {
-            let point = surface.at(beside(site, (-1, -1), 1));
+            let point = surface.at(neighbour_site(site, (-1, -1), 1));
             let is_inside = point >= Vector2::repeat(MARGIN) && point <= last;
             wider.set(site, is_inside.then_some(point));
         }
@@ -68,29 +68,29 @@ impl Lattice {
         others: &[&Outline],
     ) -> Self {
         let predicted = self.with_neighbours(picture.size());
-        let at_fold = AT_FOLD * self.pitch();
-        let is_new = |site: &Site| !self.has(beside(*site, (-1, -1), 1));
+        let fold_distance = FOLD_DISTANCE * self.pitch();
+        let is_new = |site: &Site| !self.has(neighbour_site(*site, (-1, -1), 1));
         let new = predicted.found().filter(|(site, point)| {
             is_new(site)
                 && photograph.alternates(&predicted, *site)
                 && !others
                     .iter()
-                    .any(|outline| outline.is_near(*point, at_fold))
+                    .any(|outline| outline.is_near(*point, fold_distance))
         });
-        let least_stray = self.least_stray();
+        let stray_tolerance = self.stray_tolerance();
         let mut wider = self.padded();
         for (site, point) in new {
-            let settled = refine_corner(picture, point);
-            let is_stray = (settled - point).norm() > least_stray;
-            wider.set(site, (!is_stray).then_some(settled));
+            let refined = refine_corner(picture, point);
+            let is_stray = (refined - point).norm() > stray_tolerance;
+            wider.set(site, (!is_stray).then_some(refined));
         }
         let mut linked = wider.clone();
-        for way in WAYS {
-            for (site, link) in wider.links(way) {
+        for step in LINK_STEPS {
+            for (site, link) in wider.links(step) {
                 // If there is no edge between two crossings, either may be wrong.
-                if !photograph.is_edge(wider.is_dark(site) == (way == WAYS[0]), link) {
+                if !photograph.is_edge(wider.is_dark(site) == (step == LINK_STEPS[0]), link) {
                     linked.set(site, None);
-                    linked.set(beside(site, way, 1), None);
+                    linked.set(neighbour_site(site, step, 1), None);
                 }
             }
         }
@@ -124,7 +124,7 @@ mod tests {
         let is_inside = |p: &Vector2<f64>| p.x >= MARGIN && p.y >= MARGIN;
         let new = wider
             .found()
-            .filter(|(site, _)| !near.has(beside(*site, (-1, -1), 1)));
+            .filter(|(site, _)| !near.has(neighbour_site(*site, (-1, -1), 1)));
         assert!(new.into_iter().all(|(_, point)| is_inside(&point)));
     }
 }

@@ -12,7 +12,7 @@ use super::lattice::Lattice;
 use super::level::Level;
 use super::outline::Outline;
 use super::photograph::Photograph;
-use super::replacing::replaced;
+use super::replacing::with_replacements;
 use super::saddles::refine_corner;
 use super::sectors::{SaddleCandidate, crossings_at};
 use crate::image::GreyBytes;
@@ -55,7 +55,7 @@ fn find_at_candidates(
         };
     };
     let is_halved = finest.size() != photograph.size();
-    let mut seen = Photograph {
+    let mut scaled_photograph = Photograph {
         grey: *photograph,
         scale: f64::from(u32::from(is_halved) + 1) * 2f64.powi(pictures.len() as i32 - 1),
     };
@@ -64,36 +64,43 @@ fn find_at_candidates(
     let mut level = level_of(&pictures[0]);
     for (number, picture) in pictures.iter().enumerate() {
         if number > 0 {
-            seen.scale *= 0.5;
+            scaled_photograph.scale *= 0.5;
             level = level_of(picture);
             lattices = lattices
                 .iter()
-                .map(|it| it.doubled(&level.picture))
+                .map(|lattice| lattice.doubled(&level.picture))
                 .collect();
         }
         // Otherwise a lattice that a coarse picture shows in a grille, or in the cells of two
         // boards, would hide the true ones from the finer pictures.
-        lattices.retain(|lattice| seen.has_edges(lattice));
+        lattices.retain(|lattice| scaled_photograph.has_edges(lattice));
         lattices = level.lattices(lattices, number + 1 == pictures.len());
-        lattices.retain(|lattice| lattice.is_board(seen.scale));
+        lattices.retain(|lattice| lattice.is_board(scaled_photograph.scale));
     }
-    if is_halved && level.shows_more(&lattices) {
-        lattices = looked_closer(lattices, &level_of(photograph));
+    if is_halved && level.has_more_crossings(&lattices) {
+        lattices = search_photograph(lattices, &level_of(photograph));
     }
-    lattices.retain(|lattice| seen.has_edges(lattice));
-    let lattices = extended(&lattices, &level.picture, &seen, |_| true);
+    lattices.retain(|lattice| scaled_photograph.has_edges(lattice));
+    let lattices = extended(&lattices, &level.picture, &scaled_photograph, |_| true);
     let found = lattices.iter().map(|lattice| {
-        let alternating = lattice.filtered(|site| seen.alternates(lattice, site));
+        let alternating = lattice.filtered(|site| scaled_photograph.alternates(lattice, site));
         alternating.complete()
     });
     let is_sound = |lattice: &Lattice| {
-        lattice.is_board(seen.scale) && seen.has_edges(lattice) && seen.is_chequered(lattice)
+        lattice.is_board(scaled_photograph.scale)
+            && scaled_photograph.has_edges(lattice)
+            && scaled_photograph.is_chequered(lattice)
     };
     let mut found: Vec<_> = found.filter(is_sound).collect();
     found.sort_by_key(|lattice| Reverse(lattice.count()));
     FoundLattices {
-        crossings_beside: level.beside(found.iter().map(Outline::with_rim)).len(),
-        lattices: found.iter().map(|it| it.scaled(seen.scale)).collect(),
+        crossings_beside: level
+            .free_crossings(found.iter().map(Outline::with_rim))
+            .len(),
+        lattices: found
+            .iter()
+            .map(|lattice| lattice.scaled(scaled_photograph.scale))
+            .collect(),
     }
 }
 
@@ -130,7 +137,7 @@ fn extended(
 }
 
 /// Searches the photograph itself, given the lattices in the halved picture.
-fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
+fn search_photograph(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
     let photograph = Photograph {
         grey: whole.picture,
         scale: 1.0,
@@ -142,11 +149,13 @@ fn looked_closer(known: Vec<Lattice>, whole: &Level<'_>) -> Vec<Lattice> {
     let finer = whole.lattices(doubled, true);
     let finer: Vec<_> = finer.iter().map(Lattice::complete).collect();
     // A small board must have nearly all of its crossings.
-    let finer = extended(&finer, &whole.picture, &photograph, |it| !it.is_board(1.0));
-    let good = finer
+    let finer = extended(&finer, &whole.picture, &photograph, |lattice| {
+        !lattice.is_board(1.0)
+    });
+    let boards = finer
         .iter()
         .filter(|lattice| lattice.is_board(1.0) && photograph.has_edges(lattice));
-    replaced(known, good.map(|lattice| lattice.scaled(0.5)).collect())
+    with_replacements(known, boards.map(|lattice| lattice.scaled(0.5)).collect())
 }
 
 #[cfg(test)]

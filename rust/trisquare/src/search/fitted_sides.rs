@@ -24,16 +24,16 @@ const END_MARGIN_FRACTIONS: [f64; 2] = [0.06, 0.25];
 /// it, and number of the outermost ones that give the grey levels beside it.
 const REACH: i32 = 3;
 const PROFILE: usize = 2 * REACH as usize + 1;
-const BESIDE: usize = 2;
+const PLATEAU_PIXELS: usize = 2;
 /// Smallest contrast used as a divisor, and the amount by which a fraction of the contrast may
 /// exceed 0 and 1.
 const MIN_DIVISOR: f64 = 1.0;
-const MAX_BEYOND: f64 = 0.25;
+const MAX_OVERSHOOT: f64 = 0.25;
 
 /// Maximum number of rounds, and change of a curve (px) that ends them. Near a corner a contour may
 /// miss the edge by more than the reach of the profile; each round follows the edge further there.
 const ROUNDS: usize = 3;
-const SETTLED: f64 = 0.1;
+const LAST_CHANGE: f64 = 0.1;
 
 /// Minimum contrast of an edge point, as a fraction of the side's median.
 const MIN_RELATIVE_CONTRAST: f64 = 0.4;
@@ -89,13 +89,13 @@ pub fn fit_sides(
     let frames: [ChordFrame; 4] =
         std::array::from_fn(|k| ChordFrame::between(rough[k][0], rough[(k + 1) % 4][0]));
     let places = frames.map(|frame| frame.inner_places());
-    let started = started(rough, &frames, &places);
+    let cubics = rough_cubics(rough, &frames, &places);
     let mut sides: Vec<Edge> = (0..4)
-        .map(|k| Edge::at(frames[k], places[k], started[k]))
+        .map(|k| Edge::at(frames[k], places[k], cubics[k]))
         .collect();
-    settle(picture, is_dark, &mut sides);
-    let meetings: [Meeting; 4] =
-        std::array::from_fn(|k| Meeting::of(&sides[(k + 3) % 4], &sides[k]));
+    measure_repeatedly(picture, is_dark, &mut sides);
+    let intersections: [Intersection; 4] =
+        std::array::from_fn(|k| Intersection::of(&sides[(k + 3) % 4], &sides[k]));
     let inliers: Vec<f64> = sides.iter().map(Edge::inliers).collect();
     let weakest = (1..4).fold(0, |least, k| {
         if inliers[k] < inliers[least] {
@@ -113,12 +113,13 @@ pub fn fit_sides(
         }),
     };
     for (k, side) in sides.iter().enumerate() {
-        let ends = [&meetings[k], &meetings[(k + 1) % 4]];
+        let ends = [&intersections[k], &intersections[(k + 1) % 4]];
         let least_inliers = match k == weakest {
             true => limits.least_inliers_hidden,
             false => limits.least_inliers,
         };
-        let is_good = inliers[k] >= least_inliers && meetings[k].cosine.abs() <= limits.most_cosine;
+        let is_good =
+            inliers[k] >= least_inliers && intersections[k].cosine.abs() <= limits.most_cosine;
         if !is_good {
             return None;
         }
@@ -128,7 +129,7 @@ pub fn fit_sides(
 }
 
 /// Measures the sides repeatedly until they no longer move.
-fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
+fn measure_repeatedly(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
     for _ in 0..ROUNDS {
         let before: Vec<_> = sides.iter().map(|side| side.curve).collect();
         measure(picture, is_dark, sides);
@@ -138,27 +139,27 @@ fn settle(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
                 .zip(before)
                 .map(|(now, then)| (now - then).abs())
         });
-        if moved.fold(0.0, f64::max) < SETTLED {
+        if moved.fold(0.0, f64::max) < LAST_CHANGE {
             break;
         }
     }
 }
 
 /// Cubics through the rough points of the sides, without those near corners.
-fn started(
+fn rough_cubics(
     rough: &Sides,
     frames: &[ChordFrame; 4],
     places: &[[f64; POINTS_PER_SIDE]; 4],
 ) -> Vec<Vector4<f64>> {
     let points = |k: usize| {
-        let seen = rough[k].map(|point| frames[k].coordinates(point));
+        let coordinates = rough[k].map(|point| frames[k].coordinates(point));
         let inner = places[k][0]..places[k][POINTS_PER_SIDE - 1];
         SidePoints {
-            basis: seen.iter().map(|it| powers(it.x)).collect(),
-            offsets: seen.iter().map(|it| it.y).collect(),
-            used: seen
+            basis: coordinates.iter().map(|point| powers(point.x)).collect(),
+            offsets: coordinates.iter().map(|point| point.y).collect(),
+            used: coordinates
                 .iter()
-                .map(|it| it.x > inner.start && it.x < inner.end)
+                .map(|point| point.x > inner.start && point.x < inner.end)
                 .collect(),
             length: frames[k].length,
         }
@@ -176,22 +177,22 @@ fn measure(picture: &GreyBytes<'_>, is_dark: bool, sides: &mut [Edge]) {
             (side.curve[k] + step, sign * contrast)
         });
         side.contrast = median(edges.iter().map(|edge| edge.1).collect()).unwrap_or(f64::NAN);
-        let least = MIN_RELATIVE_CONTRAST * side.contrast.max(MIN_CONTRAST);
+        let min_contrast = MIN_RELATIVE_CONTRAST * side.contrast.max(MIN_CONTRAST);
         measured.push(SidePoints {
             basis: side.places.iter().map(|place| powers(*place)).collect(),
             offsets: edges.iter().map(|edge| edge.0).collect(),
-            used: edges.iter().map(|edge| edge.1 > least).collect(),
+            used: edges.iter().map(|edge| edge.1 > min_contrast).collect(),
             length: side.frame.length,
         });
     }
     let trimmed = trimmed_cubics(&measured);
     for ((side, mut points), cubic) in sides.iter_mut().zip(measured).zip(trimmed) {
         side.is_on_curve = std::array::from_fn(|k| {
-            let off = points.offsets[k] - points.basis[k].dot(&cubic);
-            points.used[k] && off.abs() < MAX_RESIDUAL
+            let residual = points.offsets[k] - points.basis[k].dot(&cubic);
+            points.used[k] && residual.abs() < MAX_RESIDUAL
         });
         points.used = side.is_on_curve.to_vec();
-        side.bend(points.cubic());
+        side.set_cubic(points.cubic());
     }
 }
 
@@ -232,8 +233,8 @@ impl ChordFrame {
 
     /// Positions spread over the chord, without its ends.
     fn inner_places(&self) -> [f64; POINTS_PER_SIDE] {
-        let [least, most] = END_MARGIN_FRACTIONS;
-        let margin = (END_MARGIN_PIXELS / self.length).clamp(least, most);
+        let [min, max] = END_MARGIN_FRACTIONS;
+        let margin = (END_MARGIN_PIXELS / self.length).clamp(min, max);
         std::array::from_fn(|point| margin + (1.0 - 2.0 * margin) * fraction(point))
     }
 
@@ -243,17 +244,21 @@ impl ChordFrame {
     /// steepest gradient it is not biased by noise and needs no interpolation.
     fn edge(&self, picture: &GreyBytes<'_>, place: f64, offset: f64) -> (f64, f64) {
         let profile: [f64; PROFILE] = std::array::from_fn(|k| {
-            picture.at(self.point(place, offset + f64::from(k as i32 - REACH)))
+            picture.bilinear(self.point(place, offset + f64::from(k as i32 - REACH)))
         });
-        let mean = |levels: &[f64]| levels.iter().sum::<f64>() / BESIDE as f64;
-        let (inside, outside) = (mean(&profile[..BESIDE]), mean(&profile[PROFILE - BESIDE..]));
+        let mean = |levels: &[f64]| levels.iter().sum::<f64>() / PLATEAU_PIXELS as f64;
+        let (inside, outside) = (
+            mean(&profile[..PLATEAU_PIXELS]),
+            mean(&profile[PROFILE - PLATEAU_PIXELS..]),
+        );
         let contrast = outside - inside;
         let divisor = if contrast.abs() < MIN_DIVISOR {
             MIN_DIVISOR
         } else {
             contrast
         };
-        let share = |level: &f64| ((level - inside) / divisor).clamp(-MAX_BEYOND, 1.0 + MAX_BEYOND);
+        let share =
+            |level: &f64| ((level - inside) / divisor).clamp(-MAX_OVERSHOOT, 1.0 + MAX_OVERSHOOT);
         let outer: f64 = profile.iter().map(share).sum();
         (0.5 * PROFILE as f64 - outer, contrast)
     }
@@ -283,11 +288,11 @@ impl Edge {
             is_on_curve: [false; POINTS_PER_SIDE],
             contrast: 0.0,
         };
-        edge.bend(cubic);
+        edge.set_cubic(cubic);
         edge
     }
 
-    fn bend(&mut self, cubic: Vector4<f64>) {
+    fn set_cubic(&mut self, cubic: Vector4<f64>) {
         self.cubic = cubic;
         self.curve = self.places.map(|place| self.offset(place));
     }
@@ -301,7 +306,7 @@ impl Edge {
     /// quad's sign, and ends near its rough corners.
     fn points_between(
         &self,
-        [first, last]: [&Meeting; 2],
+        [first, last]: [&Intersection; 2],
     ) -> Option<[Vector2<f64>; POINTS_PER_SIDE]> {
         let (first, last) = (first.on_second, last.on_first);
         let place = |point: usize| first + (last - first) * fraction(point);
@@ -310,7 +315,7 @@ impl Edge {
         let middle = 0.5 * (offsets[0] + offsets[POINTS_PER_SIDE - 1]);
         let sagitta = offsets
             .iter()
-            .map(|it| (it - middle).abs())
+            .map(|offset| (offset - middle).abs())
             .fold(0.0, f64::max);
         let is_good = self.contrast >= MIN_CONTRAST
             && sagitta <= MAX_SAGITTA * self.frame.length
@@ -339,31 +344,33 @@ impl Edge {
 
 /// Intersection of two consecutive sides: the positions on both, and the cosine of the angle
 /// between them.
-struct Meeting {
+struct Intersection {
     on_first: f64,
     on_second: f64,
     cosine: f64,
 }
 
-impl Meeting {
+impl Intersection {
     /// The intersection by Newton's method, starting from the ends of the chords.
     fn of(first: &Edge, second: &Edge) -> Self {
         let (mut on_first, mut on_second, mut cosine) = (1.0, 0.0, 0.0);
         for _ in 0..NEWTON_STEPS {
             let gap = first.point(on_first) - second.point(on_second);
-            let (there, here) = (first.tangent(on_first), second.tangent(on_second));
-            let cross = there.perp(&here);
+            let (first_tangent, second_tangent) =
+                (first.tangent(on_first), second.tangent(on_second));
+            let cross = first_tangent.perp(&second_tangent);
             let divisor = if cross.abs() < MIN_CROSS {
                 MIN_CROSS
             } else {
                 cross
             };
             // on_first * there - on_second * here = -gap, by Cramer's rule.
-            on_first -= gap.perp(&here) / divisor;
-            on_second -= gap.perp(&there) / divisor;
+            on_first -= gap.perp(&second_tangent) / divisor;
+            on_second -= gap.perp(&first_tangent) / divisor;
             on_second = on_second.clamp(-0.5, 0.5);
             on_first = on_first.clamp(0.5, 1.5);
-            cosine = here.dot(&there) / (here.norm() * there.norm());
+            cosine =
+                second_tangent.dot(&first_tangent) / (second_tangent.norm() * first_tangent.norm());
         }
         Self {
             on_first,

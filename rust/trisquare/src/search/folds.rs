@@ -8,17 +8,17 @@ use super::lattice_surface::LatticeSurface;
 use crate::numeric::median;
 
 /// Ratio to the typical deviation above which a crossing is a stray.
-const STRAY: f64 = 5.0;
+const STRAY_MEDIANS: f64 = 5.0;
 
 /// Deviation that is always tolerated, in pixels of the searched picture, and in cells: the error
 /// of a crossing, and the departure of curled paper from the smooth surface.
-const MIN_STRAY: f64 = 0.8;
+const MIN_STRAY_PIXELS: f64 = 0.8;
 const MIN_STRAY_CELLS: f64 = 0.06;
 
 /// Deviation of a whole row or column, in cells and at least in pixels, above which there is a
 /// fold. Curled paper leaves half of it, a fold of 30 degrees twice as much.
-const FOLDED: f64 = 0.1;
-const MIN_FOLDED: f64 = 0.6;
+const MIN_FOLD_CELLS: f64 = 0.1;
+const MIN_FOLD_PIXELS: f64 = 0.6;
 
 /// Maximum number of successive folds at which a lattice is split: two for sheets in a room's
 /// corner.
@@ -37,22 +37,22 @@ impl Lattice {
         self.parts_between_folds(size, MAX_FOLDS)
     }
 
-    fn parts_between_folds(&self, size: [usize; 2], most_folds: usize) -> Vec<Self> {
+    fn parts_between_folds(&self, size: [usize; 2], max_folds: usize) -> Vec<Self> {
         if !self.is_large() {
             return Vec::new();
         }
         let deviations = LatticeSurface::of(self, size).deviations(self);
-        if largest(&deviations) < MIN_FOLDED {
+        if largest(&deviations) < MIN_FOLD_PIXELS {
             return vec![self.clone()];
         }
-        let (whole, flat) = (roughness(&deviations), self.flatness());
+        let (whole_roughness, fold_tolerance) = (roughness(&deviations), self.fold_tolerance());
         let [rows, columns] = self.size();
-        if whole <= flat || most_folds == 0 || rows * columns > MAX_SITES {
+        if whole_roughness <= fold_tolerance || max_folds == 0 || rows * columns > MAX_SITES {
             let strays = self.strays(&deviations);
             return vec![self.filtered(|site| !strays.contains(&site))];
         }
-        let (parts, folds_left) = match self.best_cut(size, whole, flat) {
-            Some(parts) => (parts, most_folds - 1),
+        let (parts, folds_left) = match self.best_cut(size, whole_roughness, fold_tolerance) {
+            Some(parts) => (parts, max_folds - 1),
             None => (vec![self.clone()], 0),
         };
         let smooth = |part: &Self| part.parts_between_folds(size, folds_left);
@@ -61,11 +61,16 @@ impl Lattice {
 
     /// The parts of the best cut: among cuts into flat parts the one that loses fewest crossings,
     /// else the one into the flattest parts.
-    fn best_cut(&self, size: [usize; 2], whole: f64, flat: f64) -> Option<Vec<Self>> {
+    fn best_cut(
+        &self,
+        size: [usize; 2],
+        whole_roughness: f64,
+        fold_tolerance: f64,
+    ) -> Option<Vec<Self>> {
         let [rows, columns] = self.size();
         let across = (1..rows).map(|cut| (0, cut as isize));
         let along = (1..columns).map(|cut| (1, cut as isize));
-        let (mut best, mut best_parts) = ((0, whole), None);
+        let (mut best, mut best_parts) = ((0, whole_roughness), None);
         for (axis, cut) in across.chain(along) {
             let is_first = |(row, column): Site| [row, column][axis] < cut;
             let pair = [
@@ -82,12 +87,16 @@ impl Lattice {
             let mut rough: f64 = 0.0;
             for part in by_extent {
                 rough = rough.max(roughness(&LatticeSurface::of(part, size).deviations(part)));
-                if rough > flat.max(best.1) {
+                if rough > fold_tolerance.max(best.1) {
                     break; // the other, larger one, does not matter
                 }
             }
             let kept: usize = parts.iter().map(Self::count).sum();
-            let lost = if rough <= flat { -(kept as isize) } else { 0 };
+            let lost = if rough <= fold_tolerance {
+                -(kept as isize)
+            } else {
+                0
+            };
             if (lost, rough) < best {
                 best = (lost, rough);
                 best_parts = Some(std::mem::take(&mut parts));
@@ -99,26 +108,27 @@ impl Lattice {
     /// Whether there are neither folds nor strays.
     pub(super) fn is_smooth(&self, size: [usize; 2]) -> bool {
         let deviations = LatticeSurface::of(self, size).deviations(self);
-        largest(&deviations) < MIN_FOLDED
-            || (roughness(&deviations) <= self.flatness() && self.strays(&deviations).is_empty())
+        largest(&deviations) < MIN_FOLD_PIXELS
+            || (roughness(&deviations) <= self.fold_tolerance()
+                && self.strays(&deviations).is_empty())
     }
 
     /// Crossings that are not on the smooth surface of the others.
     fn strays(&self, deviations: &[(Site, f64)]) -> Vec<Site> {
         let typical = median(deviations.iter().map(|(_, off)| *off).collect());
-        let limit = (STRAY * typical.unwrap_or(0.0)).max(self.least_stray());
+        let limit = (STRAY_MEDIANS * typical.unwrap_or(0.0)).max(self.stray_tolerance());
         let strays = deviations.iter().filter(|(_, off)| *off > limit);
         strays.map(|(site, _)| *site).collect()
     }
 
     /// Deviation of a crossing that is always tolerated, pixels.
-    pub(super) fn least_stray(&self) -> f64 {
-        (MIN_STRAY_CELLS * self.pitch()).max(MIN_STRAY)
+    pub(super) fn stray_tolerance(&self) -> f64 {
+        (MIN_STRAY_CELLS * self.pitch()).max(MIN_STRAY_PIXELS)
     }
 
     /// Largest deviation of a whole row or column that is not a fold, pixels.
-    fn flatness(&self) -> f64 {
-        (FOLDED * self.pitch()).max(MIN_FOLDED)
+    fn fold_tolerance(&self) -> f64 {
+        (MIN_FOLD_CELLS * self.pitch()).max(MIN_FOLD_PIXELS)
     }
 }
 
@@ -128,18 +138,18 @@ fn largest(deviations: &[(Site, f64)]) -> f64 {
 
 /// Median deviation of the row or column where it is largest, pixels.
 fn roughness(deviations: &[(Site, f64)]) -> f64 {
-    if largest(deviations) < MIN_FOLDED {
+    if largest(deviations) < MIN_FOLD_PIXELS {
         return 0.0;
     }
-    let typical = |number: fn(Site) -> isize| {
+    let line_medians = |number: fn(Site) -> isize| {
         let lines = deviations.iter().map(|(site, _)| number(*site)).max();
         (0..=lines.unwrap_or(0)).filter_map(move |line| {
             let on_line = deviations.iter().filter(|(site, _)| number(*site) == line);
             median(on_line.map(|(_, off)| *off).collect())
         })
     };
-    typical(|site| site.0)
-        .chain(typical(|site| site.1))
+    line_medians(|site| site.0)
+        .chain(line_medians(|site| site.1))
         .fold(0.0, f64::max)
 }
 

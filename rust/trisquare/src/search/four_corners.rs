@@ -20,28 +20,28 @@ const MIN_SINE: f64 = 0.4;
 /// on its tip, 0.026 for a rhombus of 25 degrees; ragged texture has far less.
 const MIN_COMPACTNESS: f64 = 0.02;
 /// Same with a notch or, for a frame that is cut through, with the hole's outline included.
-const MIN_BITTEN_COMPACTNESS: f64 = 0.008;
+const MIN_NOTCHED_COMPACTNESS: f64 = 0.008;
 /// Minimum number of points of a contour with a missing piece, which is mended only for sides of 25
 /// px or more.
-const MIN_BITTEN_POINTS: usize = 100;
+const MIN_NOTCHED_POINTS: usize = 100;
 
 /// Tolerances of the polygon, over the contour's length: a sagitta of 4 % of a side is 1 % of the
 /// length, and the last tolerance still distinguishes a rhombus of 25 degrees from a line.
-const STEPS: [f64; 3] = [0.02, 0.035, 0.05];
+const TOLERANCES: [f64; 3] = [0.02, 0.035, 0.05];
 /// Maximum relative difference between the areas of contour and polygon; for sides that all bulge
 /// by 10 % it is 27 %.
 const AREA_SLACK: f64 = 0.3;
 
 /// Tolerances of the hull's polygon, over its length: a bulge of 4 % of a side is 1 %.
-const HULL_STEPS: [f64; 2] = [0.015, 0.03];
+const HULL_TOLERANCES: [f64; 2] = [0.015, 0.03];
 /// Minimum area over the hull's: a notch removes a tenth, and a frame that is cut through lacks its
 /// hole.
-const MIN_FILLING: f64 = 0.55;
+const MIN_HULL_SHARE: f64 = 0.55;
 
 /// Tolerance of a region's polygon from its hull, over the hull's length ...
-const BLUNT_STEP: f64 = 0.06;
+const REGION_TOLERANCE: f64 = 0.06;
 /// ... and minimum fraction of the polygon that the region's outline encloses.
-const MIN_FILLED: f64 = 0.8;
+const MIN_POLYGON_SHARE: f64 = 0.8;
 
 /// Points of a closed outline's sides, each from one corner to the next, including both.
 pub type Sides = [[Vector2<f64>; POINTS_PER_SIDE]; 4];
@@ -73,7 +73,7 @@ pub fn four_sided(
         points: (4.0 * least_side / 2f64.sqrt()) as usize,
         side: 1,
         area: MIN_SINE * least_side * least_side,
-        compactness: MIN_BITTEN_COMPACTNESS,
+        compactness: MIN_NOTCHED_COMPACTNESS,
         margin,
         holes: true,
     };
@@ -114,13 +114,13 @@ pub fn four_cornered(mask: &GreyBytes<'_>, least_side: i32) -> Vec<[Pixel; 4]> {
     };
     let corners = |contour: &Contour| {
         let hull = convex_hull(&contour.points);
-        let corners = polygon(&hull, BLUNT_STEP * perimeter(&hull));
+        let corners = polygon(&hull, REGION_TOLERANCE * perimeter(&hull));
         let mut corners: [Pixel; 4] = corners.try_into().ok()?;
         let area = oriented_area(&corners);
         if area < 0.0 {
             corners.reverse();
         }
-        (contour.area.abs() > MIN_FILLED * area.abs()).then_some(corners)
+        (contour.area.abs() > MIN_POLYGON_SHARE * area.abs()).then_some(corners)
     };
     let found = contours(mask, &[0], &limits);
     found.iter().flatten().filter_map(corners).collect()
@@ -131,23 +131,25 @@ fn sides_of(contour: &Contour) -> Option<Sides> {
     let count = contour.points.len();
     let is_compact = contour.area.abs() >= MIN_COMPACTNESS * (count * count) as f64;
     let whole = is_compact.then(|| whole_sides(contour)).flatten();
-    whole.or_else(|| (count >= MIN_BITTEN_POINTS).then(|| bitten_sides(contour))?)
+    whole.or_else(|| (count >= MIN_NOTCHED_POINTS).then(|| notched_sides(contour))?)
 }
 
 /// The first polygon with four or fewer corners, for increasing tolerances; `None` unless it has
 /// four.
-fn with_four_corners(points: &[Pixel], length: f64, steps: &[f64]) -> Option<[Pixel; 4]> {
-    let mut polygons = steps.iter().map(|step| polygon(points, step * length));
+fn with_four_corners(points: &[Pixel], length: f64, tolerances: &[f64]) -> Option<[Pixel; 4]> {
+    let mut polygons = tolerances
+        .iter()
+        .map(|tolerance| polygon(points, tolerance * length));
     polygons.find(|corners| corners.len() <= 4)?.try_into().ok()
 }
 
 /// Points of a contour with four corners, at equal steps from corner to corner.
 fn whole_sides(contour: &Contour) -> Option<Sides> {
     let count = contour.points.len();
-    let corners = with_four_corners(&contour.points, count as f64, &STEPS)?;
+    let corners = with_four_corners(&contour.points, count as f64, &TOLERANCES)?;
     let area = contour.area.abs();
-    let off = (oriented_area(&corners).abs() - area).abs();
-    if !is_convex(&corners) || off > AREA_SLACK * area {
+    let area_error = (oriented_area(&corners).abs() - area).abs();
+    if !is_convex(&corners) || area_error > AREA_SLACK * area {
         return None;
     }
     let place = |corner: &Pixel| contour.points.iter().position(|point| point == corner);
@@ -173,12 +175,12 @@ fn whole_sides(contour: &Contour) -> Option<Sides> {
 
 /// Sides of a region whose convex hull has four corners: its outermost points, including those in a
 /// notch.
-fn bitten_sides(contour: &Contour) -> Option<Sides> {
+fn notched_sides(contour: &Contour) -> Option<Sides> {
     let hull = convex_hull(&contour.points);
-    if contour.area.abs() < MIN_FILLING * oriented_area(&hull).abs() {
+    if contour.area.abs() < MIN_HULL_SHARE * oriented_area(&hull).abs() {
         return None;
     }
-    let mut corners = with_four_corners(&hull, perimeter(&hull), &HULL_STEPS)?;
+    let mut corners = with_four_corners(&hull, perimeter(&hull), &HULL_TOLERANCES)?;
     if oriented_area(&corners) * contour.area < 0.0 {
         corners.reverse();
     }
@@ -207,11 +209,11 @@ fn outermost(
     let last = POINTS_PER_SIDE - 1;
     let mut farthest = [f64::NEG_INFINITY; POINTS_PER_SIDE];
     for &[x, y] in points {
-        let way = Vector2::new(f64::from(x), f64::from(y)) - start;
-        let place = (way.dot(&chord) / (length * length) * last as f64).round_ties_even();
+        let offset = Vector2::new(f64::from(x), f64::from(y)) - start;
+        let place = (offset.dot(&chord) / (length * length) * last as f64).round_ties_even();
         if (0.0..=last as f64).contains(&place) {
-            let own = &mut farthest[place as usize];
-            *own = own.max(way.dot(&outward));
+            let value = &mut farthest[place as usize];
+            *value = value.max(offset.dot(&outward));
         }
     }
     (farthest[0], farthest[last]) = (0.0, 0.0);

@@ -22,11 +22,11 @@ const MIN_CELL: f64 = 7.5;
 
 /// Number of crossings below which a lattice must have at least the given fraction of its sites
 /// occupied: pieces of random mosaics are ragged.
-pub(super) const SMALL: usize = 16;
+pub(super) const SMALL_COUNT: usize = 16;
 const SMALL_SHARE: f64 = 0.9;
 
 /// The site `count` steps away.
-pub(super) fn beside(site: Site, step: Site, count: isize) -> Site {
+pub(super) fn neighbour_site(site: Site, step: Site, count: isize) -> Site {
     (site.0 + count * step.0, site.1 + count * step.1)
 }
 
@@ -42,7 +42,7 @@ pub struct Lattice {
     columns: usize,
     crossings: Vec<Option<Vector2<f64>>>,
     /// Whether the cell clockwise of the row's direction at crossing (0, 0) is dark.
-    dark_first: bool,
+    is_first_dark: bool,
 }
 
 impl Lattice {
@@ -60,20 +60,20 @@ impl Lattice {
             )
         };
         let ((top, rows), (left, columns)) = (range(|site| site.0), range(|site| site.1));
-        let dark_first = is_dark == is_even((top, left));
-        let mut lattice = Self::empty(rows, columns, dark_first);
+        let is_first_dark = is_dark == is_even((top, left));
+        let mut lattice = Self::empty(rows, columns, is_first_dark);
         for &((row, column), point) in found {
             lattice.set((row - top, column - left), Some(point));
         }
         lattice
     }
 
-    fn empty(rows: usize, columns: usize, dark_first: bool) -> Self {
+    fn empty(rows: usize, columns: usize, is_first_dark: bool) -> Self {
         Self {
             rows,
             columns,
             crossings: vec![None; rows * columns],
-            dark_first,
+            is_first_dark,
         }
     }
 
@@ -108,7 +108,7 @@ impl Lattice {
 
     /// Whether the cell clockwise of the row's direction at a site is dark.
     pub(super) fn is_dark(&self, site: Site) -> bool {
-        is_even(site) == self.dark_first
+        is_even(site) == self.is_first_dark
     }
 
     /// All sites, row by row.
@@ -136,7 +136,7 @@ impl Lattice {
     /// The crossings that have a neighbour at a step, each with the points of both.
     pub(super) fn links(&self, step: Site) -> impl Iterator<Item = (Site, [Vector2<f64>; 2])> {
         self.found().filter_map(move |(site, start)| {
-            let end = self.at(beside(site, step, 1))?;
+            let end = self.at(neighbour_site(site, step, 1))?;
             Some((site, [start, end]))
         })
     }
@@ -162,7 +162,7 @@ impl Lattice {
     /// The lattice without the crossings for which `keep` is false.
     pub(super) fn filtered(&self, mut keep: impl FnMut(Site) -> bool) -> Self {
         let kept = self.found().filter(|(site, _)| keep(*site));
-        Self::of(&kept.collect::<Vec<_>>(), self.dark_first)
+        Self::of(&kept.collect::<Vec<_>>(), self.is_first_dark)
     }
 
     /// The lattice without crossings that belong to no whole cell.
@@ -177,7 +177,7 @@ impl Lattice {
 
     /// The lattice with one more row and column on every side, which are empty.
     pub(super) fn padded(&self) -> Self {
-        let mut padded = Self::empty(self.rows + 2, self.columns + 2, self.dark_first);
+        let mut padded = Self::empty(self.rows + 2, self.columns + 2, self.is_first_dark);
         for ((row, column), point) in self.found() {
             padded.set((row + 1, column + 1), Some(point));
         }
@@ -207,7 +207,7 @@ impl Lattice {
     pub(super) fn is_board(&self, scale: f64) -> bool {
         let count = self.count();
         let sites = (self.rows * self.columns) as f64;
-        if !self.is_large() || (count < SMALL && (count as f64) < SMALL_SHARE * sites) {
+        if !self.is_large() || (count < SMALL_COUNT && (count as f64) < SMALL_SHARE * sites) {
             return false;
         }
         let cells = self.sites().filter_map(|site| self.cell(site));

@@ -15,23 +15,23 @@ use super::lattice::{Lattice, Site};
 const STEPS: usize = 6;
 
 /// Deviation (px) below which all weights are the same: the scatter of the search.
-const SETTLED: f64 = 0.3;
+const EQUAL_WEIGHT_DEVIATION: f64 = 0.3;
 
 /// Deviation (px): if that of no crossing is larger, there are no strays, and there is no evidence
 /// for a bend.
-const CLOSE: f64 = 0.6;
+const CLOSE_DEVIATION: f64 = 0.6;
 
 /// Size of the bend of usual lenses, as a prior, and its bounds: a strong barrel distortion has
 /// -0.25, a fisheye of 190 degrees across -1.4. A few crossings determine it no better than the
 /// prior.
 const USUAL_BEND: f64 = 0.2;
-const BENDS: [f64; 2] = [-2.0, 0.5];
+const BEND_RANGE: [f64; 2] = [-2.0, 0.5];
 
 /// Value that counts as zero for a depth or a scale of about one.
-const LEAST: f64 = 1e-9;
+const ZERO_TOLERANCE: f64 = 1e-9;
 
 /// Value of `bend |p|^2` below which differences between displacements are lost in rounding.
-const NO_BEND: f64 = 1e-6;
+const MIN_BEND_TERM: f64 = 1e-6;
 
 /// Maximum number of iterations of the decompositions; they take ten or so.
 const MAX_ITERATIONS: usize = 1000;
@@ -93,10 +93,10 @@ impl LatticeSurface {
         let off = |(site, point): (Site, Vector2<f64>)| {
             let gap = (point - self.at(site)).norm();
             // The distance of a crossing without a position on the surface is half the diagonal.
-            let is_on_it = gap.is_finite();
+            let is_on_surface = gap.is_finite();
             (
                 site,
-                if is_on_it {
+                if is_on_surface {
                     gap
                 } else {
                     self.frame.half_diagonal
@@ -164,7 +164,7 @@ impl BentPlane {
     /// The point of the photograph, in half diagonals, for a column and row; NaN if there is none.
     fn at(&self, site: Vector2<f64>) -> Vector2<f64> {
         // The depth is one in the middle of the crossings.
-        seen(self.homography * site.push(1.0), self.bend)
+        project(self.homography * site.push(1.0), self.bend)
     }
 
     /// Columns and rows of points of the photograph (half diagonals); not finite if there are none.
@@ -188,24 +188,28 @@ impl BentPlane {
 
     fn refine(&mut self, sites: &[Vector2<f64>], points: &[Vector2<f64>], size: f64) {
         for number in 0..STEPS {
-            let places: Vec<_> = sites
+            let residuals: Vec<_> = sites
                 .iter()
                 .zip(points)
-                .map(|(&site, &point)| Place::new(self, site, point, size))
+                .map(|(&site, &point)| CrossingResidual::new(self, site, point, size))
                 .collect();
-            let farthest = places.iter().map(|p| p.gap.norm()).fold(0.0, f64::max);
-            let is_close = farthest < CLOSE;
+            let farthest = residuals.iter().map(|p| p.gap.norm()).fold(0.0, f64::max);
+            let is_close = farthest < CLOSE_DEVIATION;
             // If the first step was needed, a second one is always made, which fits the bend.
             if is_close && number != 1 {
                 break;
             }
-            let least = if is_close { CLOSE } else { SETTLED };
-            let held = SETTLED / (USUAL_BEND * USUAL_BEND);
+            let min_gap = if is_close {
+                CLOSE_DEVIATION
+            } else {
+                EQUAL_WEIGHT_DEVIATION
+            };
+            let prior = EQUAL_WEIGHT_DEVIATION / (USUAL_BEND * USUAL_BEND);
             let (mut information, mut gradient) = (Normal::zeros(), Step::zeros());
-            information[(8, 8)] = held;
-            gradient[8] = held * self.bend;
-            for place in &places {
-                place.add_to(&mut information, &mut gradient, least);
+            information[(8, 8)] = prior;
+            gradient[8] = prior * self.bend;
+            for residual in &residuals {
+                residual.add_to(&mut information, &mut gradient, min_gap);
             }
             if !information.iter().chain(&gradient).all(|x| x.is_finite()) {
                 break;
@@ -217,7 +221,7 @@ impl BentPlane {
             for k in 0..8 {
                 self.homography[(k / 3, k % 3)] -= step[k];
             }
-            self.bend = (self.bend - step[8]).clamp(BENDS[0], BENDS[1]);
+            self.bend = (self.bend - step[8]).clamp(BEND_RANGE[0], BEND_RANGE[1]);
         }
     }
 }
@@ -225,7 +229,7 @@ impl BentPlane {
 /// Depth of the ray that is seen at a squared distance from the middle: `x cot x`.
 fn depth(square: f64, bend: f64) -> f64 {
     let angle = (3.0 * bend * square).abs().sqrt();
-    if angle < LEAST {
+    if angle < ZERO_TOLERANCE {
         1.0
     } else if bend < 0.0 {
         angle / angle.tan()
@@ -235,15 +239,15 @@ fn depth(square: f64, bend: f64) -> f64 {
 }
 
 /// Point at which a ray is seen, in half diagonals from the picture's middle; NaN if there is none.
-fn seen(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
+fn project(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
     let distance = ray.xy().norm();
     let scale = (3.0 * bend).abs().sqrt();
     let angle = scale * distance;
-    if bend < 0.0 && angle > LEAST * ray.z.abs() {
+    if bend < 0.0 && angle > ZERO_TOLERANCE * ray.z.abs() {
         ray.xy() * (angle.atan2(ray.z) / angle)
     } else if !(ray.z > 0.0) {
         Vector2::repeat(f64::NAN)
-    } else if angle > LEAST * ray.z {
+    } else if angle > ZERO_TOLERANCE * ray.z {
         ray.xy() * ((angle / ray.z).atanh() / angle)
     } else {
         ray.xy() / ray.z
@@ -251,7 +255,7 @@ fn seen(ray: Vector3<f64>, bend: f64) -> Vector2<f64> {
 }
 
 /// Difference between a crossing and the surface, and its derivatives.
-struct Place {
+struct CrossingResidual {
     site: Vector3<f64>,
     /// Difference in pixels.
     gap: Vector2<f64>,
@@ -260,16 +264,16 @@ struct Place {
     by_bend: Vector2<f64>,
 }
 
-impl Place {
+impl CrossingResidual {
     fn new(surface: &BentPlane, site: Vector2<f64>, point: Vector2<f64>, size: f64) -> Self {
         let site = site.push(1.0);
         let ray = surface.homography * site;
         let bend = surface.bend;
-        let at = seen(ray, bend);
-        let distance = ray.xy().norm().max(LEAST);
+        let at = project(ray, bend);
+        let distance = ray.xy().norm().max(ZERO_TOLERANCE);
         let (outward, radius) = (ray.xy() / distance, at.norm());
         let square = ray.z * ray.z - 3.0 * bend * distance * distance;
-        let around = if distance > LEAST {
+        let tangential_scale = if distance > ZERO_TOLERANCE {
             radius / distance
         } else {
             1.0 / ray.z
@@ -280,10 +284,10 @@ impl Place {
         let mut by_ray = Matrix2x3::zeros();
         by_ray
             .fixed_columns_mut::<2>(0)
-            .copy_from(&(along * (ray.z / square) + across * around));
+            .copy_from(&(along * (ray.z / square) + across * tangential_scale));
         by_ray.set_column(2, &by_depth);
         // For a bend of zero the limit is the cube.
-        let grown = if (bend * radius * radius).abs() > NO_BEND {
+        let radius_by_bend = if (bend * radius * radius).abs() > MIN_BEND_TERM {
             (distance * ray.z / square - radius) / (2.0 * bend)
         } else {
             radius.powi(3)
@@ -292,13 +296,13 @@ impl Place {
             site,
             gap: (at - point) * size,
             by_ray: by_ray * size,
-            by_bend: outward * (grown * size),
+            by_bend: outward * (radius_by_bend * size),
         }
     }
 
     /// Adds the crossing to the upper triangle of the normal matrix and to the gradient.
-    fn add_to(&self, information: &mut Normal, gradient: &mut Step, least: f64) {
-        let weight = 1.0 / self.gap.norm().max(least);
+    fn add_to(&self, information: &mut Normal, gradient: &mut Step, min_gap: f64) {
+        let weight = 1.0 / self.gap.norm().max(min_gap);
         for axis in 0..2 {
             let mut row = Step::zeros();
             for k in 0..8 {
@@ -322,8 +326,8 @@ fn solved(information: &Normal, gradient: &Step) -> Option<Step> {
         return Some(factor.solve(gradient));
     }
     let svd = information.try_svd(true, true, f64::EPSILON, MAX_ITERATIONS)?;
-    let least = PARAMETERS as f64 * f64::EPSILON * svd.singular_values.max();
-    svd.solve(gradient, least).ok()
+    let tolerance = PARAMETERS as f64 * f64::EPSILON * svd.singular_values.max();
+    svd.solve(gradient, tolerance).ok()
 }
 
 /// The homography with the smallest algebraic error; its last entry is one.
@@ -333,14 +337,16 @@ fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matr
     // Size of all coordinates about their common mean.
     let mean = 0.5 * (centre.x + centre.y);
     let squares = points.iter().map(|p| p.add_scalar(-mean).norm_squared());
-    let size = (0.5 * squares.sum::<f64>() / count).sqrt().max(LEAST);
+    let size = (0.5 * squares.sum::<f64>() / count)
+        .sqrt()
+        .max(ZERO_TOLERANCE);
     let mut products = Normal::zeros();
     for (site, point) in sites.iter().zip(points) {
         let (place, scaled) = (site.push(1.0), (point - centre) / size);
         let outer = place * place.transpose();
         for axis in 0..2 {
-            let mut own = products.fixed_view_mut::<3, 3>(3 * axis, 3 * axis);
-            own += outer;
+            let mut block = products.fixed_view_mut::<3, 3>(3 * axis, 3 * axis);
+            block += outer;
             let mut cross = products.fixed_view_mut::<3, 3>(3 * axis, 6);
             cross -= outer * scaled[axis];
         }
@@ -358,7 +364,12 @@ fn algebraic_homography(sites: &[Vector2<f64>], points: &[Vector2<f64>]) -> Matr
     let mut moved = homography;
     moved.fixed_rows_mut::<2>(0).copy_from(&top);
     let last = moved[(2, 2)];
-    moved / if last.abs() > LEAST { last } else { LEAST }
+    moved
+        / if last.abs() > ZERO_TOLERANCE {
+            last
+        } else {
+            ZERO_TOLERANCE
+        }
 }
 
 #[cfg(test)]
@@ -417,8 +428,10 @@ mod tests {
         let site = Vector2::new(5.0, 3.0);
         for bend in [-1.4, -0.2, 0.0, 0.3] {
             let surface = BentPlane { bend, ..truth() };
-            let gap = |surface: &BentPlane| Place::new(surface, site, Vector2::zeros(), SIZE).gap;
-            let place = Place::new(&surface, site, Vector2::zeros(), SIZE);
+            let gap = |surface: &BentPlane| {
+                CrossingResidual::new(surface, site, Vector2::zeros(), SIZE).gap
+            };
+            let place = CrossingResidual::new(&surface, site, Vector2::zeros(), SIZE);
             let step = 1e-6;
             for k in 0..8 {
                 let moved = [step, -step].map(|by| {

@@ -15,25 +15,25 @@ use crate::numeric::median;
 
 /// Maximum distance, in cells, of a piece's crossings from those predicted by another one's
 /// surface: less than half a cell, so that the nearest site is the right one.
-const ASTRAY: f64 = 0.3;
+const MAX_PIECE_ERROR: f64 = 0.3;
 
 /// Maximum distance, in cells, of each crossing from a site of the host, and minimum number of
 /// crossings: by chance this happens once in a million.
-const NEARLY: f64 = 0.15;
+const MAX_SITE_ERROR: f64 = 0.15;
 const MIN_MISLINKED: usize = 6;
 
 /// Maximum distance, in cells, between two crossings that are the same, found twice.
-const SAME: f64 = 0.25;
+const MAX_DUPLICATE_DISTANCE: f64 = 0.25;
 
 /// Minimum distance, in cells, between the crossings of two boards, each of which extends by one
 /// cell.
-const MIN_APART: isize = 2;
+const MIN_BOARD_DISTANCE: isize = 2;
 
 /// Crossings at the sites of another lattice.
 struct Placed {
     crossings: Vec<(Site, Vector2<f64>)>,
     /// Whether the dark cells are dark cells of the other lattice, too.
-    is_alike: bool,
+    has_same_shades: bool,
 }
 
 /// Joins lattices that continue each other, and fragments of lattices to them.
@@ -54,14 +54,14 @@ pub(super) fn joined(
     let mut done = Vec::new();
     while let Some(first) = pieces.iter().position(|(is_host, _)| *is_host) {
         let (_, host) = pieces.remove(first);
-        done.push(with_pieces(host, &mut pieces, size, &has_space));
+        done.push(join_pieces(host, &mut pieces, size, &has_space));
     }
     done
 }
 
 /// Joins the pieces that continue a lattice to it, and removes them from the list, as well as
 /// wrongly linked ones.
-fn with_pieces(
+fn join_pieces(
     mut host: Lattice,
     pieces: &mut Vec<(bool, Lattice)>,
     size: [usize; 2],
@@ -73,7 +73,7 @@ fn with_pieces(
         let union = host.union(piece, &surface);
         if union.as_ref().is_some_and(&has_space) {
             number += 1;
-        } else if let Some(union) = union.filter(|it| it.is_smooth(size)) {
+        } else if let Some(union) = union.filter(|lattice| lattice.is_smooth(size)) {
             (host, surface) = (union.clone(), LatticeSurface::of(&union, size));
             pieces.remove(number);
             number = 0; // the larger lattice may reach other pieces
@@ -90,7 +90,9 @@ impl Lattice {
     /// Both as one lattice, if the piece's crossings are where its own must be.
     fn union(&self, piece: &Self, surface: &LatticeSurface) -> Option<Self> {
         let placed = self.placed(piece, surface)?;
-        placed.is_alike.then(|| self.merged(&placed.crossings))?
+        placed
+            .has_same_shades
+            .then(|| self.merged(&placed.crossings))?
     }
 
     /// The piece's crossings at this lattice's sites, if they are near some of its sites.
@@ -115,7 +117,7 @@ impl Lattice {
             sites
                 .iter()
                 .zip(&turned)
-                .map(|(site, own)| site - as_vector(*own))
+                .map(|(site, place)| site - as_vector(*place))
         };
         let offset = [
             median(gaps().map(|gap| gap.x).collect())?,
@@ -131,17 +133,17 @@ impl Lattice {
                 )
             })
             .collect();
-        let off = sites
+        let errors = sites
             .iter()
             .zip(&placed)
-            .map(|(site, own)| (site - as_vector(*own)).amax());
-        if median(off.collect())? > ASTRAY {
+            .map(|(site, place)| (site - as_vector(*place)).amax());
+        if median(errors.collect())? > MAX_PIECE_ERROR {
             return None;
         }
         let [row, column] = *index.first()?;
         let dark = piece.is_dark((row, column)) == turn.is_multiple_of(2);
         Some(Placed {
-            is_alike: dark == self.is_dark(*placed.first()?),
+            has_same_shades: dark == self.is_dark(*placed.first()?),
             crossings: placed.into_iter().zip(points).collect(),
         })
     }
@@ -151,12 +153,12 @@ impl Lattice {
         let sites = surface.sites(piece.points());
         let is_close = |site: &Vector2<f64>| {
             let off = site.map(|cells| (cells - cells.round_ties_even()).abs());
-            off.x < NEARLY && off.y < NEARLY
+            off.x < MAX_SITE_ERROR && off.y < MAX_SITE_ERROR
         };
         sites.len() >= MIN_MISLINKED
             && sites.iter().all(is_close)
             && self.is_near(&sites)
-            && !self.is_beside(piece, surface)
+            && !self.is_other_board(piece, surface)
     }
 
     /// Whether a piece is another board, which is a whole number of cells away by chance.
@@ -164,14 +166,14 @@ impl Lattice {
     /// Its cells are as large as this lattice's own, and dark where those would be light. Wrong
     /// links between this board's own crossings cannot produce that: they follow edges from light
     /// to dark.
-    fn is_beside(&self, piece: &Self, surface: &LatticeSurface) -> bool {
+    fn is_other_board(&self, piece: &Self, surface: &LatticeSurface) -> bool {
         let [rows, columns] = self.size();
         let is_apart = |&((row, column), _): &(Site, Vector2<f64>)| {
             let beyond = |at: isize, count: usize| (-at).max(at - count as isize + 1);
-            beyond(row, rows).max(beyond(column, columns)) >= MIN_APART
+            beyond(row, rows).max(beyond(column, columns)) >= MIN_BOARD_DISTANCE
         };
         self.placed(piece, surface)
-            .is_some_and(|it| !it.is_alike && it.crossings.iter().all(is_apart))
+            .is_some_and(|placed| !placed.has_same_shades && placed.crossings.iter().all(is_apart))
     }
 
     /// Whether the nearest of some sites (column, row) is no farther from the lattice than its
@@ -186,7 +188,8 @@ impl Lattice {
     /// The lattice with further crossings; `None` if they contradict its own.
     fn merged(&self, placed: &[(Site, Vector2<f64>)]) -> Option<Self> {
         let gap = |&(site, point): &(Site, Vector2<f64>)| Some((self.at(site)? - point).norm());
-        if placed.iter().filter_map(gap).fold(0.0, f64::max) > SAME * self.pitch() {
+        if placed.iter().filter_map(gap).fold(0.0, f64::max) > MAX_DUPLICATE_DISTANCE * self.pitch()
+        {
             return None;
         }
         let [rows, columns] = self.size();
@@ -214,15 +217,15 @@ fn as_vector((row, column): Site) -> Vector2<f64> {
 /// and columns on the piece's.
 fn turn_between(index: &[[isize; 2]], sites: &[Vector2<f64>]) -> Option<usize> {
     let count = index.len() as f64;
-    let own: Vec<_> = index
+    let piece_sites: Vec<_> = index
         .iter()
         .map(|i| Vector2::from(i.map(|n| n as f64)))
         .collect();
-    let own_mean = own.iter().sum::<Vector2<f64>>() / count;
+    let piece_mean = piece_sites.iter().sum::<Vector2<f64>>() / count;
     let mean = sites.iter().sum::<Vector2<f64>>() / count;
     let (mut normal, mut right) = (Matrix2::zeros(), Matrix2::zeros());
-    for (own, site) in own.iter().zip(sites) {
-        let centred = own - own_mean;
+    for (piece_site, site) in piece_sites.iter().zip(sites) {
+        let centred = piece_site - piece_mean;
         normal += centred * centred.transpose();
         right += centred * (site - mean).transpose();
     }
@@ -231,7 +234,7 @@ fn turn_between(index: &[[isize; 2]], sites: &[Vector2<f64>]) -> Option<usize> {
         let (down, right) = (STEPS[(turn + 1) % 4], STEPS[*turn]);
         let along =
             Matrix2::from_rows(&[as_vector(down).transpose(), as_vector(right).transpose()]);
-        (slopes - along).amax() < ASTRAY
+        (slopes - along).amax() < MAX_PIECE_ERROR
     })
 }
 

@@ -82,9 +82,9 @@ fn half_hull<'a>(points: impl Iterator<Item = &'a Vector2<f64>>) -> Vec<Vector2<
 }
 
 fn distance_to_segment(point: Vector2<f64>, [start, end]: [Vector2<f64>; 2]) -> f64 {
-    let way = end - start;
-    let share = (point - start).dot(&way) / way.norm_squared();
-    (start + way * share.clamp(0.0, 1.0) - point).norm()
+    let segment = end - start;
+    let fraction = (point - start).dot(&segment) / segment.norm_squared();
+    (start + segment * fraction.clamp(0.0, 1.0) - point).norm()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ const FAR_SEARCHES: usize = 3;
 
 /// Distance of a corner from the line between its neighbours, over the tolerance, below which it is
 /// dropped (both squared).
-const STRAIGHT: f64 = 0.5;
+const MAX_STRAIGHT_RATIO: f64 = 0.5;
 
 /// The corners of a polygon from which no point of a closed contour is farther than a tolerance.
 ///
@@ -22,7 +22,7 @@ pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
         first = (first + offset) % count.max(1);
         longest = 0;
         for ahead in 1..count {
-            let length = squared(between(contour[first], contour[(first + ahead) % count]));
+            let length = squared(difference(contour[first], contour[(first + ahead) % count]));
             if length > longest {
                 (longest, offset) = (length, ahead);
             }
@@ -33,15 +33,15 @@ pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
     }
     let mut corners = Vec::new();
     // Runs of points whose corners are still to be found; the first one is at the end.
-    let far = first + offset;
-    let mut open = vec![(far, first + count), (first, far)];
+    let far_point = first + offset;
+    let mut open = vec![(far_point, first + count), (first, far_point)];
     while let Some((start, end)) = open.pop() {
         match farthest(contour, start, end, squared_tolerance) {
             Some(place) => open.extend([(place, end), (start, place)]),
             None => corners.push(contour[start % count]),
         }
     }
-    drop_straight(&mut corners, STRAIGHT * squared_tolerance);
+    drop_straight(&mut corners, MAX_STRAIGHT_RATIO * squared_tolerance);
     corners
 }
 
@@ -49,28 +49,28 @@ pub(super) fn polygon(contour: &[Pixel], tolerance: f64) -> Vec<Pixel> {
 fn farthest(contour: &[Pixel], start: usize, end: usize, squared_tolerance: f64) -> Option<usize> {
     let at = |place: usize| contour[place % contour.len()];
     let (from, to) = (at(start), at(end));
-    let chord = between(from, to);
+    let chord = difference(from, to);
     let squared_chord = squared(chord);
     // Squared distances are multiplied by the chord's squared length, which keeps them whole
     // numbers.
-    let mut most = 0;
+    let mut greatest = 0;
     let mut found = start;
     for place in start + 1..end {
-        let way = between(from, at(place));
-        let along = way[0] * chord[0] + way[1] * chord[1];
+        let offset = difference(from, at(place));
+        let along = offset[0] * chord[0] + offset[1] * chord[1];
         let distance = if along < 0 {
-            squared(way) * squared_chord
+            squared(offset) * squared_chord
         } else if along > squared_chord {
-            squared(between(to, at(place))) * squared_chord
+            squared(difference(to, at(place))) * squared_chord
         } else {
-            let across = way[1] * chord[0] - way[0] * chord[1];
+            let across = offset[1] * chord[0] - offset[0] * chord[1];
             across * across
         };
-        if distance > most {
-            (most, found) = (distance, place);
+        if distance > greatest {
+            (greatest, found) = (distance, place);
         }
     }
-    (most as f64 > squared_tolerance * squared_chord as f64).then_some(found)
+    (greatest as f64 > squared_tolerance * squared_chord as f64).then_some(found)
 }
 
 /// Drops nearly straight corners of a polygon, but never two in succession.
@@ -78,21 +78,21 @@ fn drop_straight(corners: &mut Vec<Pixel>, squared_tolerance: f64) {
     let count = corners.len();
     let Some(&last) = corners.last() else { return };
     let (mut before, mut corner) = (last, corners[0]);
-    let (mut read, mut written, mut left) = (1, 0, count);
-    let mut looked_at = 0;
-    while looked_at < count && left > 2 {
+    let (mut read, mut written, mut remaining) = (1, 0, count);
+    let mut examined = 0;
+    while examined < count && remaining > 2 {
         let next = corners[read % count];
         read += 1;
-        let chord = between(before, next);
-        let (arriving, leaving) = (between(before, corner), between(corner, next));
+        let chord = difference(before, next);
+        let (arriving, leaving) = (difference(before, corner), difference(corner, next));
         let off = arriving[0] * chord[1] - arriving[1] * chord[0];
         let is_straight = (off * off) as f64 <= squared_tolerance * squared(chord) as f64
             && chord[0] != 0
             && chord[1] != 0
             && arriving[0] * leaving[0] + arriving[1] * leaving[1] >= 0;
         if is_straight {
-            left -= 1;
-            looked_at += 1;
+            remaining -= 1;
+            examined += 1;
             (before, corner) = (next, corners[read % count]);
             read += 1;
         } else {
@@ -100,9 +100,9 @@ fn drop_straight(corners: &mut Vec<Pixel>, squared_tolerance: f64) {
         }
         corners[written] = before;
         written += 1;
-        looked_at += 1;
+        examined += 1;
     }
-    corners.truncate(left);
+    corners.truncate(remaining);
 }
 
 /// The corners of the convex hull of a closed contour, clockwise on the screen (x right, y down).
@@ -138,8 +138,8 @@ fn half_hull<'a>(contour: &[Pixel], order: impl Iterator<Item = &'a usize>) -> V
     for &place in order {
         while let [.., before, last] = chain[..] {
             let (first, second) = (
-                between(contour[before], contour[last]),
-                between(contour[last], contour[place]),
+                difference(contour[before], contour[last]),
+                difference(contour[last], contour[place]),
             );
             if first[0] * second[1] - first[1] * second[0] > 0 {
                 break;
@@ -155,7 +155,7 @@ fn half_hull<'a>(contour: &[Pixel], order: impl Iterator<Item = &'a usize>) -> V
 pub(super) fn perimeter(corners: &[Pixel]) -> f64 {
     let sides = corners.iter().zip(corners.iter().cycle().skip(1));
     sides
-        .map(|(a, b)| (squared(between(*a, *b)) as f64).sqrt())
+        .map(|(a, b)| (squared(difference(*a, *b)) as f64).sqrt())
         .sum()
 }
 
@@ -172,19 +172,19 @@ pub(super) fn oriented_area(corners: &[Pixel]) -> f64 {
 pub(super) fn is_convex(corners: &[Pixel]) -> bool {
     let count = corners.len();
     let turn = |k: usize| {
-        let first = between(corners[k], corners[(k + 1) % count]);
-        let second = between(corners[(k + 1) % count], corners[(k + 2) % count]);
+        let first = difference(corners[k], corners[(k + 1) % count]);
+        let second = difference(corners[(k + 1) % count], corners[(k + 2) % count]);
         (first[0] * second[1] - first[1] * second[0]).signum()
     };
     count > 2 && turn(0) != 0 && (1..count).all(|k| turn(k) == turn(0))
 }
 
-fn between(from: Pixel, to: Pixel) -> [i64; 2] {
+fn difference(from: Pixel, to: Pixel) -> [i64; 2] {
     std::array::from_fn(|axis| i64::from(to[axis]) - i64::from(from[axis]))
 }
 
-fn squared(way: [i64; 2]) -> i64 {
-    way[0] * way[0] + way[1] * way[1]
+fn squared(vector: [i64; 2]) -> i64 {
+    vector[0] * vector[0] + vector[1] * vector[1]
 }
 
 #[cfg(test)]
@@ -196,7 +196,7 @@ mod tests {
         let sides = corners.iter().zip(corners.iter().cycle().skip(1));
         sides
             .flat_map(|(a, b)| {
-                let way = between(*a, *b);
+                let way = difference(*a, *b);
                 let count = way[0].abs().max(way[1].abs());
                 (0..count).map(move |k| {
                     let at = |axis: usize| a[axis] + (way[axis] * k / count) as i32;
@@ -220,7 +220,7 @@ mod tests {
             let found = sorted(polygon(&contour, 3.0));
             assert_eq!(found.len(), 4);
             for (corner, own) in sorted(quad.to_vec()).iter().zip(&found) {
-                assert!(squared(between(*corner, *own)) <= 4, "{found:?}");
+                assert!(squared(difference(*corner, *own)) <= 4, "{found:?}");
             }
         }
         assert_eq!(polygon(&contour, 100.0).len(), 1);

@@ -7,14 +7,14 @@ use super::outline::Outline;
 
 /// Fraction of a lattice's crossings that the outline of another one must cover to be of the same
 /// board. Boards that meet at a fold share a row.
-const SAME_PLACE: f64 = 0.5;
+const MIN_SAME_SHARE: f64 = 0.5;
 
 /// The known lattices, each replaced by that of the finer picture if it has at least as many
 /// crossings, and the lattices that only the finer picture shows.
 ///
 /// The finer picture may lack known lattices because of noise and blur. All lattices are in the
 /// same coordinates.
-pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice> {
+pub(super) fn with_replacements(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice> {
     let outlines: Vec<_> = finer.iter().map(Outline::of).collect();
     let successors: Vec<_> = known
         .iter()
@@ -29,11 +29,14 @@ pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice>
     let kept = known.into_iter().zip(&successors);
     let kept = kept.filter(|(_, successor)| successor.is_none_or(|number| !is_better[number]));
     let mut all: Vec<_> = kept.map(|(lattice, _)| lattice).collect();
-    let held: Vec<_> = all.iter().map(Outline::of).collect();
+    let kept_outlines: Vec<_> = all.iter().map(Outline::of).collect();
     let new = finer.into_iter().zip(is_better);
     // A part of a lattice that is kept is not added.
     let new = new.filter(|(lattice, is_better)| {
-        *is_better && held.iter().all(|it| share(lattice, it) < SAME_PLACE)
+        *is_better
+            && kept_outlines
+                .iter()
+                .all(|outline| covered_share(lattice, outline) < MIN_SAME_SHARE)
     });
     all.extend(new.map(|(lattice, _)| lattice));
     all
@@ -41,13 +44,15 @@ pub(super) fn replaced(known: Vec<Lattice>, finer: Vec<Lattice>) -> Vec<Lattice>
 
 /// Index of the outline that covers most of a lattice's crossings, if it covers enough of them.
 fn successor(lattice: &Lattice, outlines: &[Outline]) -> Option<usize> {
-    let shares = outlines.iter().map(|outline| share(lattice, outline));
+    let shares = outlines
+        .iter()
+        .map(|outline| covered_share(lattice, outline));
     let best = shares.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (best.1 >= SAME_PLACE).then_some(best.0)
+    (best.1 >= MIN_SAME_SHARE).then_some(best.0)
 }
 
 /// Fraction of a lattice's crossings that an outline covers.
-fn share(lattice: &Lattice, outline: &Outline) -> f64 {
+fn covered_share(lattice: &Lattice, outline: &Outline) -> f64 {
     let covered = lattice.points().filter(|point| outline.covers(*point));
     covered.count() as f64 / lattice.count().max(1) as f64
 }
@@ -77,14 +82,14 @@ mod tests {
     fn lattices_are_paired_by_place_in_any_order() {
         let known = vec![lattice(A, 40), lattice(B, 39)];
         // Paired by order, the better one of B would replace A.
-        let all = replaced(known, vec![lattice(B, 41), lattice(A, 38)]);
+        let all = with_replacements(known, vec![lattice(B, 41), lattice(A, 38)]);
         assert_eq!(all, [lattice(A, 40), lattice(B, 41)]);
     }
 
     #[test]
     fn a_new_one_is_added_and_a_part_of_a_known_one_is_not() {
         let part = lattice(A, 40).filtered(|(row, _)| row > 2);
-        let all = replaced(vec![lattice(A, 40)], vec![part, lattice(B, 16)]);
+        let all = with_replacements(vec![lattice(A, 40)], vec![part, lattice(B, 16)]);
         assert_eq!(all, [lattice(A, 40), lattice(B, 16)]);
     }
 
@@ -98,15 +103,15 @@ mod tests {
                 lattice(A, 48).filtered(|(row, column)| row > 2 && column > 0),
             ]
         };
-        assert_eq!(replaced(halves(), vec![whole.clone()]), [whole]);
-        assert_eq!(replaced(halves(), vec![lattice(A, 40)]), halves());
+        assert_eq!(with_replacements(halves(), vec![whole.clone()]), [whole]);
+        assert_eq!(with_replacements(halves(), vec![lattice(A, 40)]), halves());
     }
 
     #[test]
     fn nothing_known_and_nothing_finer() {
-        assert!(replaced(Vec::new(), Vec::new()).is_empty());
+        assert!(with_replacements(Vec::new(), Vec::new()).is_empty());
         assert_eq!(
-            replaced(vec![lattice(A, 9)], Vec::new()),
+            with_replacements(vec![lattice(A, 9)], Vec::new()),
             [lattice(A, 9).clone()]
         );
     }

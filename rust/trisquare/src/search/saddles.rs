@@ -11,13 +11,13 @@ const REACH: usize = APERTURE / 2;
 
 /// Maximum number of Newton steps, and their maximum length, pixels: beyond that, the slope only
 /// gives a direction.
-const SETTLING_STEPS: usize = 5;
-const SETTLING_STEP: f64 = 1.5;
+const MAX_STEPS: usize = 5;
+const MAX_STEP: f64 = 1.5;
 /// Maximum distance (px) of the saddle from the last pixel: where the grey levels have the
 /// curvature of a saddle but also a slope, the saddle is farther away or does not exist.
 const MAX_OFFSET: f64 = 1.2;
 /// Maximum total displacement of a point (px): it comes from a picture half as fine.
-const MAX_SETTLING: f64 = 3.0;
+const MAX_MOVE: f64 = 3.0;
 
 /// Binomial smoothing, and first and second differences with the same smoothing.
 const SMOOTH: [f64; APERTURE] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
@@ -26,7 +26,7 @@ const CURVE: [f64; APERTURE] = [0.25, 0.0, -0.5, 0.0, 0.25];
 
 /// Maximum ratio of a saddle's two curvatures. Where edges cross they are equal, for any angle and
 /// blur; the smallest cells have a ratio of 2. Noise along stripes has any ratio.
-const MAX_UNEVEN: f64 = 3.0;
+const MAX_CURVATURE_RATIO: f64 = 3.0;
 
 /// Replacement for a determinant that is not that of a saddle: the step is then far too long.
 const NO_SADDLE: f64 = -1e-9;
@@ -83,8 +83,9 @@ impl SaddleStep {
     /// Whether the second derivatives are those of a saddle that is about equally steep both ways.
     pub(super) fn is_even(&self) -> bool {
         let trace = self.curvature[0] + self.curvature[2];
-        let most = (MAX_UNEVEN - 1.0) * (MAX_UNEVEN - 1.0) / MAX_UNEVEN;
-        trace * trace <= most * -self.curvature[3]
+        let max_ratio =
+            (MAX_CURVATURE_RATIO - 1.0) * (MAX_CURVATURE_RATIO - 1.0) / MAX_CURVATURE_RATIO;
+        trace * trace <= max_ratio * -self.curvature[3]
     }
 }
 
@@ -93,24 +94,25 @@ impl SaddleStep {
 pub fn refine_corner(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Vector2<f64> {
     let (mut refined, mut nearest) = (point, point);
     let mut shortest: Option<SaddleStep> = None;
-    for _ in 0..SETTLING_STEPS {
+    for _ in 0..MAX_STEPS {
         let pixel: [usize; 2] = std::array::from_fn(|k| {
-            let most = picture.size()[k].saturating_sub(1 + REACH);
+            let last = picture.size()[k].saturating_sub(1 + REACH);
             // The cast saturates, and maps NaN to zero.
-            (refined[k].round_ties_even() as usize).min(most).max(REACH)
+            (refined[k].round_ties_even() as usize).min(last).max(REACH)
         });
         let Some(step) = SaddleStep::from(picture, pixel) else {
             return point;
         };
-        let moved = step.offset.map(|o| o.clamp(-SETTLING_STEP, SETTLING_STEP));
+        let moved = step.offset.map(|o| o.clamp(-MAX_STEP, MAX_STEP));
         refined = Vector2::new(pixel[0] as f64, pixel[1] as f64) + moved;
         // Near a saddle between four pixels the steps alternate: the shortest is the best.
-        if shortest.is_none_or(|it| step.offset.amax() < it.offset.amax()) {
+        if shortest.is_none_or(|best| step.offset.amax() < best.offset.amax()) {
             (shortest, nearest) = (Some(step), refined);
         }
     }
-    let arrived = shortest.is_some_and(|it| it.offset.amax() < MAX_OFFSET && it.curvature[3] < 0.0);
-    if arrived && (nearest - point).amax() < MAX_SETTLING {
+    let is_found =
+        shortest.is_some_and(|best| best.offset.amax() < MAX_OFFSET && best.curvature[3] < 0.0);
+    if is_found && (nearest - point).amax() < MAX_MOVE {
         nearest
     } else {
         point

@@ -18,7 +18,7 @@ const MAX_OFFSET: f64 = 1.2;
 /// Maximum distance (px) of the saddle if print beside it has displaced the candidate, and its
 /// maximum one step later, when the nearest pixel is at most half a pixel away.
 const FAR_OFFSET: f64 = 2.5;
-const ARRIVED: f64 = 0.6;
+const MAX_LAST_OFFSET: f64 = 0.6;
 
 /// Maximum number of candidates that are used, the strongest: 30 boards of 10 x 10 cells. It bounds
 /// the time in a picture of gravel or grass.
@@ -86,9 +86,10 @@ pub(super) fn crossings_at(
 
 fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Vector2<f64>> {
     let mut saddles = Vec::new();
-    let mut drawn_away = Vec::new();
+    let mut displaced = Vec::new();
     let [width, height] = picture.size();
-    let is_inside = |it: &SaddleCandidate| it.pixel[0] < width && it.pixel[1] < height;
+    let is_inside =
+        |candidate: &SaddleCandidate| candidate.pixel[0] < width && candidate.pixel[1] < height;
     for candidate in strongest(candidates).into_iter().filter(is_inside) {
         let Some(step) = even_step(picture, candidate.pixel) else {
             continue;
@@ -96,13 +97,13 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Ve
         let point = Vector2::from(candidate.pixel.map(|at| at as f64)) + step;
         match step.amax() {
             gap if gap < MAX_OFFSET => saddles.push(point),
-            gap if gap < FAR_OFFSET => drawn_away.push(point),
+            gap if gap < FAR_OFFSET => displaced.push(point),
             _ => {}
         }
     }
     let mut taken: HashSet<[isize; 2]> =
         saddles.iter().map(nearest_pixel).flat_map(around).collect();
-    for point in drawn_away {
+    for point in displaced {
         let pixel = nearest_pixel(&point);
         if !taken.insert(pixel) {
             continue;
@@ -110,7 +111,7 @@ fn saddles_at(picture: &GreyBytes<'_>, candidates: &[SaddleCandidate]) -> Vec<Ve
         let Some(step) = even_step(picture, pixel.map(|at| at.max(0) as usize)) else {
             continue;
         };
-        if step.amax() < ARRIVED {
+        if step.amax() < MAX_LAST_OFFSET {
             saddles.push(Vector2::from(pixel.map(|at| at as f64)) + step);
         }
     }
@@ -148,7 +149,7 @@ fn around([x, y]: [isize; 2]) -> impl Iterator<Item = [isize; 2]> {
 /// edges are as for a right angle.
 fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing> {
     let shades = shades_around(picture, point, RING);
-    let mean = mean_of_opposite(&shades);
+    let mean = opposite_means(&shades);
     let (light, dark) = (first_of(&mean, |a, b| a > b), first_of(&mean, |a, b| a < b));
     let step = mean[light] - mean[dark];
     let lightest = shades[light].min(shades[light + HALF_TURN]);
@@ -156,13 +157,13 @@ fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing>
     if !(step > 0.0 && lightest - darkest > MIN_ALTERNATION * step) {
         return None;
     }
-    let above = mean.map(|shade| shade - 0.5 * (mean[light] + mean[dark]));
-    let [falls, rises] = [Turn::Falls, Turn::Rises].map(|turn| sign_changes(&above, turn));
+    let centred = mean.map(|shade| shade - 0.5 * (mean[light] + mean[dark]));
+    let [falls, rises] = [Turn::Falls, Turn::Rises].map(|turn| sign_changes(&centred, turn));
     let ([fall], [rise]) = (&falls[..], &rises[..]) else {
         return None;
     };
-    let near = [fall.place, rise.place];
-    let turned = edges_afar(picture, point, near, step).unwrap_or(near);
+    let inner_edges = [fall.place, rise.place];
+    let turned = outer_edges(picture, point, inner_edges, step).unwrap_or(inner_edges);
     let [first, mut second] = turned.map(|turn| (turn * (PI / HALF_TURN as f64)).rem_euclid(PI));
     if second < first {
         second += PI;
@@ -174,21 +175,24 @@ fn crossing_at(picture: &GreyBytes<'_>, point: Vector2<f64>) -> Option<Crossing>
 /// Directions of the edges on a wider ring, if it shows both.
 ///
 /// For edges that cross at an oblique angle, blur turns their inner parts towards a right angle.
-fn edges_afar(
+fn outer_edges(
     picture: &GreyBytes<'_>,
     point: Vector2<f64>,
-    near: [f64; 2],
+    inner_edges: [f64; 2],
     step: f64,
 ) -> Option<[f64; 2]> {
-    let mean = mean_of_opposite(&shades_around(picture, point, FAR_RING));
-    let (most, least) = mean.iter().fold((f64::MIN, f64::MAX), |(most, least), s| {
-        (most.max(*s), least.min(*s))
-    });
-    let above = mean.map(|shade| shade - 0.5 * (most + least));
-    let mut found = near;
+    let mean = opposite_means(&shades_around(picture, point, FAR_RING));
+    let (highest, lowest) = mean
+        .iter()
+        .fold((f64::MIN, f64::MAX), |(highest, lowest), s| {
+            (highest.max(*s), lowest.min(*s))
+        });
+    let centred = mean.map(|shade| shade - 0.5 * (highest + lowest));
+    let mut found = inner_edges;
     for (edge, turn) in found.iter_mut().zip([Turn::Falls, Turn::Rises]) {
-        let gaps = sign_changes(&above, turn).into_iter().filter_map(|turn| {
-            let beside = [turn.after + HALF_TURN - 1, turn.after + 2].map(|k| above[k % HALF_TURN]);
+        let gaps = sign_changes(&centred, turn).into_iter().filter_map(|turn| {
+            let beside =
+                [turn.after + HALF_TURN - 1, turn.after + 2].map(|k| centred[k % HALF_TURN]);
             let gap = turn.place - *edge;
             let gap = gap - HALF_TURN as f64 * (gap / HALF_TURN as f64).round_ties_even();
             ((beside[0] - beside[1]).abs() > MIN_EDGE * step).then_some(gap)
@@ -210,7 +214,7 @@ fn shades_around(
     std::array::from_fn(|k| picture.level(point + DIRECTIONS[k] * radius))
 }
 
-fn mean_of_opposite(shades: &[f64; 2 * HALF_TURN]) -> Ring {
+fn opposite_means(shades: &[f64; 2 * HALF_TURN]) -> Ring {
     std::array::from_fn(|k| 0.5 * (shades[k] + shades[k + HALF_TURN]))
 }
 
@@ -234,14 +238,14 @@ struct SignChange {
 }
 
 /// The places where a ring falls below zero, or those where it rises above it.
-fn sign_changes(above: &Ring, turn: Turn) -> Vec<SignChange> {
-    let is_above = |k: usize| above[k % HALF_TURN] > 0.0;
+fn sign_changes(centred: &Ring, turn: Turn) -> Vec<SignChange> {
+    let is_above = |k: usize| centred[k % HALF_TURN] > 0.0;
     let was_above = turn == Turn::Falls;
     (0..HALF_TURN)
         .filter(|k| is_above(*k) == was_above && is_above(k + 1) != was_above)
         .map(|after| {
-            let next = above[(after + 1) % HALF_TURN];
-            let place = after as f64 + above[after] / (above[after] - next);
+            let next = centred[(after + 1) % HALF_TURN];
+            let place = after as f64 + centred[after] / (centred[after] - next);
             SignChange { after, place }
         })
         .collect()

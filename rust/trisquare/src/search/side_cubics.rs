@@ -11,7 +11,7 @@ const POINT_NOISE: f64 = 0.2;
 /// Distance of contour points from their side's first cubic above which they follow an object that
 /// hides the edge, in medians and at least in pixels. The cubic is fitted again without them, at
 /// most the given number of times, since at first they bias it.
-const STRAY: f64 = 2.5;
+const STRAY_MEDIANS: f64 = 2.5;
 const STRAY_PIXELS: f64 = 1.5;
 const TRIMMINGS: usize = 4;
 
@@ -47,25 +47,25 @@ impl SidePoints {
     }
 
     fn fitted(&self, used: &[bool], terms: Vector4<f64>) -> Vector4<f64> {
-        let held = terms.map(|term| (POINT_NOISE / (term * self.length)).powi(2));
-        let (mut normal, mut right) = (Matrix4::from_diagonal(&held), Vector4::zeros());
+        let prior = terms.map(|term| (POINT_NOISE / (term * self.length)).powi(2));
+        let (mut normal, mut right) = (Matrix4::from_diagonal(&prior), Vector4::zeros());
         let points = self.basis.iter().zip(&self.offsets).zip(used);
         for ((basis, offset), _) in points.filter(|(_, used)| **used) {
             normal += basis * basis.transpose();
             right += basis * *offset;
         }
-        let nowhere = Vector4::repeat(f64::NAN);
-        normal.lu().solve(&right).unwrap_or(nowhere)
+        let undetermined = Vector4::repeat(f64::NAN);
+        normal.lu().solve(&right).unwrap_or(undetermined)
     }
 
-    fn gaps(&self, cubic: &Vector4<f64>) -> Vec<f64> {
+    fn residuals(&self, cubic: &Vector4<f64>) -> Vec<f64> {
         let points = self.basis.iter().zip(&self.offsets);
         points.map(|(b, o)| (o - b.dot(cubic)).abs()).collect()
     }
 
     fn has_strays(&self, cubic: &Vector4<f64>) -> bool {
-        let gaps = self.gaps(cubic);
-        let mut used = gaps.iter().zip(&self.used).filter(|(_, used)| **used);
+        let residuals = self.residuals(cubic);
+        let mut used = residuals.iter().zip(&self.used).filter(|(_, used)| **used);
         !used.all(|(gap, _)| *gap < STRAY_PIXELS)
     }
 
@@ -75,9 +75,10 @@ impl SidePoints {
         for terms in [STIFF_TERMS, EXPECTED_TERMS] {
             cubic = self.fitted(&kept, terms);
             for _ in 0..TRIMMINGS {
-                let gaps = self.gaps(&cubic);
-                let limit = (STRAY * median(gaps.clone()).unwrap_or(0.0)).max(STRAY_PIXELS);
-                let near = self.used.iter().zip(&gaps);
+                let residuals = self.residuals(&cubic);
+                let limit =
+                    (STRAY_MEDIANS * median(residuals.clone()).unwrap_or(0.0)).max(STRAY_PIXELS);
+                let near = self.used.iter().zip(&residuals);
                 let next: Vec<bool> = near.map(|(used, gap)| *used && *gap < limit).collect();
                 if next == kept {
                     break;

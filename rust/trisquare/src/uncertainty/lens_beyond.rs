@@ -88,7 +88,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     if !flat.has_board_relief() {
         flat.hold_fields(&deviations[1]);
         let system = flat.marginal(&vec![0.0; planes.len()])?;
-        let gain = 2.0 * system.gain_of_last(FIELDS)?;
+        let gain = 2.0 * system.freeing_gain(FIELDS)?;
         if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
             return Some(LensVerdict::Held);
         }

@@ -116,7 +116,7 @@ pub(crate) fn pose_uncertainties<L: Lens>(
         let factor = follows.hessian.clone().cholesky()?;
         let mut inverse = block.hessian.clone().cholesky()?.inverse();
         if let Some(ties) = &ties {
-            inverse -= ties.between(i, i);
+            inverse -= ties.reduction_between(i, i);
         }
         let own = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
         let mut given_camera = inverse.view((0, 0), (own, own)) * variance;
@@ -136,12 +136,12 @@ pub(crate) fn pose_uncertainties<L: Lens>(
         if let Some((eliminated, covariance)) = &eliminated {
             let mut moves = DMatrix::zeros(own, covariance.nrows());
             let mut add = |block, response: DMatrix<f64>| {
-                eliminated.add_moves(&mut moves, block, &response.rows(0, own).into_owned());
+                eliminated.add_derivatives(&mut moves, block, &response.rows(0, own).into_owned());
             };
             add(i, -inverse);
             if let Some(ties) = &ties {
                 let others = (0..system.blocks.len()).filter(|other| *other != i);
-                others.for_each(|other| add(other, ties.between(i, other)));
+                others.for_each(|other| add(other, ties.reduction_between(i, other)));
             }
             given_camera += &moves * covariance * moves.transpose() * variance;
             let followed = moves * &eliminated.by_kept;
@@ -173,7 +173,7 @@ fn moves_by_sides(
         return Some(moves);
     };
     for (other, gradients) in gradients.iter().enumerate() {
-        let between = ties.between(plane, other);
+        let between = ties.reduction_between(plane, other);
         for gradient in gradients.as_ref()? {
             let mut moved = -(&between * gradient);
             if other == plane {
