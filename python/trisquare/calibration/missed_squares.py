@@ -9,7 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas, separated
 from trisquare.camera.camera import Camera
-from trisquare.detection.candidates import ENOUGH
+from trisquare.detection.candidates import SQUARES_NEEDED
 from trisquare.detection.square_views import square_columns
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import CUT_BY_BORDER, Rejected
@@ -31,7 +31,7 @@ known."""
 def are_few(calibration: Calibration) -> bool:
     """Return whether fewer plain squares are used than a calibration needs, and nothing else is."""
     used = [plane.kind for plane in calibration.planes if plane.is_used]
-    return len(used) < ENOUGH and set(used) <= {"square", "frame"}
+    return len(used) < SQUARES_NEEDED and set(used) <= {"square", "frame"}
 
 
 def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list[Rejected]:
@@ -43,7 +43,7 @@ def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list
     used = [float(quad_areas(plane.corners)) for plane in calibration.planes if plane.is_used]
     smallest = min(used, default=0.0)
     least_cut, most_oblique = MIN_SHARE, MAX_OBLIQUE
-    if len(used) < ENOUGH:
+    if len(used) < SQUARES_NEEDED:
         least_cut, most_oblique = MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW
     missed: list[Rejected] = []
     for shape in sorted(shapes, key=lambda shape: shape.reason == CUT_BY_BORDER):

@@ -15,7 +15,7 @@ from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import chessboards_among, find_lattices, search_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
-from trisquare.detection.candidates import ENOUGH, MIN_CONTRAST, Lattice
+from trisquare.detection.candidates import MIN_CONTRAST, SQUARES_NEEDED, Lattice
 from trisquare.detection.grey import (
     RANGE_PERCENTILES,
     grey_bytes,
@@ -116,8 +116,8 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     lattices: list[Lattice] = []
     may_be_grids = targets.grids
     if targets.lattices:
-        lattices, crossings_beside = search_lattices(grey)
-        may_be_grids = may_be_grids and crossings_beside >= MIN_CROSSINGS
+        lattices, unlinked_crossings = search_lattices(grey)
+        may_be_grids = may_be_grids and unlinked_crossings >= MIN_CROSSINGS
     boards = [Board.of(lattice, grey) for lattice in lattices]
     beside = _without(grey, lattices)
     grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if may_be_grids else []
@@ -146,7 +146,7 @@ def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
     """Choose how a sheet that was found is measured."""
     if isinstance(found, Rejected):
         return found
-    return Board.of_grid(found) if found.sheet.touching else Sheet.of(found)
+    return Board.of_grid(found) if found.sheet.is_touching else Sheet.of(found)
 
 
 def _squares_beside(
@@ -159,7 +159,7 @@ def _squares_beside(
 
     return [
         Square(square)
-        for square in find_squares(grey, targets.tags, ENOUGH - len(lattices), is_part)
+        for square in find_squares(grey, targets.tags, SQUARES_NEEDED - len(lattices), is_part)
         if (targets.squares or square.tag is not None) and not is_part(square.outer.corners)
     ]
 

@@ -45,8 +45,8 @@ class Square:
         spans: list[SideSpan] = []
         for outline in self._outlines():
             spans += self._outline_spans(outline, first + len(spans))
-        if (beside := self.outline.beside) is not None:
-            spans += self._outline_spans(beside, first + len(spans))
+        if (adjacent := self.outline.adjacent) is not None:
+            spans += self._outline_spans(adjacent, first + len(spans))
             spans = [replace(span, far_edge=first + (i + 4) % 8) for i, span in enumerate(spans)]
         return spans
 
@@ -75,7 +75,7 @@ class Square:
             lines=rectangle_lines(points, aspect),
             points=points,
             std=tuple(side.std for side in sides),
-            polarity=None if self.outline.beside else 1 if outline.dark_inside else -1,
+            polarity=None if self.outline.adjacent else 1 if outline.dark_inside else -1,
             plane=plane,
             kind=self.kind,
             freedom=freedom,
