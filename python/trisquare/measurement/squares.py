@@ -55,8 +55,8 @@ class Square:
         sides = iter(measured)
         figures = []
         for outline in self._outlines():
-            own = [next(sides) for _ in range(4)]
-            samples = [side for side in own if not isinstance(side, str)]
+            outline_sides = [next(sides) for _ in range(4)]
+            samples = [side for side in outline_sides if not isinstance(side, str)]
             # An outline with a side that is not an edge is not a square; without its outer outline,
             # a frame's inner one is a square of its own.
             if len(samples) == 4:

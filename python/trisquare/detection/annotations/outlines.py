@@ -242,8 +242,8 @@ def _chained_sides(lines: list[FloatArray], where: str) -> list[FloatArray]:
     widest = int(np.argmax(gaps(best)))
     if gaps(best)[widest] > MAX_JOIN_GAP:
         raise ValueError(
-            f"{where}: sides {widest} and {(widest + 1) % 4} are {gaps(best)[widest]:.0f} px apart: "
-            "give the sides in order round the square, corner to corner"
+            f"{where}: sides {widest} and {(widest + 1) % 4} are {gaps(best)[widest]:.0f} px "
+            "apart: give the sides in order round the square, corner to corner"
         )
     return best
 
