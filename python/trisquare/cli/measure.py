@@ -150,7 +150,7 @@ def measure_command(
         warnings.append(CalibrationWarning(f"plane {plane} {HOLE}", "side_unknown"))
         stated = None  # the calibration states the side of frames, not of holes
     length = given or stated or Length(1.0, "")
-    warnings += _doubts_of_side(given, stated)
+    warnings += _side_warnings(given, stated)
     if chosen.kind != RECTANGLE and of_rectangles:
         text = (
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
@@ -206,7 +206,7 @@ def _heading(index: int, plane: Plane, given: Length | None, stated: Length | No
     return f"{heading}, side {stated.value:g} {stated.unit} as calibrated"
 
 
-def _doubts_of_side(given: Length | None, stated: Length | None) -> Iterator[CalibrationWarning]:
+def _side_warnings(given: Length | None, stated: Length | None) -> Iterator[CalibrationWarning]:
     if given is not None and stated is not None and not isclose(given.metres, stated.metres):
         text = (
             f"--side {given.value:g} {given.unit} is used, where the calibration states "

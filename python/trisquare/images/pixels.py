@@ -153,7 +153,9 @@ def checked_tone(tone: Tone) -> str | float | None:
     return gamma
 
 
-def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = False) -> str | float:
+def tone_of(
+    picture: Image, tone: str | float | None, *, is_camera_held: bool = False
+) -> str | float:
     """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
 
     Files contain 8 and 16 bits in any coding; floats are light that a program computed. The curve
@@ -162,6 +164,6 @@ def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = Fal
     """
     if tone is not None:
         return tone
-    if camera_held:
+    if is_camera_held:
         return "srgb" if picture.dtype == np.uint8 else "linear"
     return "auto" if np.issubdtype(picture.dtype, np.integer) else "linear"
