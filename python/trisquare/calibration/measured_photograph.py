@@ -159,9 +159,9 @@ def measured_photograph(
         if not measured.figures:
             missing_reason = _missing_text(measured.search, size, annotated)
         if search_settings.lines:
-            from trisquare.straightening.scene_lines import lines_beside
+            from trisquare.straightening.scene_lines import background_lines
 
-            lines = lines_beside(photograph.pixels, measured.figures)
+            lines = background_lines(photograph.pixels, measured.figures)
     return MeasuredPhotograph(
         photograph.name,
         size,
