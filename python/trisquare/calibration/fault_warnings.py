@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from trisquare.images.faults import CLIPPED, PictureFaults
+from trisquare.images.faults import MAX_CLIPPED_SHARE, PictureFaults
 from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 
@@ -44,7 +44,8 @@ def fault_warnings(
     ):
         medium.add("chromatic_aberration")
     if any(
-        picture_faults.clipped > CLIPPED and picture_faults.line_error > MAX_CLIPPING_ERROR
+        picture_faults.clipped > MAX_CLIPPED_SHARE
+        and picture_faults.line_error > MAX_CLIPPING_ERROR
         for picture_faults in faults.values()
     ):
         medium.add("overexposed")
@@ -130,6 +131,6 @@ def _texts(faults: PictureFaults, tone: PictureTone) -> dict[str, str]:
     shift = "" if tone.shift is None else f", shift {tone.shift[0]:+.2f} +- {tone.shift[1]:.2f} px"
     if faults.has_two_levels:
         texts["thresholded"] = "all pixels" + shift
-    elif faults.clipped > CLIPPED:
+    elif faults.clipped > MAX_CLIPPED_SHARE:
         texts["overexposed"] = f"{100.0 * faults.clipped:.0f} % of the sides{shift}"
     return texts

@@ -149,7 +149,7 @@ def measured_photograph(
     photograph = load()
     tone, annotated = search_settings.tone_of(photograph), search_settings.annotated_on(photograph)
     size = picture_size(photograph.pixels)
-    is_usable = not photograph.repeats and search_settings.image_size in (None, size)
+    is_usable = not photograph.is_repeat and search_settings.image_size in (None, size)
     drawn = annotated if is_usable else ()
     measured = measure(photograph.pixels, search_settings.kinds, tone, drawn)
     if not is_alone:
