@@ -152,7 +152,9 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
             continue
         is_empty = False
         if path == folder:
-            yield from (Job(Path(own).stem, (own,), options, own) for own in pictures)
+            yield from (
+                Job(Path(picture).stem, (picture,), options, picture) for picture in pictures
+            )
         else:
             name = Path(path).relative_to(folder).as_posix()
             yield Job(name, tuple(pictures), options, path)
@@ -175,7 +177,9 @@ def _grouped(
             raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
         whole = os.path.isdir(path)
         pictures = (
-            (own for _, found in _photographs(path, options) for own in found) if whole else [path]
+            (picture for _, found in _photographs(path, options) for picture in found)
+            if whole
+            else [path]
         )
         for picture in pictures:
             seen = Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()

@@ -182,7 +182,7 @@ def batch_command(
         "retake": counts.retake,
         "outlying": counts.outlying,
         "all_passed": counts.all_passed,
-        "limits": [str(own) for own in requirements],
+        "limits": [str(requirement) for requirement in requirements],
     }
     answer(json, quiet, members, _report(output, counts, done, failed, notes))
     if not counts.all_passed:

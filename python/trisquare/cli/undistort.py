@@ -156,12 +156,12 @@ def undistort_command(
     warnings = done.warnings
     if isinstance(known, Calibration):
         warnings += [
-            CalibrationWarning(f"{camera}: {own}", own.code, own.severity)
-            for own in known.warnings
-            if _is_repeated(own)
+            CalibrationWarning(f"{camera}: {item}", item.code, item.severity)
+            for item in known.warnings
+            if _is_repeated(item)
         ]
     # Without black pixels nothing is missing: a narrow view was asked for.
-    has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in done.pictures)
+    has_black = any(item["valid_rectangle"][2:] != item["image_size"] for item in done.pictures)
     warnings += _warnings_of_views(lens, done.views, has_black=has_black)
     members = {
         "format": UNDISTORTION_FORMAT,
