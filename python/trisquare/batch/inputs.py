@@ -171,7 +171,7 @@ def _grouped(
     paths: Iterable[str], pattern: re.Pattern[str], text: str, options: Mapping[str, Any]
 ) -> Iterator[Job]:
     cameras: dict[tuple[str, ...], list[str]] = {}
-    others = 0
+    ungrouped = 0
     for path in paths:
         if is_manifest(path):
             raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
@@ -182,19 +182,21 @@ def _grouped(
             else [path]
         )
         for picture in pictures:
-            seen = Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
-            found = pattern.fullmatch("/".join(seen.split("/")[-1 - text.count("/") :]))
+            path_text = (
+                Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
+            )
+            found = pattern.fullmatch("/".join(path_text.split("/")[-1 - text.count("/") :]))
             if found is None:
-                others += 1
+                ungrouped += 1
             else:
                 cameras.setdefault(found.groups(), []).append(picture)
     if not cameras:
-        raise ValueError(f"none of {others} photographs has a name like {text!r}")
+        raise ValueError(f"none of {ungrouped} photographs has a name like {text!r}")
     names = Counter("_".join(groups) for groups in cameras)
     for groups, pictures in cameras.items():
         name = "_".join(groups)
         if names[name] > 1:  # different groups give the same joined name
             name = "_".join(f"({part})" for part in groups)
         yield Job(name, tuple(pictures), options, text)
-    if others:
-        yield faulty_job(text, f"{others} photographs have names unlike this", text)
+    if ungrouped:
+        yield faulty_job(text, f"{ungrouped} photographs have names unlike this", text)

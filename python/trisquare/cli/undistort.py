@@ -362,11 +362,11 @@ def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Itera
             width, height = picture["image_size"]
             x, y, valid_width, valid_height = picture["valid_rectangle"]
             names = ("fx", "fy", "focal", "cx", "cy")
-            numbers = ", ".join(f"{it} {camera[it]:.6g}" for it in names if it in camera)
-            what = camera.get("projection", "new camera")
+            numbers = ", ".join(f"{name} {camera[name]:.6g}" for name in names if name in camera)
+            view_name = camera.get("projection", "new camera")
             is_lost = not is_camera_kept and "projection" not in camera
             hint = " (--new-camera FILE keeps it)" if is_lost else ""
-            yield f"{what}, without distortion: {width} x {height}, {numbers}{hint}"
+            yield f"{view_name}, without distortion: {width} x {height}, {numbers}{hint}"
             rectangle = f"({x}, {y}) of {valid_width} x {valid_height}"
             yield f"no black border in the rectangle from {rectangle}"
         before = camera
