@@ -17,7 +17,9 @@ _SUBPIXEL_BITS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """Light of a picture after something is laid over it: ``light (1 - opacity mask) + added_light mask``.
+    """Light of a picture after something is laid over it.
+
+    It is ``light (1 - opacity mask) + added_light mask``.
 
     Parameters
     ----------
