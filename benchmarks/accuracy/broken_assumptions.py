@@ -59,9 +59,9 @@ def measure(kinds: tuple[str, ...] = tuple(KINDS), seed: int = SEED) -> list[Row
         )
     count = SCENES * len(silent)
     share = sum(silent.values()) / count
-    told = [name for name in silent if KINDS[name].told]
-    worst = max(told, key=lambda name: silent[name])
-    falsest = max(told, key=lambda name: misnamed[name])
+    detectable = [name for name in silent if KINDS[name].is_detectable]
+    worst = max(detectable, key=lambda name: silent[name])
+    falsest = max(detectable, key=lambda name: misnamed[name])
     name = f"{len(silent)} kinds of broken assumptions, {SCENES} scenes each"
     return [
         Row(

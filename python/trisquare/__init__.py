@@ -70,7 +70,9 @@ _NAMES_OF_MODULES = {
     "straightening.straighten": ("Straightened", "straighten"),
     "undistortion.undistort": ("Undistorter", "undistort"),
 }
-_MODULES = {name: f"trisquare.{own}" for own, names in _NAMES_OF_MODULES.items() for name in names}
+_MODULES = {
+    name: f"trisquare.{room}" for room, names in _NAMES_OF_MODULES.items() for name in names
+}
 
 __all__ = sorted(_MODULES)
 

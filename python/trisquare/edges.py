@@ -594,8 +594,8 @@ def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
 def _unit_normal_lines(lines: Any, least: int) -> FloatArray:
     given = real_array(lines, "lines", (None, 3))
     if len(given) < least:
-        wanted = "a line" if least == 1 else f"at least {least} lines, not {len(given)}"
-        raise NotEnoughDataError(f"a figure needs {wanted}")
+        requirement = "a line" if least == 1 else f"at least {least} lines, not {len(given)}"
+        raise NotEnoughDataError(f"a figure needs {requirement}")
     norms = np.hypot(given[:, 0], given[:, 1])
     if not (norms > 0).all():
         raise ValueError(f"line {int(np.argmin(norms))} has no direction: a and b are both zero")
@@ -654,7 +654,7 @@ def _samples_of_circles(points: Any, count: int) -> tuple[FloatArray, ...]:
 
 def _deviations_of_lines(std: Any, points: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
     if isinstance(std, Real):
-        std = [np.full(len(own), real_number(std, "std")) for own in points]
+        std = [np.full(len(side), real_number(std, "std")) for side in points]
     deviations = []
     for index, given in enumerate(_sequence(std, "std", len(points))):
         array = real_array(given, f"std[{index}]", (len(points[index]),))

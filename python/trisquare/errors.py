@@ -116,7 +116,11 @@ def error_members(error: BaseException) -> dict[str, Any]:
     members = code_members(code, text)
     if isinstance(error, TrisquareError):
         shapes = {"found": error.found, "rejected": error.rejected}
-        members |= {key: [one.members() for one in own] for key, own in shapes.items() if own}
+        members |= {
+            key: [candidate.members() for candidate in candidates]
+            for key, candidates in shapes.items()
+            if candidates
+        }
     return members
 
 

@@ -126,7 +126,7 @@ def aprilgrid_box_scene(
     half = AprilGridTarget(np.eye(3), np.array([0.0, 0.0, 1.0]), shape=shape, gap=gap).extent
     unit = (1.0 - 2.0 * BOX_MARGIN) / (2.0 * max(half))
     for _ in range(MAX_DRAWS):
-        own = camera or random_camera(rng)
+        scene_camera = camera or random_camera(rng)
         faces = [
             AprilGridTarget(
                 face.rotation,
@@ -135,10 +135,10 @@ def aprilgrid_box_scene(
                 gap=gap,
                 first=index * shape[0] * shape[1],
             )
-            for index, face in enumerate(box_faces(rng, own))
+            for index, face in enumerate(box_faces(rng, scene_camera))
         ]
-        if all(in_picture(own, face, max(half)) for face in faces):
-            return Scene(own, tuple(faces))
+        if all(in_picture(scene_camera, face, max(half)) for face in faces):
+            return Scene(scene_camera, tuple(faces))
     raise ValueError("no box fits this camera's picture")
 
 
@@ -183,9 +183,9 @@ def _overlap(camera: TrueCamera, one: Target, two: Target, half: float) -> bool:
     quads = [camera.project(target.to_camera(rectangle(half, half))) for target in (one, two)]
     for quad, other in (quads, quads[::-1]):
         along = np.roll(quad, -1, axis=0) - quad
-        off = other[None] - quad[:, None]
-        inside = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]
-        if (inside < 0.0).all(axis=1).any():
+        offsets = other[None] - quad[:, None]
+        is_inside = along[:, None, 0] * offsets[..., 1] - along[:, None, 1] * offsets[..., 0]
+        if (is_inside < 0.0).all(axis=1).any():
             return False
     return True
 

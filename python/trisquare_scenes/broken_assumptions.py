@@ -145,12 +145,12 @@ def upright_rectangles(rng: np.random.Generator, damaged: bool) -> Broken:
     return Broken([picture], scene.camera.fx)
 
 
-def of_lens(other: Callable[[np.random.Generator, TrueCamera], TrueCamera]) -> Draw:
+def of_lens(change: Callable[[np.random.Generator, TrueCamera], TrueCamera]) -> Draw:
     """Photograph scenes through another lens."""
 
     def draw(rng: np.random.Generator, damaged: bool) -> Broken:
         usual = random_camera(rng)
-        camera = other(rng, usual) if damaged else usual
+        camera = change(rng, usual) if damaged else usual
         scene = random_scene(rng, camera=camera)
         return Broken([render(scene, rng, **settings(rng))], camera.fx)
 
@@ -197,12 +197,12 @@ def _members(camera: TrueCamera) -> dict[str, Any]:
     return {f.name: getattr(camera, f.name) for f in fields(TrueCamera)}
 
 
-def of_picture(change: Callable[[np.random.Generator, Image], Image], **how: Any) -> Draw:
+def of_picture(change: Callable[[np.random.Generator, Image], Image], **options: Any) -> Draw:
     """Change the picture after it has been taken."""
 
     def draw(rng: np.random.Generator, damaged: bool) -> Broken:
         scene = random_scene(rng)
-        picture = render(scene, rng, **settings(rng) | (how if damaged else {}))
+        picture = render(scene, rng, **settings(rng) | (options if damaged else {}))
         return Broken([change(rng, picture) if damaged else picture], scene.camera.fx)
 
     return draw
@@ -213,10 +213,10 @@ def photo_of_photo(rng: np.random.Generator, picture: Image) -> Image:
     height, width = picture.shape[:2]
     corners = rectangle(0.5 * width, 0.5 * height)
     turn = tilted(rng.uniform(8.0, 25.0), rng.uniform(0.0, 360.0), 0.0)
-    seen = corners @ turn[:, :2].T + [0.0, 0.0, 1.2 * width]
-    seen = 1.1 * width * seen[:, :2] / seen[:, 2:] + [0.5 * width, 0.5 * height]
-    at = corners - corners[0]
-    matrix = cv2.getPerspectiveTransform(at.astype(np.float32), seen.astype(np.float32))
+    projected = corners @ turn[:, :2].T + [0.0, 0.0, 1.2 * width]
+    projected = 1.1 * width * projected[:, :2] / projected[:, 2:] + [0.5 * width, 0.5 * height]
+    pixels = corners - corners[0]
+    matrix = cv2.getPerspectiveTransform(pixels.astype(np.float32), projected.astype(np.float32))
     return np.asarray(
         cv2.warpPerspective(
             picture, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
@@ -252,10 +252,10 @@ def shadowed(rng: np.random.Generator, picture: Image) -> Image:
     height, width = picture.shape[:2]
     y, x = np.mgrid[:height, :width]
     angle = rng.uniform(0.0, np.pi)
-    away = (x - 0.5 * width) * np.cos(angle) + (y - 0.5 * height) * np.sin(angle)
+    distance = (x - 0.5 * width) * np.cos(angle) + (y - 0.5 * height) * np.sin(angle)
     half_width, softness = rng.uniform(30.0, 120.0), rng.uniform(1.0, 6.0)
-    inside = 0.5 + 0.5 * np.tanh((half_width - np.abs(away)) / softness)
-    return np.asarray((picture * (1.0 - 0.4 * inside)).round().astype(np.uint8))
+    shade = 0.5 + 0.5 * np.tanh((half_width - np.abs(distance)) / softness)
+    return np.asarray((picture * (1.0 - 0.4 * shade)).round().astype(np.uint8))
 
 
 def unchanged(rng: np.random.Generator, picture: Image) -> Image:
@@ -272,8 +272,8 @@ def two_zooms(rng: np.random.Generator, damaged: bool) -> Broken:
     """Draw two pictures, the second one of which is taken with another focal length."""
     camera = random_camera(rng)
     zoom = rng.uniform(1.03, 1.3) if damaged else 1.0
-    other = replace(camera, fx=zoom * camera.fx, fy=zoom * camera.fy)
-    scenes = [random_scene(rng, camera=of) for of in (camera, other)]
+    zoomed = replace(camera, fx=zoom * camera.fx, fy=zoom * camera.fy)
+    scenes = [random_scene(rng, camera=scene_camera) for scene_camera in (camera, zoomed)]
     return Broken([render(scene, rng, **settings(rng)) for scene in scenes], camera.fx)
 
 
@@ -287,13 +287,13 @@ class Kind:
         Draws pictures, damaged or undamaged.
     causes : frozenset of str
         Codes of the warnings that name it.
-    told : bool
+    is_detectable : bool
         Whether it can be detected from the picture, or from what is known of all cameras.
     """
 
     draw: Draw
     causes: Sequence[str]
-    told: bool = True
+    is_detectable: bool = True
 
 
 NO_SQUARES = (
@@ -327,7 +327,7 @@ KINDS: Mapping[str, Kind] = {
     "photo of a photo": Kind(of_picture(photo_of_photo), (*STRETCH, *NO_SQUARES)),
     "cropped": Kind(of_picture(cropped), STRETCH),
     "stretched": Kind(of_picture(stretched), STRETCH),
-    "mirrored": Kind(of_picture(mirrored), (), told=False),
+    "mirrored": Kind(of_picture(mirrored), (), is_detectable=False),
     "moire": Kind(of_picture(patterned), ("periodic_pattern", *CODING)),
     "shadow": Kind(of_picture(shadowed), (*CODING, "side_partly_hidden", "side_rejected")),
     "JPEG 30": Kind(of_picture(unchanged, jpeg_quality=30), CODING),

@@ -93,15 +93,15 @@ def circle_bound(
             slopes = [
                 np.sum(slope * normals, axis=1) for slope in _slopes(scene, target, radius, angles)
             ]
-            of_radii = np.zeros((len(radii) - 1 if any_radii else 0, len(angles)))
+            radius_columns = np.zeros((len(radii) - 1 if any_radii else 0, len(angles)))
             if any_radii and number > 0:
-                of_radii[number - 1] = slopes[-1]
-            rows.append(np.stack([*slopes[:-1], *of_radii], axis=1))
+                radius_columns[number - 1] = slopes[-1]
+            rows.append(np.stack([*slopes[:-1], *radius_columns], axis=1))
         jacobian = np.concatenate(rows) / noise
         information = jacobian.T @ jacobian
-        own = information[len(CAMERA) :, len(CAMERA) :]
+        plane_information = information[len(CAMERA) :, len(CAMERA) :]
         cross = information[len(CAMERA) :, : len(CAMERA)]
-        inverse = np.linalg.pinv(own, rcond=NO_INFORMATION, hermitian=True)
+        inverse = np.linalg.pinv(plane_information, rcond=NO_INFORMATION, hermitian=True)
         shared += information[: len(CAMERA), : len(CAMERA)] - cross.T @ inverse @ cross
     deviations = np.sqrt(np.diag(np.linalg.inv(shared)))
     return dict(zip(CAMERA, deviations.tolist(), strict=True))

@@ -200,15 +200,15 @@ def _curled(scene: Scene, plane: int, rng: np.random.Generator) -> tuple[Scene, 
     start, end = np.roll(scene.targets[plane].outlines()[0], -side, axis=0)[:2]
     middle = 0.5 * (start + end)
     step = 1e-4 * np.array([end[1] - start[1], start[0] - end[0]])
-    seen = scene.image_points(plane, np.array([start, end, middle - step, middle + step]))
-    chord = (seen[1] - seen[0]) / np.hypot(*(seen[1] - seen[0]))
-    move = seen[3] - seen[2]
+    pixels_seen = scene.image_points(plane, np.array([start, end, middle - step, middle + step]))
+    chord = (pixels_seen[1] - pixels_seen[0]) / np.hypot(*(pixels_seen[1] - pixels_seen[0]))
+    move = pixels_seen[3] - pixels_seen[2]
     per_unit = abs(chord[0] * move[1] - chord[1] * move[0]) / (2.0 * np.hypot(*step))
     bows = np.zeros(4)
     bows[side] = rng.choice([-1.0, 1.0]) * pixels / per_unit
-    flat = scene.targets[plane]
+    target = scene.targets[plane]
     curled = CurledTarget(
-        flat.rotation, flat.translation, flat.kind, flat.dark, flat.inner, bows=bows
+        target.rotation, target.translation, target.kind, target.dark, target.inner, bows=bows
     )
     return _with_target(scene, plane, curled), Damage("curl", plane, side, pixels)
 
@@ -231,8 +231,8 @@ def _false_square(
         printed[:2, 0] *= 1.0 - departure
     if rng.random() < 0.5:  # the other pair of sides; a quarter turn keeps the order
         printed = np.roll(printed @ np.array([[0.0, 1.0], [-1.0, 0.0]]), -1, axis=0)
-    false = replace(scene.targets[plane], printed=printed)
-    return _with_target(scene, plane, false), Damage(kind, plane, None, departure)
+    false_target = replace(scene.targets[plane], printed=printed)
+    return _with_target(scene, plane, false_target), Damage(kind, plane, None, departure)
 
 
 def _hidden_stretch(
@@ -246,10 +246,16 @@ def _hidden_stretch(
         for overlay in _overlays(kind, place, scene, rng, settings):
             hidden = tuple(_hidden_shares(overlay, sides))
             share = {(t, o, s): part for t, o, s, part in hidden}
-            own = share.get((plane, 0, side), 0.0)
-            others = [key for key in share if key[:2] != (plane, 1) and key != (plane, 0, side)]
-            if own >= MIN_HIDDEN and not others and max(share.values()) <= HIDDEN_RANGE[1]:
-                return overlay, Damage(kind, plane, side, own, hidden)
+            own_share = share.get((plane, 0, side), 0.0)
+            others_hidden = [
+                key for key in share if key[:2] != (plane, 1) and key != (plane, 0, side)
+            ]
+            if (
+                own_share >= MIN_HIDDEN
+                and not others_hidden
+                and max(share.values()) <= HIDDEN_RANGE[1]
+            ):
+                return overlay, Damage(kind, plane, side, own_share, hidden)
     raise ValueError(f"no {kind} hides a part of one side only in this scene")
 
 
@@ -290,9 +296,9 @@ def _overlays(
         yield from _fingers(place, size, blur, rng, bool(settings["colour"]))
     elif kind == "torn":
         # The torn part shows the paper beside it.
-        beside = np.rint(place.middle - (6.0 + 4.0 * blur) * place.inward).astype(int)
+        ground_pixel = np.rint(place.middle - (6.0 + 4.0 * blur) * place.inward).astype(int)
         bite = polygon_mask(_bite(place, rng), size, blur)
-        yield Overlay(bite, 1.0, (int(beside[0]), int(beside[1])))
+        yield Overlay(bite, 1.0, (int(ground_pixel[0]), int(ground_pixel[1])))
     elif kind == "glare":
         across = place.stretch * rng.uniform(0.3, 0.8)
         # The mask of a spot falls to `TOUCHED` at 1.4 of its half widths.
@@ -307,21 +313,22 @@ def _fingers(
 ) -> Iterator[Overlay]:
     """Yield fingers of decreasing length that reach over a side from outside."""
     slant = np.deg2rad(rng.uniform(-30.0, 30.0))
-    away = -np.cos(slant) * place.inward + np.sin(slant) * place.along
+    outward = -np.cos(slant) * place.inward + np.sin(slant) * place.along
     width = 0.95 * place.stretch * np.cos(slant)
-    tip = place.middle - away * width * rng.uniform(0.2, 0.9)
+    tip = place.middle - outward * width * rng.uniform(0.2, 0.9)
     light = rng.uniform(*SKIN_RANGE) * (SKIN if colour else np.array([SKIN.mean()]))
-    across = np.array([-away[1], away[0]])
+    across = np.array([-outward[1], outward[0]])
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
     for length in FINGER_LENGTHS:
         # From the round tip to a round end, growing a little wider.
         polygon = np.concatenate(
             [
                 end
-                + radius * (np.sin(angle)[:, None] * across * turn - np.cos(angle)[:, None] * out)
-                for end, radius, turn, out in (
-                    (tip, 0.5 * width, 1.0, away),
-                    (tip + length * width * away, 0.6 * width, -1.0, -away),
+                + radius
+                * (np.sin(angle)[:, None] * across * turn - np.cos(angle)[:, None] * end_direction)
+                for end, radius, turn, end_direction in (
+                    (tip, 0.5 * width, 1.0, outward),
+                    (tip + length * width * outward, 0.6 * width, -1.0, -outward),
                 )
             ]
         )

@@ -184,8 +184,8 @@ def _stance(rng: np.random.Generator, targets: list[Target]) -> Array:
     if stance == "perpendicular":
         choice = int(rng.integers(4))
         sideways = (x, -x, y, -y)[choice]
-        other = (y, y, x, x)[choice]
-        turned = np.stack([other, np.cross(sideways, other), sideways], axis=1)
+        axis = (y, y, x, x)[choice]
+        turned = np.stack([axis, np.cross(sideways, axis), sideways], axis=1)
     if rng.random() < 0.3:
         turned = turned @ tilted(0.0, 0.0, rng.uniform(0.0, 360.0))
     return np.asarray(turned)
@@ -218,11 +218,13 @@ def _placed(
     return target if inside(camera, target) else None
 
 
-def _is_clear(target: Target, others: list[Target]) -> bool:
+def _is_clear(target: Target, placed: list[Target]) -> bool:
     """Return whether a figure with its rim of ground meets no other in the picture."""
-    own = _seen_with_rim(target)
-    seen = [_seen_with_rim(other) for other in others]
-    return own is not None and all(quad is not None and apart(own, quad) for quad in seen)
+    outline = _seen_with_rim(target)
+    other_outlines = [_seen_with_rim(placed_target) for placed_target in placed]
+    return outline is not None and all(
+        quad is not None and apart(outline, quad) for quad in other_outlines
+    )
 
 
 def _seen_with_rim(target: Target) -> Array | None:

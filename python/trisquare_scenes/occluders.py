@@ -17,7 +17,9 @@ _SUBPIXEL_BITS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """Light of a picture after something is laid over it: ``light (1 - opacity mask) + own mask``.
+    """Light of a picture after something is laid over it.
+
+    It is ``light (1 - opacity mask) + added_light mask``.
 
     Parameters
     ----------
@@ -25,24 +27,24 @@ class Overlay:
         Fraction of each pixel that is affected, 0 to 1, blurred like the rest of the picture.
     opacity : float
         Fraction of the light below that is lost where the mask is 1.
-    own : ndarray, shape (C,) or (H, W, C), or pair of int
+    added_light : ndarray, shape (C,) or (H, W, C), or pair of int
         Linear light that is added where the mask is 1, of one or three channels; or the pixel
         (x, y) whose light it takes on, as bare paper does.
     """
 
     mask: Array
     opacity: float
-    own: Array | tuple[int, int]
+    added_light: Array | tuple[int, int]
 
     def __call__(self, canvas: Array) -> Array:
         """Return the canvas, linear light of shape (H, W, C), with this overlay."""
-        if isinstance(self.own, tuple):
-            x, y = self.own
-            own = canvas[y, x]
+        if isinstance(self.added_light, tuple):
+            x, y = self.added_light
+            added_light = canvas[y, x]
         else:
-            own = self.own
+            added_light = self.added_light
         mask = self.mask[..., None]
-        covered: Array = canvas * (1.0 - self.opacity * mask) + own * mask
+        covered: Array = canvas * (1.0 - self.opacity * mask) + added_light * mask
         return covered
 
 

@@ -387,13 +387,13 @@ def _arms(rng: np.random.Generator, scene: Scene, settings: dict[str, Any]) -> l
         target = int(rng.integers(len(scene.targets)))
         crossings = scene.image_points(target, scene.targets[target].board_corners())
         tip = crossings[rng.integers(len(crossings))]
-        away = tip - 0.5 * np.array(size) + rng.normal(0.0, 0.1 * size[0], 2)
-        away /= np.hypot(*away)
+        outward = tip - 0.5 * np.array(size) + rng.normal(0.0, 0.1 * size[0], 2)
+        outward /= np.hypot(*outward)
         half = 0.5 * size[0] * rng.uniform(*ARM_WIDTHS)
         angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)[:, None]
-        across = np.array([-away[1], away[0]])
-        round_tip = tip + half * (np.sin(angle) * across - np.cos(angle) * away)
-        reach = 2.0 * max(size) * away
+        across = np.array([-outward[1], outward[0]])
+        round_tip = tip + half * (np.sin(angle) * across - np.cos(angle) * outward)
+        reach = 2.0 * max(size) * outward
         outline = np.concatenate([round_tip, [round_tip[-1] + reach, round_tip[0] + reach]])
         light = rng.uniform(*SKIN_LIGHT) * (SKIN if settings["colour"] else np.array([SKIN.mean()]))
         arms.append(Overlay(polygon_mask(outline, size, settings["blur"]), 1.0, light))
@@ -402,14 +402,14 @@ def _arms(rng: np.random.Generator, scene: Scene, settings: dict[str, Any]) -> l
 
 def _in_sight(camera: TrueCamera, overlays: list[Overlay], points: Array) -> npt.NDArray[np.bool_]:
     low, high = BORDER_MARGIN, np.array(camera.image_size) - 1.0 - BORDER_MARGIN
-    seen = np.all((points > low) & (points < high), axis=1)
-    x, y = np.rint(points[seen]).astype(int).T
+    is_inside = np.all((points > low) & (points < high), axis=1)
+    x, y = np.rint(points[is_inside]).astype(int).T
     for overlay in overlays:
         covered = np.zeros(len(points), bool)
-        covered[np.flatnonzero(seen)] = overlay.mask[y, x] > 0.0
-        seen &= ~covered
-        x, y = np.rint(points[seen]).astype(int).T
-    return np.asarray(seen)
+        covered[np.flatnonzero(is_inside)] = overlay.mask[y, x] > 0.0
+        is_inside &= ~covered
+        x, y = np.rint(points[is_inside]).astype(int).T
+    return np.asarray(is_inside)
 
 
 def _partly_shown(scene: Scene, overlays: list[Overlay]) -> bool:

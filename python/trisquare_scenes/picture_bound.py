@@ -68,8 +68,8 @@ def picture_bound(
     ValueError
         If the picture does not determine them.
     """
-    information, pulled = _sums(scene, ideal, wrong, blur, free, in_sight)
-    return standard_deviations(information, free, pulled.T @ pulled)
+    information, gradients = _sums(scene, ideal, wrong, blur, free, in_sight)
+    return standard_deviations(information, free, gradients.T @ gradients)
 
 
 def _sums(
@@ -93,19 +93,19 @@ def _sums(
             pixels = pixels[in_sight(pixels.astype(np.float64))]
         plane = _plane_points(scene.camera, target, pixels.astype(np.float64))
         if isinstance(target, MarkedTarget) and target.is_board:
-            line = ~_of_marker(target, plane)
-            pixels, plane = pixels[line], plane[line]
+            is_line = ~_is_marker(target, plane)
+            pixels, plane = pixels[is_line], plane[is_line]
         x, y = pixels.T
         # Points of a frame that are nearer to the hole than to the outline move with the hole.
-        of_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
-        of_hole &= target.kind == "frame"
-        flow = -image_slopes(scene.camera, target, (*free, *range(count)), plane, of_hole)
+        is_hole = np.abs(plane).max(axis=1) < 0.25 * (1.0 + target.inner)
+        is_hole &= target.kind == "frame"
+        flow = -image_slopes(scene.camera, target, (*free, *range(count)), plane, is_hole)
         rows = flow[..., 0] * slopes[0][y, x, None] + flow[..., 1] * slopes[1][y, x, None]
         columns = np.r_[: len(free), first : first + count]
         information[np.ix_(columns, columns)] += rows.T @ rows
         number = (y // BLOCK) * (ideal.shape[1] // BLOCK + 1) + x // BLOCK
-        for block, pull in zip(*_summed(number, rows * wrong[y, x, None]), strict=True):
-            blocks.setdefault(block, np.zeros(size))[columns] += pull
+        for block, gradient in zip(*_summed(number, rows * wrong[y, x, None]), strict=True):
+            blocks.setdefault(block, np.zeros(size))[columns] += gradient
         first += count
     return information, np.array(list(blocks.values()))
 
@@ -117,8 +117,8 @@ def _slope(picture: npt.NDArray[np.float32], axis: int) -> Array:
     frequency = 2.0 * np.pi * np.fft.rfftfreq(count)
     if axis == 0:
         frequency = frequency[:, None]
-    whole = np.fft.irfft(1j * frequency * np.fft.rfft(mirrored, axis=axis), count, axis)
-    return np.asarray(np.take(whole, range(picture.shape[axis]), axis))
+    derivative = np.fft.irfft(1j * frequency * np.fft.rfft(mirrored, axis=axis), count, axis)
+    return np.asarray(np.take(derivative, range(picture.shape[axis]), axis))
 
 
 def _along_edges(
@@ -142,12 +142,12 @@ def _plane_points(camera: TrueCamera, target: Target, pixels: Array) -> Array:
     return np.asarray(plane[:, :2] / plane[:, 2:])
 
 
-def _of_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
+def _is_marker(target: Target, plane: Array) -> npt.NDArray[np.bool_]:
     """Return whether points of a ChArUco board are nearer to a marker's border than a grid line."""
     cells = plane + 0.5 * (np.array(target.inner_corners) + 1.0)
-    light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
-    from_middle = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)
-    return np.asarray(light & (from_middle < 0.25 * (1.0 + target.inner)))
+    is_light = np.floor(cells).sum(axis=1) % 2.0 == 1.0
+    offsets = np.abs(cells - np.floor(cells) - 0.5).max(axis=1)
+    return np.asarray(is_light & (offsets < 0.25 * (1.0 + target.inner)))
 
 
 def _summed(number: npt.NDArray[np.intp], rows: Array) -> tuple[list[int], Array]:

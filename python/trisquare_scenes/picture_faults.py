@@ -138,8 +138,8 @@ def defocused(radius: float) -> OnLight:
     """Spread all light evenly over a disc of a radius in pixels, as a lens out of focus does."""
     reach, parts = int(np.ceil(radius)), 20
     offsets = (np.arange((2 * reach + 1) * parts) + 0.5) / parts - reach - 0.5
-    inside = np.hypot(offsets, offsets[:, None]) < radius
-    disc = inside.reshape(2 * reach + 1, parts, -1, parts).mean(axis=(1, 3))
+    is_inside = np.hypot(offsets, offsets[:, None]) < radius
+    disc = is_inside.reshape(2 * reach + 1, parts, -1, parts).mean(axis=(1, 3))
     kernel = disc / disc.sum()
     return lambda light: np.asarray(cv2.filter2D(light, -1, kernel).reshape(light.shape), float)
 
@@ -241,8 +241,8 @@ def with_relief(scene: Scene, rng: np.random.Generator, height: float) -> Scene:
         scale = height / float(np.ptp(heights))
         relief = (scale * bend[0], scale * bend[1], scale * bend[2])
         names = ("rotation", "translation", "kind", "dark", "inner", "printed", "rim")
-        own = {name: getattr(target, name) for name in names}
-        targets.append(ReliefTarget(**own, relief=relief))
+        members = {name: getattr(target, name) for name in names}
+        targets.append(ReliefTarget(**members, relief=relief))
     return replace(scene, targets=tuple(targets))
 
 
@@ -259,7 +259,7 @@ def _light(scene: Scene, blur: float, corner_blur: float | None) -> Array:
         return _evenly_blurred(scene, blur)
     # A mixture of two slightly different blurs has the correct variance, and nearly the shape.
     blurs = np.linspace(blur, corner_blur, BLUR_STEPS + 1)
-    pictures = [_evenly_blurred(scene, float(each)) for each in blurs]
+    pictures = [_evenly_blurred(scene, float(blur_of_step)) for blur_of_step in blurs]
     own = np.square(blur + (corner_blur - blur) * _towards_corners(pictures[0]))
     variances = np.square(blurs)
     light = np.zeros_like(pictures[0])

@@ -97,9 +97,9 @@ def line_information(
         across = step * np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
         shift = _seen(camera, line.ideal + across) - _seen(camera, line.ideal - across)
         shifted = np.sum(shift * line.normal, axis=1) / (2 * step)
-        own = np.stack([shifted, shifted * np.linspace(-1.0, 1.0, len(shifted))], axis=1)
+        line_columns = np.stack([shifted, shifted * np.linspace(-1.0, 1.0, len(shifted))], axis=1)
         rows = np.stack(columns, axis=1)
-        rows = rows - own @ np.linalg.lstsq(own, rows, rcond=None)[0]
+        rows = rows - line_columns @ np.linalg.lstsq(line_columns, rows, rcond=None)[0]
         total += rows.T @ rows / noise**2
     return total
 

@@ -17,8 +17,8 @@ def folded_off(scene: Scene, page: TargetPage, face: int, degrees: float) -> Sce
     target = scene.targets[face]
     half = 0.5 * page.face * _side(target) / page.frames[face].side
     axis, middle = ((1, (-half, 0.0)), (0, (0.0, -half)))[face - 1]
-    way = degrees if face == 1 else -degrees
-    turn = cv2.Rodrigues(np.radians(way) * target.rotation[:, axis])[0]
+    angle = degrees if face == 1 else -degrees
+    turn = cv2.Rodrigues(np.radians(angle) * target.rotation[:, axis])[0]
     held = target.to_camera(np.array([middle]))[0]
     turned = replace(
         target,
@@ -51,6 +51,6 @@ def _side(target: Target) -> float:
 
 
 def _with(scene: Scene, face: int, target: Target) -> Scene:
-    others = list(scene.targets)
-    others[face] = target
-    return replace(scene, targets=tuple(others))
+    targets = list(scene.targets)
+    targets[face] = target
+    return replace(scene, targets=tuple(targets))

@@ -133,13 +133,13 @@ def charuco_box_scene(
     codes = dictionary(name).codes
     half = squares**2 // 2
     for _ in range(MAX_DRAWS):
-        own = camera or random_camera(rng)
+        scene_camera = camera or random_camera(rng)
         faces = [
             _board(face, squares, ratio, codes[i * half : (i + 1) * half])
-            for i, face in enumerate(box_faces(rng, own))
+            for i, face in enumerate(box_faces(rng, scene_camera))
         ]
-        if all(in_picture(own, face, 0.5 * squares) for face in faces):
-            return Scene(own, tuple(faces))
+        if all(in_picture(scene_camera, face, 0.5 * squares) for face in faces):
+            return Scene(scene_camera, tuple(faces))
     raise ValueError("no box fits this camera's picture")
 
 
@@ -188,10 +188,10 @@ def in_picture(camera: TrueCamera, target: Target, half: float) -> bool:
         return False
     pixels = camera.project(points)
     try:
-        seen = camera.undistort(pixels)
+        normalised = camera.undistort(pixels)
     except ValueError:
         return False
     # A point beyond the distortion's fold would be undistorted to another place.
-    same = np.allclose(seen, points[:, :2] / points[:, 2:], atol=1e-6)
+    same = np.allclose(normalised, points[:, :2] / points[:, 2:], atol=1e-6)
     low, high = PICTURE_MARGIN, np.array(camera.image_size) - 1.0 - PICTURE_MARGIN
     return bool(same and np.all(pixels > low) and np.all(pixels < high))

@@ -12,7 +12,7 @@ import trisquare as ts
 import trisquare._core as _core
 from trisquare import simulate
 from trisquare._support.rotations import tilted
-from trisquare.calibration.select import chosen_by
+from trisquare.calibration.select import chosen_planes
 from trisquare.simulate.scene import Scene, rectangle
 from trisquare_scenes.distractors import mixed_scene, photograph
 
@@ -38,7 +38,7 @@ def chosen_among(figures, size, quads, fixed=()):
         pictures=None,
         tones=[],
     )
-    return chosen_by(outcome, figures, quads)
+    return chosen_planes(outcome, figures, quads)
 
 
 def chosen(figures, quads=None, fixed=()):

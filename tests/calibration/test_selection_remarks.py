@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from trisquare.calibration.select import chosen_by
+from trisquare.calibration.select import chosen_planes
 from trisquare.simulate.scene import rectangle
 
 
@@ -22,7 +22,7 @@ def outcome_and_figures(kind):
     ("kind", "severity"), [("square", "medium"), ("frame", "medium"), ("tag", "low")]
 )
 def test_a_larger_square_is_doubted_beside_tags_that_agree(kind, severity):
-    chosen = chosen_by(*outcome_and_figures(kind))
+    chosen = chosen_planes(*outcome_and_figures(kind))
     assert [warning.severity for warning in chosen.warnings] == [severity]
     assert chosen.warnings[0].code == "larger_rejected"
     assert len(chosen.figures) == 3
@@ -32,8 +32,8 @@ def test_a_larger_square_is_doubted_beside_tags_that_agree(kind, severity):
 def test_planes_of_several_pictures_may_be_of_several_zooms():
     outcome, figures, quads = outcome_and_figures("square")
     figures[3].image = 1
-    (warning,) = chosen_by(outcome, figures, quads).warnings
+    (warning,) = chosen_planes(outcome, figures, quads).warnings
     assert str(warning).endswith("Were all pictures taken with one camera, zoom and focus?")
     figures[3].image = 0
-    (warning,) = chosen_by(outcome, figures, quads).warnings
+    (warning,) = chosen_planes(outcome, figures, quads).warnings
     assert "zoom" not in str(warning)

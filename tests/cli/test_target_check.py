@@ -76,7 +76,7 @@ def test_a_good_sheet(run, folder):
 
 def test_a_sheet_of_which_nothing_is_told_is_not_ok(run, folder, monkeypatch):
     """No finding is certain at this number of standard deviations."""
-    monkeypatch.setattr(sheet_check, "SURE", 1e9)
+    monkeypatch.setattr(sheet_check, "VERDICT_STDS", 1e9)
     code, out, _ = run("target", "--check", "good.png")
     assert code == 0
     assert out.count("cannot tell  ") == 8

@@ -155,10 +155,10 @@ def test_frames_of_too_many_pixels_are_refused(tmp_path):
 def test_frames_that_ffmpeg_may_not_allocate_are_refused(tmp_path, monkeypatch):
     path = tmp_path / "clip.avi"
     write_frames(path, FRAMES)
-    monkeypatch.setattr(trisquare.images.video, "LARGEST_PIECE", 160 * 120 * 3)
+    monkeypatch.setattr(trisquare.images.video, "MAX_ALLOCATION", 160 * 120 * 3)
     with Video(path) as video:
         assert len(list(video.frames())) == len(FRAMES)
-    monkeypatch.setattr(trisquare.images.video, "LARGEST_PIECE", 160 * 120 * 3 - 1)
+    monkeypatch.setattr(trisquare.images.video, "MAX_ALLOCATION", 160 * 120 * 3 - 1)
     with pytest.raises(ImageError, match=r"clip\.avi: has frames of 160 x 120 pixels, more than"):
         Video(path)
 

@@ -91,14 +91,14 @@ def test_a_square_that_cannot_be_placed_gives_its_name_to_no_other(monkeypatch):
     ("direction", "edge"), [(0.0, "lower"), (90.0, "left"), (180.0, "upper"), (270.0, "right")]
 )
 def test_the_edge_that_is_named_is_the_one_that_moves_away(direction, edge):
-    from trisquare.serve.guidance import AWAY
+    from trisquare.serve.guidance import TILT_EDGES
 
     plan = ts.PlannedSquare.at(
         centred_pinhole(1000.0, SIZE), (640, 480), 200, tilt=20, direction=direction
     )
     middles = {"upper": (0, -0.5), "lower": (0, 0.5), "left": (-0.5, 0), "right": (0.5, 0)}
     depth = {name: (plan.rotation @ [*at, 0.0])[2] for name, at in middles.items()}
-    assert max(depth, key=depth.get) == edge == AWAY[direction]
+    assert max(depth, key=depth.get) == edge == TILT_EDGES[direction]
 
 
 def test_squares_that_face_the_camera_determine_nothing():

@@ -200,8 +200,8 @@ class Frozen:
     if not TYPE_CHECKING:  # type checkers would take every name for an attribute
 
         def __getattr__(self, name: str) -> NoReturn:
-            meant = self.other_names.get(name)
-            hint = "" if meant is None else f": did you mean {meant!r}?"
+            suggestion = self.other_names.get(name)
+            hint = "" if suggestion is None else f": did you mean {suggestion!r}?"
             text = f"{type(self).__name__!r} object has no attribute {name!r}{hint}"
             raise AttributeError(text, name=name, obj=self)
 

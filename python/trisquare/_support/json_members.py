@@ -133,12 +133,12 @@ class JsonFields:
 
     def pairs(self, key: str) -> tuple[tuple[int, int], ...]:
         """Return a list of pairs of whole numbers."""
-        wanted = "a list of pairs of whole numbers"
+        requirement = "a list of pairs of whole numbers"
         pairs = []
         for pair in self._list(key):
             is_pair = isinstance(pair, list) and len(pair) == 2
             if not (is_pair and all(type(number) is int for number in pair)):
-                self._fail(key, wanted)
+                self._fail(key, requirement)
             pairs.append((pair[0], pair[1]))
         return tuple(pairs)
 

@@ -98,7 +98,8 @@ def records(kind: type[Record]) -> Kind:
     return Kind(
         lambda values, name: instances(values, kind, name),
         lambda members, key: tuple(
-            record_from_members(kind, each) for each in members.objects(key)
+            record_from_members(kind, record_members_json)
+            for record_members_json in members.objects(key)
         ),
     )
 
@@ -126,10 +127,10 @@ class Record(RebuiltByConstructor):
 
 def check_members(record: Record) -> None:
     """Check all fields of a record that have a kind."""
-    for own, kind, _ in _members_of(type(record)):
-        value = getattr(record, own.name)
-        if value is not None or own.default is not None:
-            object.__setattr__(record, own.name, kind.check(value, own.name))
+    for field, kind, _ in _members_of(type(record)):
+        value = getattr(record, field.name)
+        if value is not None or field.default is not None:
+            object.__setattr__(record, field.name, kind.check(value, field.name))
 
 
 def of_core(kind: type[F], /, **members: Any) -> F:
@@ -137,41 +138,41 @@ def of_core(kind: type[F], /, **members: Any) -> F:
 
     The arrays are made read-only.
     """
-    made, keep = object.__new__(kind), object.__setattr__
+    record, keep = object.__new__(kind), object.__setattr__
     for name, value in (_defaults_of(kind) | members).items():
         if type(value) is np.ndarray:
             value.setflags(write=False)
         elif type(value) is tuple:
-            for each in value:
-                if type(each) is np.ndarray:
-                    each.setflags(write=False)
-        keep(made, name, value)
-    return made
+            for element in value:
+                if type(element) is np.ndarray:
+                    element.setflags(write=False)
+        keep(record, name, value)
+    return record
 
 
 def record_members(record: Record) -> dict[str, Any]:
     """Return the fields of a record that have a kind as members of a JSON object."""
     members = {}
-    for own, kind, key in _members_of(type(record)):
-        value = getattr(record, own.name)
+    for field, kind, key in _members_of(type(record)):
+        value = getattr(record, field.name)
         is_absent = value is None or (isinstance(value, tuple) and not value)
-        if not (_is_optional(own) and is_absent):
+        if not (_is_optional(field) and is_absent):
             members[key] = (kind.write or _plain)(value)
     return members
 
 
 def record_from_members(kind: type[R], members: JsonFields, **others: Any) -> R:
     """Read a record from a JSON object; `others` are its fields without a kind."""
-    found = {
-        own.name: own_kind.read(members, key)
-        for own, own_kind, key in _members_of(kind)
-        if members.has(key) or not _is_optional(own)
+    values = {
+        field.name: field_kind.read(members, key)
+        for field, field_kind, key in _members_of(kind)
+        if members.has(key) or not _is_optional(field)
     }
-    return kind(**found, **others)
+    return kind(**values, **others)
 
 
-def _is_optional(own: Field[Any]) -> bool:
-    return own.default in (None, ())
+def _is_optional(field: Field[Any]) -> bool:
+    return field.default in (None, ())
 
 
 _MEMBERS: dict[Any, list[tuple[Field[Any], Kind, str]]] = {}
@@ -180,9 +181,10 @@ _MEMBERS: dict[Any, list[tuple[Field[Any], Kind, str]]] = {}
 
 def _members_of(kind: Any) -> list[tuple[Field[Any], Kind, str]]:
     if kind not in _MEMBERS:
-        declared = [own for own in fields(kind) if own.metadata]
+        declared = [field for field in fields(kind) if field.metadata]
         _MEMBERS[kind] = [
-            (own, own.metadata["kind"], own.metadata["key"] or own.name) for own in declared
+            (field, field.metadata["kind"], field.metadata["key"] or field.name)
+            for field in declared
         ]
     return _MEMBERS[kind]
 
@@ -194,7 +196,7 @@ _DEFAULTS: dict[Any, dict[str, Any]] = {}
 def _defaults_of(kind: Any) -> dict[str, Any]:
     if kind not in _DEFAULTS:
         _DEFAULTS[kind] = {
-            own.name: own.default for own in fields(kind) if own.default is not MISSING
+            field.name: field.default for field in fields(kind) if field.default is not MISSING
         }
     return _DEFAULTS[kind]
 
@@ -204,7 +206,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Record):
         return record_members(value)
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [_plain(element) for element in value]
     if isinstance(value, np.ndarray):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else value

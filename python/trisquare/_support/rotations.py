@@ -24,7 +24,10 @@ def rotation_matrix(value: Any) -> FloatArray:
     # The third row of a rotation is the cross product of the others.
     (a, b, c), (d, e, f), third = rotation.tolist()
     expected = (b * f - c * e, c * d - a * f, a * e - b * d)
-    errors = [own - wanted for own, wanted in zip(third, expected, strict=True)]
+    errors = [
+        product - expected_product
+        for product, expected_product in zip(third, expected, strict=True)
+    ]
     errors += [a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f]
     if not all(abs(error) <= ROTATION_TOLERANCE for error in errors):
         raise ValueError("rotation must be orthonormal with determinant +1")

@@ -46,8 +46,8 @@ def unknown(
     if len(value) > LONGEST_NAME:
         value = f"{value[:LONGEST_NAME]}..."
     names = list(known)
-    meant = other_names.get(value.lower()) or nearest_name(value, names)
-    hint = "" if meant is None else f"did you mean {meant!r}? "
+    suggestion = other_names.get(value.lower()) or nearest_name(value, names)
+    hint = "" if suggestion is None else f"did you mean {suggestion!r}? "
     choices = f"one of {', '.join(names)}" if choose is None else choose
     return ValueError(f"unknown {what} {value!r}: {hint}choose {choices}")
 

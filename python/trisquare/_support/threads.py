@@ -37,10 +37,10 @@ def thread_count(threads: int | None, pieces: int) -> int:
     ValueError
         If it is below 1.
     """
-    wanted = usable_cores() if threads is None else whole_number(threads, "threads")
-    if wanted < 1:
-        raise ValueError(f"threads must be at least 1, not {wanted}")
-    return max(1, min(wanted, pieces))
+    count = usable_cores() if threads is None else whole_number(threads, "threads")
+    if count < 1:
+        raise ValueError(f"threads must be at least 1, not {count}")
+    return max(1, min(count, pieces))
 
 
 def usable_cores() -> int:

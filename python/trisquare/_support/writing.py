@@ -87,7 +87,11 @@ def making_folder(path: PathLike) -> Iterator[None]:
         If it cannot be created.
     """
     folder = Path(path)
-    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    made = [
+        folder_to_remove
+        for folder_to_remove in (folder, *folder.parents)
+        if not folder_to_remove.exists()
+    ]
     with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
     with ended_in_order():
@@ -95,8 +99,8 @@ def making_folder(path: PathLike) -> Iterator[None]:
             yield
         except BaseException:
             with suppress(OSError):
-                for each in made:
-                    each.rmdir()
+                for folder_to_remove in made:
+                    folder_to_remove.rmdir()
             raise
 
 

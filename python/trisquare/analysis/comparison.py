@@ -36,11 +36,11 @@ COMPARISON_FORMAT = "trisquare-comparison/1"
 SIGNIFICANCE = 0.05
 """Probability of a significant difference between cameras that are the same."""
 
-AGREEING = 1e-6
+MAX_EQUAL_DISTANCE = 1e-6
 """Maximum distance (px) of cameras that are taken as equal whatever their uncertainty; the rounding
 of files is of this order."""
 
-REMARKABLE = 2.0
+REMARKABLE_STDS = 2.0
 """Difference, in standard deviations, that a single place seldom exceeds."""
 
 MAX_EXPECTED = 0.01
@@ -202,18 +202,18 @@ class Comparison(RebuiltByConstructor):
 
     def _rms_among_targets(self, values: FloatArray) -> float | None:
         pixels = np.stack(np.meshgrid(self.x, self.y), axis=-1)
-        known = np.isfinite(values)
+        is_known = np.isfinite(values)
         for corners in self.targets:
-            known &= _are_enclosed(pixels, corners)
-        return _rms(values[known]) if self.targets and known.any() else None
+            is_known &= _are_enclosed(pixels, corners)
+        return _rms(values[is_known]) if self.targets and is_known.any() else None
 
     @property
     def worst_in_stds(self) -> float | None:
         """The largest ratio of the distance to its expected value in the picture."""
         if self.std is None:
             return None
-        known = np.isfinite(self.distance) & (self.std > 0)
-        return float(np.max(self.distance[known] / self.std[known], initial=0.0))
+        is_known = np.isfinite(self.distance) & (self.std > 0)
+        return float(np.max(self.distance[is_known] / self.std[is_known], initial=0.0))
 
     @property
     def angle(self) -> float:
@@ -239,13 +239,13 @@ class Comparison(RebuiltByConstructor):
         expected = self.expected_rms
         if self.p_value is None or expected is None:
             return None
-        differ = self.p_value < SIGNIFICANCE or self.unexplained > expected
-        if differ and self.worst > AGREEING:
+        is_different = self.p_value < SIGNIFICANCE or self.unexplained > expected
+        if is_different and self.worst > MAX_EQUAL_DISTANCE:
             return False
-        return True if expected <= self._most_expected else None
+        return True if expected <= self._max_expected else None
 
     @property
-    def _most_expected(self) -> float:
+    def _max_expected(self) -> float:
         return MAX_EXPECTED * self.first.image_size[0]
 
     @property
@@ -256,36 +256,37 @@ class Comparison(RebuiltByConstructor):
             f"{two_digits(self.rms)} px apart (rms over the picture), "
             f"{two_digits(self.worst)} px at most, at ({x:.0f}, {y:.0f})"
         )
-        if self.worst_beyond_targets and self.worst > AGREEING:
-            apart += f", which lies beyond the targets{self._among_targets()}"
+        if self.worst_beyond_targets and self.worst > MAX_EQUAL_DISTANCE:
+            apart += f", which lies beyond the targets{self._targets_text()}"
         expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
         if expected is None or stds is None or p_value is None:
             return f"{apart}; neither states its uncertainty, so what that means is not known"
-        usual = f"{two_digits(expected)} px (rms) is to be expected"
+        expected_text = f"{two_digits(expected)} px (rms) is to be expected"
         if self.same is None:
-            most = f"{two_digits(self._most_expected)} px, 1 % of the picture's width"
+            limit_text = f"{two_digits(self._max_expected)} px, 1 % of the picture's width"
             return (
-                f"whether they differ cannot be told: {apart}; {usual}, and more than {most} "
-                "hides a difference"
+                f"whether they differ cannot be told: {apart}; {expected_text}, and more "
+                f"than {limit_text} hides a difference"
             )
-        if self.worst <= AGREEING:
-            return f"the same within their uncertainty: {apart}; {usual}"
+        if self.worst <= MAX_EQUAL_DISTANCE:
+            return f"the same within their uncertainty: {apart}; {expected_text}"
         p = f"p = {p_value:.2g}" if p_value > MIN_STATED else f"p < {MIN_STATED:g}"
         if self.same:
-            return f"the same within their uncertainty: {apart}; {usual}, {p}"
+            return f"the same within their uncertainty: {apart}; {expected_text}, {p}"
         size = f"up to {two_digits(stds)} standard deviations"
-        if stds < REMARKABLE:
+        if stds < REMARKABLE_STDS:
             size = (
                 f"{size}, but the pattern of the differences is better known than any single place"
             )
-        said = f"they differ by more than they state: {apart}; {size}, {p}"
+        verdict = f"they differ by more than they state: {apart}; {size}, {p}"
         if self.unexplained <= expected:
-            return said
+            return verdict
         return (
-            f"{said}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter explains"
+            f"{verdict}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter "
+            "explains"
         )
 
-    def _among_targets(self) -> str:
+    def _targets_text(self) -> str:
         found, expected = self.rms_among_targets, self.expected_rms_among_targets
         if found is None or expected is None:
             return ""
@@ -341,7 +342,7 @@ def compare(first: Calibration | Camera, second: Calibration | Camera) -> Compar
         for camera in (first, second)
         if isinstance(camera, Calibration)
     ]
-    targets = tuple(np.concatenate(own) for own in corners if own)
+    targets = tuple(np.concatenate(camera_corners) for camera_corners in corners if camera_corners)
     return Comparison(a, b, rotation, x, y, difference, std, p_value, freedom, unexplained, targets)
 
 
@@ -362,4 +363,4 @@ def _rms(values: FloatArray) -> float:
 
 def two_digits(value: float) -> str:
     """Format a number with two significant digits, without an exponent."""
-    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= AGREEING else "0"
+    return f"{value:.{min(decimals_shown(value), 6)}f}" if value >= MAX_EQUAL_DISTANCE else "0"

@@ -22,7 +22,7 @@ from trisquare.printing.folding import FOLDS
 from trisquare.results.calibration import Calibration
 from trisquare.results.plane import Plane
 
-PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2), "skew": (0, 1)}
+MATRIX_PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2), "skew": (0, 1)}
 """Rows and columns of parameters in the camera matrix."""
 
 STEP = 1e-5
@@ -38,15 +38,15 @@ HUBER = 1.345
 BLOCK = 8
 """Number of neighbouring samples whose residuals are summed to find their correlation."""
 
-LOOSE = 1.0
+FREE_PRIOR_STD = 1.0
 """Prior standard deviation of bows (in sides), of the stretch, and of the tone curve (in its own
 standard deviations): no prior knowledge."""
 
-ONE_STEP = 0.04
+LINEAR_STEP_ERROR = 0.04
 """Error of one linear step, as a fraction of a bow or stretch
 (benchmarks/accuracy/sheet_check.py)."""
 
-EXPLAINS_AS_WELL = 9.0
+MAX_COST_INCREASE = 9.0
 """Increase of chi square up to which a worse reading of the sheet is possible: 3 standard
 deviations."""
 
@@ -117,23 +117,23 @@ def departures(
     """
     planes = [calibration.planes[face] for face in faces]
     samples = list(_samples(calibration, faces))
-    readings = _readings_of_corner(planes) if is_corner else _readings_of_flat(len(planes))
+    readings = _corner_readings(planes) if is_corner else _flat_readings(len(planes))
     solutions = [_solve(samples, planes, side, reading) for reading in readings]
     solutions.sort(key=lambda solution: solution.cost)
     best = solutions[0]
     # The noise is estimated from the residuals of the best reading.
-    most = best.cost + EXPLAINS_AS_WELL * best.variance
-    possible = [solution for solution in solutions if solution.cost <= most]
-    cameras = len(calibration.parameters)
+    max_cost = best.cost + MAX_COST_INCREASE * best.variance
+    possible = [solution for solution in solutions if solution.cost <= max_cost]
+    camera_count = len(calibration.parameters)
     return Departures(
         {
-            (faces[one], faces[other]): _angle(planes, one, other, cameras, best)
-            for one, other in combinations(range(len(planes)), 2)
+            (faces[first], faces[second]): _angle(planes, first, second, camera_count, best)
+            for first, second in combinations(range(len(planes)), 2)
         },
         tuple(_bow(face, len(planes), best) for face in range(len(planes))),
         tuple(
-            _with_step_error(float(own.change[-1]), float(own.covariance[-1, -1]))
-            for own in possible
+            _with_step_error(float(solution.change[-1]), float(solution.covariance[-1, -1]))
+            for solution in possible
         ),
     )
 
@@ -145,15 +145,17 @@ def _samples(calibration: Calibration, faces: Sequence[int]) -> Iterator[_Sample
     include it.
     """
     camera = calibration.camera
-    begun: set[int] = set()
+    seen_planes: set[int] = set()
     for figure, residuals in zip(calibration.edges, calibration.residuals, strict=True):
         number = residuals.plane
         if number not in faces:
             continue
-        plane, is_further = calibration.planes[number], number in begun
-        begun.add(number)
+        plane, is_further = calibration.planes[number], number in seen_planes
+        seen_planes.add(number)
         pixels, normals = np.concatenate(figure.points), np.concatenate(residuals.normals)
-        lines = np.repeat(figure.lines, [len(own) for own in figure.points], axis=0)
+        lines = np.repeat(
+            figure.lines, [len(points_of_line) for points_of_line in figure.points], axis=0
+        )
         pose = plane.rotation, plane.translation
         points = _core.points_on_plane(camera_for_core(camera), pose, pixels)
         along = np.sum(lines[:, :2] * points, axis=1)
@@ -169,8 +171,8 @@ def _samples(calibration: Calibration, faces: Sequence[int]) -> Iterator[_Sample
         by_camera = []
         for name in calibration.parameters:
             step = STEP if name in COEFFICIENTS[camera.model] else STEP * camera.fx
-            ahead, behind = (_moved(camera, name, way * step) for way in (1.0, -1.0))
-            by_camera.append((_projected(ahead, seen) - _projected(behind, seen)) / (2.0 * step))
+            upper, lower = (_moved(camera, name, sign * step) for sign in (1.0, -1.0))
+            by_camera.append((_projected(upper, seen) - _projected(lower, seen)) / (2.0 * step))
         drift = np.zeros(pixels.shape) if figure.drift is None else np.concatenate(figure.drift)
         std = np.ones(len(pixels)) if figure.std is None else np.concatenate(figure.std)
         yield _Samples(
@@ -195,7 +197,7 @@ def _moved(camera: Camera, name: str, step: float) -> Camera:
     if name in COEFFICIENTS[camera.model]:
         distortion[COEFFICIENTS[camera.model].index(name)] += step
     else:
-        matrix[PLACES[name]] += step
+        matrix[MATRIX_PLACES[name]] += step
     return Camera(matrix, distortion, camera.image_size, camera.model, camera.valid_radius)
 
 
@@ -206,71 +208,77 @@ def _solve(
 
     `reading` is 1 for a plane whose X axis is the stretched axis of the paper, -1 for its Y axis.
     """
-    cameras, count = samples[0].by_camera.shape[1], len(planes)
-    sizes = sum(it.is_further for it in samples)
-    tone = cameras + 6 * count + sizes
+    camera_count, count = samples[0].by_camera.shape[1], len(planes)
+    sizes = sum(sample_set.is_further for sample_set in samples)
+    tone = camera_count + 6 * count + sizes
     bows = tone + 1
     columns = bows + 3 * count + 1
-    blocks, size = [], cameras + 6 * count
-    for it in samples:
-        rotation = planes[it.face].rotation
-        block = np.zeros((len(it.points), columns))
-        block[:, :cameras] = it.by_camera
-        from_origin = it.points @ rotation[:, :2].T
-        pose = cameras + 6 * it.face
-        block[:, pose : pose + 3] = np.cross(from_origin, it.by_position)
-        block[:, pose + 3 : pose + 6] = it.by_position
-        if it.is_further:
-            block[:, size] = np.sum(it.by_position * from_origin, axis=1)
+    blocks, size = [], camera_count + 6 * count
+    for sample_set in samples:
+        rotation = planes[sample_set.face].rotation
+        block = np.zeros((len(sample_set.points), columns))
+        block[:, :camera_count] = sample_set.by_camera
+        from_origin = sample_set.points @ rotation[:, :2].T
+        pose = camera_count + 6 * sample_set.face
+        block[:, pose : pose + 3] = np.cross(from_origin, sample_set.by_position)
+        block[:, pose + 3 : pose + 6] = sample_set.by_position
+        if sample_set.is_further:
+            block[:, size] = np.sum(sample_set.by_position * from_origin, axis=1)
             size += 1
-        block[:, tone] = it.by_tone
-        along_x, along_y, away = (it.by_position @ rotation).T
-        x, y = it.points.T
+        block[:, tone] = sample_set.by_tone
+        along_x, along_y, depth = (sample_set.by_position @ rotation).T
+        x, y = sample_set.points.T
         u, v = x / (0.5 * side), y / (0.5 * side)
         heights = np.stack([1.0 - u * u, -2.0 * u * v, 1.0 - v * v], axis=1)
-        bow = bows + 3 * it.face
-        block[:, bow : bow + 3] = side * away[:, None] * heights
+        bow = bows + 3 * sample_set.face
+        block[:, bow : bow + 3] = side * depth[:, None] * heights
         # Half of the stretch along each axis, with opposite signs; the pose takes up the size.
-        block[:, -1] = 0.5 * reading[it.face] * (along_x * x - along_y * y)
-        blocks.append(it.weights[:, None] * block)
+        block[:, -1] = 0.5 * reading[sample_set.face] * (along_x * x - along_y * y)
+        blocks.append(sample_set.weights[:, None] * block)
     jacobian = np.concatenate(blocks)
-    wanted = np.concatenate([it.weights * it.distances for it in samples])
-    loose = np.zeros(columns)
-    loose[tone:] = 1.0 / LOOSE
-    scale = np.linalg.norm(jacobian, axis=0) + loose
-    jacobian, prior = jacobian / scale, np.diag((loose / scale) ** 2)
-    weights, change, sigma = np.ones(len(wanted)), np.zeros(columns), 1.0
+    distances = np.concatenate(
+        [sample_set.weights * sample_set.distances for sample_set in samples]
+    )
+    prior_weights = np.zeros(columns)
+    prior_weights[tone:] = 1.0 / FREE_PRIOR_STD
+    scale = np.linalg.norm(jacobian, axis=0) + prior_weights
+    jacobian, prior = jacobian / scale, np.diag((prior_weights / scale) ** 2)
+    weights, change, sigma = np.ones(len(distances)), np.zeros(columns), 1.0
     for _ in range(ROUNDS):
         information = (jacobian.T * weights) @ jacobian + sigma**2 * prior
-        change = np.linalg.solve(information, jacobian.T @ (weights * wanted))
-        left = np.abs(wanted - jacobian @ change)
-        sigma = float(np.median(left)) / NORMAL_MEDIAN
-        weights = np.minimum(1.0, HUBER * sigma / np.maximum(left, HUBER * sigma))
-    cost = float(np.sum(weights * left**2))
-    variance = cost / (len(wanted) - columns) * _together(weights * (wanted - jacobian @ change))
+        change = np.linalg.solve(information, jacobian.T @ (weights * distances))
+        residuals = np.abs(distances - jacobian @ change)
+        sigma = float(np.median(residuals)) / NORMAL_MEDIAN
+        weights = np.minimum(1.0, HUBER * sigma / np.maximum(residuals, HUBER * sigma))
+    cost = float(np.sum(weights * residuals**2))
+    variance = (
+        cost
+        / (len(distances) - columns)
+        * _correlation_factor(weights * (distances - jacobian @ change))
+    )
     covariance = variance * np.linalg.inv(information) / np.outer(scale, scale)
     return _Solution(change / scale, covariance, cost, variance)
 
 
-def _together(residuals: FloatArray) -> float:
+def _correlation_factor(residuals: FloatArray) -> float:
     """Return the variance of sums of neighbouring residuals over that of independent ones."""
     blocks = residuals[: len(residuals) // BLOCK * BLOCK].reshape(-1, BLOCK)
     return max(1.0, float(np.mean(blocks.sum(axis=1) ** 2) / (BLOCK * np.mean(blocks**2))))
 
 
 def _angle(
-    planes: Sequence[Plane], one: int, other: int, cameras: int, solution: _Solution
+    planes: Sequence[Plane], first: int, second: int, cameras: int, solution: _Solution
 ) -> Estimate:
     """Return the angle between two planes, which face the camera, degrees."""
-    first, second = (planes[face].rotation[:, 2] for face in (one, other))
-    across = np.cross(first, second)
+    first_normal, second_normal = (planes[face].rotation[:, 2] for face in (first, second))
+    across = np.cross(first_normal, second_normal)
     sine = float(np.linalg.norm(across))
     # A rotation by w changes a normal n by w x n, and the cosine of two by w . (n x n').
     slope = np.zeros(len(solution.change))
-    for face, sign in ((one, 1.0), (other, -1.0)):
+    for face, sign in ((first, 1.0), (second, -1.0)):
         pose = cameras + 6 * face
         slope[pose : pose + 3] = sign * across / sine
-    between = np.arctan2(sine, first @ second) - slope @ solution.change
+    between = np.arctan2(sine, first_normal @ second_normal) - slope @ solution.change
     std = np.sqrt(slope @ solution.covariance @ slope)
     return Estimate(180.0 - float(np.degrees(between)), float(np.degrees(std)))
 
@@ -283,16 +291,16 @@ def _bow(face: int, count: int, solution: _Solution) -> Estimate:
     largest = int(np.argmax(np.abs(values)))
     x, y = vectors[:, largest]
     slope = np.array([x * x, 2.0 * x * y, y * y])
-    own = solution.covariance[start : start + 3, start : start + 3]
-    return _with_step_error(float(values[largest]), float(slope @ own @ slope))
+    bow_covariance = solution.covariance[start : start + 3, start : start + 3]
+    return _with_step_error(float(values[largest]), float(slope @ bow_covariance @ slope))
 
 
 def _with_step_error(value: float, variance: float) -> Estimate:
     """Return a size with a standard deviation that includes the error of the linear step."""
-    return Estimate(abs(value), float(np.hypot(np.sqrt(variance), ONE_STEP * value)))
+    return Estimate(abs(value), float(np.hypot(np.sqrt(variance), LINEAR_STEP_ERROR * value)))
 
 
-def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:
+def _corner_readings(planes: Sequence[Plane]) -> list[list[int]]:
     """Return, for each order of the faces, which axis of each plane is the paper's first one."""
     readings = []
     for order in permutations(range(len(planes))):
@@ -309,6 +317,6 @@ def _readings_of_corner(planes: Sequence[Plane]) -> list[list[int]]:
     return readings
 
 
-def _readings_of_flat(count: int) -> list[list[int]]:
+def _flat_readings(count: int) -> list[list[int]]:
     """Return the readings of figures that may each be turned by a right angle."""
-    return [[1, *others] for others in product((1, -1), repeat=count - 1)]
+    return [[1, *other_axes] for other_axes in product((1, -1), repeat=count - 1)]

@@ -104,7 +104,10 @@ class Diagnosis(Mapping[str, ParameterDiagnosis]):
         >>> sorted(ts.diagnose(result).members()["fx"])
         ['limits', 'remedy']
         """
-        return {name: {"limits": own.limits, "remedy": own.remedy} for name, own in self.items()}
+        return {
+            name: {"limits": diagnosis.limits, "remedy": diagnosis.remedy}
+            for name, diagnosis in self.items()
+        }
 
     def __repr__(self) -> str:
         lines = []
@@ -154,22 +157,24 @@ def _diagnose(
     scale = spread[index] * spread
     row = np.divide(calibration.covariance[index], scale, out=np.zeros_like(scale), where=scale > 0)
     values = dict(zip(names, np.clip(row, -1.0, 1.0).tolist(), strict=True))
-    correlation = {other: value for other, value in values.items() if other != name}
-    gained = [(ratio[name], what_if) for what_if, ratio in ratios if name in ratio]
-    helpful = sorted((one for one in gained if one[0] < WORTHWHILE_GAIN), key=itemgetter(0))
+    correlation = {parameter: value for parameter, value in values.items() if parameter != name}
+    parameter_gains = [(ratio[name], what_if) for what_if, ratio in ratios if name in ratio]
+    helpful = sorted(
+        (gain for gain in parameter_gains if gain[0] < WORTHWHILE_GAIN), key=itemgetter(0)
+    )
     cause = next((w.code for w in calibration.warnings if w.code in CAUSES), None)
-    together = calibration.coherence
-    off = None
-    if cause is None and together is not None and together.sides_err_together:
-        off = max(together.displacements, default=0.0)
+    coherence = calibration.coherence
+    displacement = None
+    if cause is None and coherence is not None and coherence.sides_err_together:
+        displacement = max(coherence.displacements, default=0.0)
     if cause is not None:
         limits = [CAUSES[cause]]
-    elif off is not None:
-        limits = [f"{CAUSES['correlated_residuals']}, by {off:.2g} px"]
+    elif displacement is not None:
+        limits = [f"{CAUSES['correlated_residuals']}, by {displacement:.2g} px"]
     else:
         limits = []
     limits += [what_if.lack for _, what_if in helpful if what_if.lack][:1]
-    strongest = max(correlation, key=lambda other: abs(correlation[other]), default=name)
+    strongest = max(correlation, key=lambda parameter: abs(correlation[parameter]), default=name)
     if abs(value := correlation.get(strongest, 0.0)) > STRONG_CORRELATION:
         limits.append(f"it is strongly correlated with {strongest} ({value:+.2f})")
     samples = sum(plane.samples for plane in calibration.planes if plane.is_used)
@@ -177,17 +182,17 @@ def _diagnose(
     unit = " px" if name in ("fx", "fy", "cx", "cy", "skew") else ""
     shown = helpful[:MAX_REMEDIES]
     if "aspect" not in calibration.fixed:
-        shown += [one for one in helpful[MAX_REMEDIES:] if "aspect" in one[1].fixed]
+        shown += [gain for gain in helpful[MAX_REMEDIES:] if "aspect" in gain[1].fixed]
     remedies = [
         f"{what_if.change} would reduce it from {std:.2g} to {std * ratio:.2g}{unit}"
         for ratio, what_if in shown
     ]
-    better = "lower noise" if off is None else "flatter targets"
-    nothing = f"no single change of the set-up would help much; {better} would"
+    improvement = "lower noise" if displacement is None else "flatter targets"
+    fallback = f"no single change of the set-up would help much; {improvement} would"
     if cause is not None:
         # The predictions are for noise alone, which is not what limits the precision here.
         remedies = [f"first resolve the warning {cause}", *remedies[:1]]
-    remedies = remedies or [nothing]
+    remedies = remedies or [fallback]
     contradicted = contradicted_aspect(calibration)
     if contradicted is not None and cause != UNCHECKED and name in ("fx", "fy"):
         ratio = plus_minus(*contradicted)

@@ -187,11 +187,11 @@ class Measurement(RebuiltByConstructor):
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def __repr__(self) -> str:
-        said = [
+        length_texts = [
             f"{plus_minus(length, std)} {self.unit}".rstrip()
             for length, std in zip(self.lengths, self.lengths_std, strict=True)
         ]
-        return f"<Measurement of {len(self.points)} points: lengths {', '.join(said)}>"
+        return f"<Measurement of {len(self.points)} points: lengths {', '.join(length_texts)}>"
 
 
 @advising("measure(result.planes[0], points, result)")

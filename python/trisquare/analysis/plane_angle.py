@@ -86,15 +86,18 @@ def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> Plane
             f"the planes are of different pictures, {one.image} and {other.image}: where the "
             "camera stood in one, as seen from the other, is not known"
         )
-    known = [plane.uncertainty for plane in (one, other) if plane.uncertainty is not None]
-    if len(known) < 2:
+    uncertainties = [plane.uncertainty for plane in (one, other) if plane.uncertainty is not None]
+    if len(uncertainties) < 2:
         raise ValueError(
             "the pose of a plane has no uncertainty: calibrate again with this version"
         )
     angle, std = _core.angle_between_planes(
         uncertain_camera(camera),
         [one.rotation, other.rotation],
-        [(own.given_camera, own.by_camera) for own in known],
+        [
+            (pose_uncertainty.given_camera, pose_uncertainty.by_camera)
+            for pose_uncertainty in uncertainties
+        ],
     )
     is_held = isinstance(camera, Calibration) and _are_held(one, other, camera)
     return PlaneAngle(math.degrees(angle), 0.0 if is_held else math.degrees(std))
@@ -112,5 +115,5 @@ def _are_held(one: Plane, other: Plane, calibration: Calibration) -> bool:
 
 def _is_same(plane: Plane, other: Plane) -> bool:
     """Return whether two planes have the same pose: they may come from copies of one result."""
-    is_turned = np.array_equal(plane.rotation, other.rotation)
-    return is_turned and np.array_equal(plane.translation, other.translation)
+    is_same_rotation = np.array_equal(plane.rotation, other.rotation)
+    return is_same_rotation and np.array_equal(plane.translation, other.translation)

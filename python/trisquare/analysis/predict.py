@@ -110,11 +110,11 @@ class Prediction(RebuiltByConstructor):
         return "\n".join(lines)
 
 
-def _has(own: str, model: str) -> bool:
-    """Return whether a lens of the model `own` has all coefficients of another model."""
-    if is_fisheye(own) or is_fisheye(model):
-        return is_fisheye(own) and is_fisheye(model)
-    return COEFFICIENTS[model] in (BROWN, COEFFICIENTS[own])
+def _has(camera_model: str, model: str) -> bool:
+    """Return whether a lens of the model `camera_model` has all coefficients of another model."""
+    if is_fisheye(camera_model) or is_fisheye(model):
+        return is_fisheye(camera_model) and is_fisheye(model)
+    return COEFFICIENTS[model] in (BROWN, COEFFICIENTS[camera_model])
 
 
 def predict(

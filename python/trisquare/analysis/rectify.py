@@ -119,16 +119,16 @@ def rectify(
         )
     figure = onto_plane(plane.corners, lens, plane)
     low, high = figure.min(axis=0), figure.max(axis=0)
-    shown = 1.0 + 2.0 * not_negative(margin, "margin")
-    longest = shown * float(np.max(high - low))
+    extent = 1.0 + 2.0 * not_negative(margin, "margin")
+    longest = extent * float(np.max(high - low))
     if not 0 < longest < math.inf:
         raise ValueError(f"a view of {longest:g} sides cannot be shown")
-    around = margin * (high - low)
-    low, high = low - around, high + around
+    margins = margin * (high - low)
+    low, high = low - margins, high + margins
     if resolution is None:
         # The photograph's resolution along the best resolved side of the figure.
-        sides, seen = (np.roll(quad, -1, axis=0) - quad for quad in (figure, plane.corners))
-        sharpest = np.max(np.linalg.norm(seen, axis=1) / np.linalg.norm(sides, axis=1))
+        sides, pixel_sides = (np.roll(quad, -1, axis=0) - quad for quad in (figure, plane.corners))
+        sharpest = np.max(np.linalg.norm(pixel_sides, axis=1) / np.linalg.norm(sides, axis=1))
         scale = min(float(sharpest), (LARGEST - 1) / longest)
     else:
         scale = real_number(resolution, "resolution")
@@ -152,10 +152,10 @@ def _remapped(picture: Image, plane: Plane, camera: Camera, x: FloatArray, y: Fl
     """Interpolate the photograph at the points of a grid on the plane."""
     import cv2  # loaded only once there is a picture, as in all of the package
 
-    on_plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    points = on_plane @ plane.rotation[:, :2].T + plane.translation
-    seen = camera.can_project(points)
-    pixels = np.full(on_plane.shape, UNSEEN, dtype=np.float32)
-    pixels[seen] = np.clip(camera.project(points[seen]), UNSEEN, max(picture.shape))
-    at_x, at_y = (pixels[:, i].reshape(len(y), len(x)) for i in (0, 1))
-    return np.asarray(cv2.remap(picture, at_x, at_y, cv2.INTER_LINEAR, borderValue=0))
+    plane_points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = plane_points @ plane.rotation[:, :2].T + plane.translation
+    is_visible = camera.can_project(points)
+    pixels = np.full(plane_points.shape, UNSEEN, dtype=np.float32)
+    pixels[is_visible] = np.clip(camera.project(points[is_visible]), UNSEEN, max(picture.shape))
+    map_x, map_y = (pixels[:, i].reshape(len(y), len(x)) for i in (0, 1))
+    return np.asarray(cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR, borderValue=0))

@@ -18,7 +18,7 @@ from trisquare.results.calibration import Calibration
 
 Verdict: TypeAlias = Literal["ok", "not ok", "cannot tell"]
 
-SURE = 3.0
+VERDICT_STDS = 3.0
 """Standard deviations that a number must be away from its limit for a verdict."""
 
 MAX_FOLD_ERROR = 2.0
@@ -36,7 +36,7 @@ MAX_BOW_OF_BOARD = 0.01
 lens, and the calibration corrects it: on one face of three it shifts fx and fy by 0.04 % at most
 (rms, 5 views). A larger bow leaves errors of second order."""
 
-BENT = 0.01
+MAX_JUDGED_BOW = 0.01
 """Bow, as a fraction of the side, above which angles and stretch are not judged: they have errors
 of second order in the bow (at 2 %, up to 1.3 degrees and 0.4 %)."""
 
@@ -56,7 +56,7 @@ MAX_HIDDEN = 2
 """Maximum number of rows or columns of cells, outside the picture or hidden, that the board found
 most completely may lack. A board with fewer cells is another one."""
 
-FIGURES = ("frame", "square")
+FRAME_KINDS = ("frame", "square")
 """Kinds of planes that printed frames are found as: a square if only the outline, or only the hole,
 is measured."""
 
@@ -121,7 +121,7 @@ class SheetCheck:
     def verdict(self) -> Verdict:
         """The worst verdict of all findings."""
         verdicts = [finding.verdict for finding in self.findings]
-        return next((it for it in ("not ok", "cannot tell") if it in verdicts), "ok")
+        return next((verdict for verdict in ("not ok", "cannot tell") if verdict in verdicts), "ok")
 
 
 def check_sheet(
@@ -151,37 +151,37 @@ def check_sheet(
     TypeError, ValueError
         As `printed_target`.
     """
-    boards = _planes_of(calibration, ("chessboard",))
+    boards = _largest_planes(calibration, ("chessboard",))
     if kind == "both":
         kind = "boards" if len(boards) >= 3 else "corner"
-    faces = boards if kind == "boards" else _planes_of(calibration, FIGURES)
+    faces = boards if kind == "boards" else _largest_planes(calibration, FRAME_KINDS)
     if len(faces) < 3:
-        what = "chessboards" if kind == "boards" else "frames"
+        figure_name = "chessboards" if kind == "boards" else "frames"
         raise NotEnoughPlanesError(
-            f"the photograph shows {len(faces)} of the sheet's 3 {what}: show all of them, and "
-            "name the kind of sheet that it is"
+            f"the photograph shows {len(faces)} of the sheet's 3 {figure_name}: show all of them, "
+            "and name the kind of sheet that it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
     units, limit = 1.0, MAX_BOW
     if isinstance(figure, PrintedBoard):
         units, limit = figure.cells, MAX_BOW_OF_BOARD
-        _check_cells([_cells_of(calibration, face) for face in faces], figure.cells)
-    found = departures(calibration, faces, units, is_corner=kind != "flat")
+        _check_cell_counts([_cell_counts(calibration, face) for face in faces], figure.cells)
+    estimates = departures(calibration, faces, units, is_corner=kind != "flat")
     findings = [
-        *(_folded(found, faces) if kind != "flat" else ()),
-        *_flat(found, faces, _measured_sides(calibration, faces, figure), limit),
-        _stretched(found, faces),
-        _size(figure.side, ruler),
+        *(_fold_findings(estimates, faces) if kind != "flat" else ()),
+        *_bow_findings(estimates, faces, _measured_sides(calibration, faces, figure), limit),
+        _stretch_finding(estimates, faces),
+        _size_finding(figure.side, ruler),
     ]
     true_side = None if ruler is None else figure.side * ruler / RULER
     return SheetCheck(kind, figure.side, true_side, faces, tuple(findings))
 
 
-def _planes_of(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...]:
+def _largest_planes(calibration: Calibration, kinds: Sequence[str]) -> tuple[int, ...]:
     """Return the three largest planes of these kinds, by their areas in the picture, in order."""
-    fitting = [at for at, plane in enumerate(calibration.planes) if plane.kind in kinds]
-    areas = {at: float(quad_areas(calibration.planes[at].corners)) for at in fitting}
-    return tuple(sorted(sorted(fitting, key=areas.__getitem__, reverse=True)[:3]))
+    indices = [index for index, plane in enumerate(calibration.planes) if plane.kind in kinds]
+    areas = {index: float(quad_areas(calibration.planes[index].corners)) for index in indices}
+    return tuple(sorted(sorted(indices, key=areas.__getitem__, reverse=True)[:3]))
 
 
 def _measured_sides(
@@ -191,14 +191,14 @@ def _measured_sides(
     if isinstance(figure, PrintedBoard):
         return [figure.side for _ in faces]
     figures = zip(calibration.edges, calibration.residuals, strict=True)
-    dark = {residuals.plane for own, residuals in figures if own.polarity != -1}
-    return [figure.side * (1.0 if face in dark else figure.inner) for face in faces]
+    outlined = {residuals.plane for edges, residuals in figures if edges.polarity != -1}
+    return [figure.side * (1.0 if face in outlined else figure.inner) for face in faces]
 
 
-def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
+def _cell_counts(calibration: Calibration, face: int) -> tuple[int, int]:
     """Return the numbers of cells, across and down, of a plane's board as found."""
     figures = zip(calibration.edges, calibration.residuals, strict=True)
-    lines = np.concatenate([own.lines for own, residuals in figures if residuals.plane == face])
+    lines = np.concatenate([edges.lines for edges, residuals in figures if residuals.plane == face])
     # The cells between the outermost lines, and one more beyond each of these two.
     across, down = (
         round(float(np.ptp(lines[is_along, 2] * lines[is_along, axis]))) + 2
@@ -207,10 +207,10 @@ def _cells_of(calibration: Calibration, face: int) -> tuple[int, int]:
     return across, down
 
 
-def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
+def _check_cell_counts(found: Sequence[tuple[int, int]], expected: int) -> None:
     """Refuse boards that are not the sheet's; some of the sheet's boards may be found in part."""
-    most = max(max(cells) for cells in found)
-    if not expected - MAX_HIDDEN <= most <= expected:
+    largest = max(max(cells) for cells in found)
+    if not expected - MAX_HIDDEN <= largest <= expected:
         shown = listed([f"{across} x {down}" for across, down in found])
         raise NotEnoughPlanesError(
             f"the photograph shows chessboards of {shown} cells, which are not the sheet's: these "
@@ -218,25 +218,29 @@ def _check_cells(found: Sequence[tuple[int, int]], expected: int) -> None:
         )
 
 
-def _verdict(off: Sequence[Estimate], limit: float) -> Verdict:
+def _verdict(deviations: Sequence[Estimate], limit: float) -> Verdict:
     """Judge a deviation; if there are several estimates, any of them may be right."""
-    if all(own.value + SURE * own.std <= limit for own in off):
+    if all(deviation.value + VERDICT_STDS * deviation.std <= limit for deviation in deviations):
         return "ok"
-    if all(own.value - SURE * own.std > limit for own in off):
+    if all(deviation.value - VERDICT_STDS * deviation.std > limit for deviation in deviations):
         return "not ok"
     return "cannot tell"
 
 
-def _bent_faces(found: Departures, faces: Sequence[int]) -> list[int]:
+def _bent_faces(estimates: Departures, faces: Sequence[int]) -> list[int]:
     """Return the faces whose bend is too large to judge angles and stretch."""
-    return [face for face, bow in zip(faces, found.bows, strict=True) if bow.value > BENT]
+    return [
+        face for face, bow in zip(faces, estimates.bows, strict=True) if bow.value > MAX_JUDGED_BOW
+    ]
 
 
-def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
-    offs = {pair: Estimate(abs(value - 90.0), std) for pair, (value, std) in found.angles.items()}
-    bent = _bent_faces(found, faces)
-    for pair, angle in found.angles.items():
-        verdict: Verdict = "cannot tell" if bent else _verdict([offs[pair]], MAX_FOLD_ERROR)
+def _fold_findings(estimates: Departures, faces: Sequence[int]) -> Iterator[Finding]:
+    deviations = {
+        pair: Estimate(abs(value - 90.0), std) for pair, (value, std) in estimates.angles.items()
+    }
+    bent = _bent_faces(estimates, faces)
+    for pair, angle in estimates.angles.items():
+        verdict: Verdict = "cannot tell" if bent else _verdict([deviations[pair]], MAX_FOLD_ERROR)
         text = f"faces {pair[0]} and {pair[1]} meet at {plus_minus(*angle)} degrees"
         advice = {
             "ok": "",
@@ -244,15 +248,15 @@ def _folded(found: Departures, faces: Sequence[int]) -> Iterator[Finding]:
             "calibration stays right unless it is told orthogonal",
             "cannot tell": _flatten_first(bent),
         }[verdict]
-        if verdict == "not ok" and min(offs.values()).value > MAX_FOLD_ERROR:
+        if verdict == "not ok" and min(deviations.values()).value > MAX_FOLD_ERROR:
             advice = "is it the folded corner? Of the three flat sheets say --kind flat"
         yield Finding("folded", pair, verdict, *angle, MAX_FOLD_ERROR, "degrees", text, advice)
 
 
-def _flat(
-    found: Departures, faces: Sequence[int], sides: Sequence[float], limit: float
+def _bow_findings(
+    estimates: Departures, faces: Sequence[int], sides: Sequence[float], limit: float
 ) -> Iterator[Finding]:
-    for face, side, bow in zip(faces, sides, found.bows, strict=True):
+    for face, side, bow in zip(faces, sides, estimates.bows, strict=True):
         verdict = _verdict([bow], limit)
         arch = Estimate(side * bow.value, side * bow.std)
         text = (
@@ -267,10 +271,10 @@ def _flat(
         yield Finding("flat", (face,), verdict, *arch, side * limit, "mm", text, advice)
 
 
-def _stretched(found: Departures, faces: Sequence[int]) -> Finding:
-    bent = _bent_faces(found, faces)
-    verdict: Verdict = "cannot tell" if bent else _verdict(found.stretches, MAX_STRETCH)
-    best = Estimate(*(100.0 * number for number in found.stretches[0]))
+def _stretch_finding(estimates: Departures, faces: Sequence[int]) -> Finding:
+    bent = _bent_faces(estimates, faces)
+    verdict: Verdict = "cannot tell" if bent else _verdict(estimates.stretches, MAX_STRETCH)
+    best = Estimate(*(100.0 * number for number in estimates.stretches[0]))
     text = f"the print is stretched along one axis of the paper by {plus_minus(*best)} %"
     advice = {
         "ok": "",
@@ -289,7 +293,7 @@ def _flatten_first(bent: Sequence[int]) -> str:
     return "photograph it larger, sharper, and from nearer its front"
 
 
-def _size(side: float, ruler: float | None) -> Finding:
+def _size_finding(side: float, ruler: float | None) -> Finding:
     limit = 100.0 * MAX_SCALE_ERROR
     if ruler is None:
         text = "no photograph tells the size without a known length"
@@ -297,12 +301,14 @@ def _size(side: float, ruler: float | None) -> Finding:
         return Finding("size", (), "cannot tell", None, None, limit, "%", text, advice)
     scale = Estimate(ruler / RULER, RULER_STD / RULER)
     verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MAX_SCALE_ERROR)
-    true = Estimate(side * scale.value, side * scale.std)
+    length = Estimate(side * scale.value, side * scale.std)
     per_cent = Estimate(100.0 * scale.value, 100.0 * scale.std)
     text = (
-        f"by the ruler the print is at {plus_minus(*per_cent)} %, its side {plus_minus(*true)} mm"
+        f"by the ruler the print is at {plus_minus(*per_cent)} %, its side {plus_minus(*length)} mm"
     )
-    advice = f"print at 100 %, or calibrate with --side {true.value:.4g}mm: the camera is the same"
+    advice = (
+        f"print at 100 %, or calibrate with --side {length.value:.4g}mm: the camera is the same"
+    )
     if verdict == "ok":
         advice = ""
     return Finding("size", (), verdict, *per_cent, limit, "%", text, advice)

@@ -31,11 +31,11 @@ from trisquare.results.plane import Plane
 MORE_TILT = 10.0  # degrees
 # Range of angles (degrees) between tilts that are small and the maximum tilt that is advised.
 ENOUGH_TILT = (25.0, 50.0)
-LARGER = 1.25
+ENLARGEMENT = 1.25
 # Side of a figure, as a fraction of the picture's height, above which it is large enough
 # (docs/photograph.md).
 ENOUGH_SPAN = 1.0 / 3.0
-NEARER = 0.1  # displacement, as a fraction of the picture's size
+CORNER_STEP = 0.1  # displacement, as a fraction of the picture's size
 # Tilt (degrees) below which a plane has no definite direction of tilt.
 MIN_TILT = 1.0
 ADDED_TILT = 35.0  # degrees, of an added square
@@ -68,18 +68,18 @@ def gains(calibration: Calibration) -> list[tuple[WhatIf, Mapping[str, float]]]:
         planes = planes_of(calibration)
         before = predicted(camera, planes, calibration.fixed, free=free).std
         # Planes of several pictures may overlap in the image plane.
-        apart = not _collide(camera, planes)
+        is_separate = not _collide(camera, planes)
     except (TrisquareError, ValueError):
         return []  # the photographed planes allow no prediction to compare with
-    found: list[tuple[WhatIf, Mapping[str, float]]] = []
+    ratios: list[tuple[WhatIf, Mapping[str, float]]] = []
     for what_if in changes_of(calibration, planes):
         # A change that moves a plane out of the picture is skipped.
         with suppress(TrisquareError, ValueError):
-            if apart and _collide(camera, what_if.planes):
+            if is_separate and _collide(camera, what_if.planes):
                 continue
             after = predicted(camera, what_if.planes, what_if.fixed, free=free).std
-            found.append((what_if, {name: after[name] / before[name] for name in after}))
-    return found
+            ratios.append((what_if, {name: after[name] / before[name] for name in after}))
+    return ratios
 
 
 def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
@@ -98,7 +98,7 @@ def planes_of(calibration: Calibration) -> tuple[PosedPlane, ...]:
 
 def _used(calibration: Calibration) -> dict[int, Plane]:
     """Return the planes that the camera is estimated from, by index."""
-    return {at: plane for at, plane in enumerate(calibration.planes) if plane.is_used}
+    return {index: plane for index, plane in enumerate(calibration.planes) if plane.is_used}
 
 
 def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iterator[WhatIf]:
@@ -107,36 +107,38 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     cosines = np.abs([plane.rotation[2, 2] for plane in planes])
     tilts = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))
     if tilts.max() + MORE_TILT <= ENOUGH_TILT[1]:
-        only = f"the squares are tilted by only {_range_of(tilts)} degrees"
+        tilt_text = f"the squares are tilted by only {_range_text(tilts)} degrees"
         yield WhatIf(
             f"tilting every square {MORE_TILT:g} degrees more",
-            only if tilts.min() < ENOUGH_TILT[0] else "",
-            tuple(_tilted_more(plane, 360.0 * i / len(planes)) for i, plane in enumerate(planes)),
+            tilt_text if tilts.min() < ENOUGH_TILT[0] else "",
+            tuple(
+                _tilted_further(plane, 360.0 * i / len(planes)) for i, plane in enumerate(planes)
+            ),
             fixed,
         )
     yield WhatIf(
-        f"showing the squares {LARGER:g} times larger",
-        _smallness(calibration),
-        tuple(plane._replace(translation=plane.translation / LARGER) for plane in planes),
+        f"showing the squares {ENLARGEMENT:g} times larger",
+        _size_text(calibration),
+        tuple(plane._replace(translation=plane.translation / ENLARGEMENT) for plane in planes),
         fixed,
     )
-    for at, (number, plane) in enumerate(zip(_used(calibration), planes, strict=True)):
+    for index, (number, plane) in enumerate(zip(_used(calibration), planes, strict=True)):
         x, y, z = plane.translation
-        dx, dy = np.sign([x, y]) * NEARER * camera.image_size / [camera.fx, camera.fy]
+        dx, dy = np.sign([x, y]) * CORNER_STEP * camera.image_size / [camera.fx, camera.fy]
         moved = plane._replace(translation=np.array([x + dx * z, y + dy * z, z]))
         yield WhatIf(
             f"moving plane {number} nearer to the corner of the picture",
             "the squares leave the picture's corners empty",
-            (*planes[:at], moved, *planes[at + 1 :]),
+            (*planes[:index], moved, *planes[index + 1 :]),
             fixed,
         )
-    for where, place in ADDED_PLACES.items():
+    for position, place in ADDED_PLACES.items():
         try:
             ray = ray_at(camera, np.multiply(place, camera.image_size))
         except ValueError:
             continue
         yield WhatIf(
-            f"adding a square in the picture's {where}, tilted in another direction,",
+            f"adding a square in the picture's {position}, tilted in another direction,",
             "the squares are few",
             (*planes, _added_square(planes, ray)),
             fixed,
@@ -144,52 +146,56 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
     if all(plane.kind in ("square", "tag") for plane in _used(calibration).values()):
         frames = tuple(plane._replace(outlines=outlines_of("frame")) for plane in planes)
         yield WhatIf("frames instead of solid squares", "", frames, fixed)
-    for name, words in _known_of_cameras(calibration).items():
+    for name, description in _fixable_parameters(calibration).items():
         if name not in fixed and "focal" not in fixed:
-            yield WhatIf(f"fixing {words}", "", planes, (*fixed, name))
+            yield WhatIf(f"fixing {description}", "", planes, (*fixed, name))
 
 
-def _smallness(calibration: Calibration) -> str:
+def _size_text(calibration: Calibration) -> str:
     """Return a description of the size of the squares in the picture, if it is small."""
     corners = [plane.corners for plane in _used(calibration).values()]
-    sides = [np.roll(own, -1, axis=0) - own for own in corners]
-    spans = np.array([np.linalg.norm(own, axis=1).max() for own in sides])
-    parts = spans / calibration.camera.image_size[1]
-    if parts.max() >= ENOUGH_SPAN:
+    sides = [np.roll(quad, -1, axis=0) - quad for quad in corners]
+    spans = np.array([np.linalg.norm(quad_sides, axis=1).max() for quad_sides in sides])
+    shares = spans / calibration.camera.image_size[1]
+    if shares.max() >= ENOUGH_SPAN:
         return ""
-    return f"the sides of the squares span only {_range_of(100 * parts)} % of the picture's height"
+    return (
+        f"the sides of the squares span only {_range_text(100 * shares)} % of the picture's height"
+    )
 
 
-def _range_of(values: FloatArray) -> str:
+def _range_text(values: FloatArray) -> str:
     low, high = f"{values.min():.0f}", f"{values.max():.0f}"
     return low if low == high else f"{low} to {high}"
 
 
-def _known_of_cameras(calibration: Calibration) -> dict[str, str]:
+def _fixable_parameters(calibration: Calibration) -> dict[str, str]:
     """Return what may be fixed, with its description, unless the estimate contradicts it."""
     camera, known = calibration.camera, {}
     if contradicted_aspect(calibration) is None:
         known["aspect"] = "the aspect, since nearly every camera's pixels are square,"
-    away = np.array([camera.cx, camera.cy]) - np.subtract(camera.image_size, 1) / 2.0
-    covariance = _covariance_of(calibration, "cx", "cy")
-    central = covariance is None or away @ np.linalg.pinv(covariance) @ away < CONTRADICTING**2
-    where = "" if central else " from elsewhere, for it is not the image centre"
-    known["principal_point"] = f"the principal point, if it is known{where},"
+    offset = np.array([camera.cx, camera.cy]) - np.subtract(camera.image_size, 1) / 2.0
+    covariance = _sub_covariance(calibration, "cx", "cy")
+    is_central = (
+        covariance is None or offset @ np.linalg.pinv(covariance) @ offset < CONTRADICTING**2
+    )
+    source = "" if is_central else " from elsewhere, for it is not the image centre"
+    known["principal_point"] = f"the principal point, if it is known{source},"
     return known
 
 
 def contradicted_aspect(calibration: Calibration) -> tuple[float, float] | None:
     """Return ``fy / fx`` and its standard deviation if they contradict square pixels."""
-    covariance = _covariance_of(calibration, "fx", "fy")
+    covariance = _sub_covariance(calibration, "fx", "fy")
     if covariance is None:
         return None
     ratio = calibration.camera.fy / calibration.camera.fx
-    by = np.array([-ratio, 1.0]) / calibration.camera.fx
-    std = math.sqrt(max(0.0, float(by @ covariance @ by)))
+    slope = np.array([-ratio, 1.0]) / calibration.camera.fx
+    std = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
     return (ratio, std) if abs(ratio - 1.0) > CONTRADICTING * std else None
 
 
-def _covariance_of(calibration: Calibration, *names: str) -> FloatArray | None:
+def _sub_covariance(calibration: Calibration, *names: str) -> FloatArray | None:
     """Return the covariance of some parameters; None unless all of them are free."""
     if not set(names) <= set(calibration.parameters):
         return None
@@ -209,7 +215,7 @@ def _collide(camera: Camera, planes: tuple[PosedPlane, ...]) -> bool:
     return any_meet([camera.project(corners) for corners in points])
 
 
-def _tilted_more(plane: PosedPlane, direction: float) -> PosedPlane:
+def _tilted_further(plane: PosedPlane, direction: float) -> PosedPlane:
     """Tilt a plane further in its own direction or, if it has none, in the given one."""
     x, y, z = plane.rotation[:, 2]
     if np.hypot(x, y) >= np.sin(np.radians(MIN_TILT)) * abs(z):

@@ -101,43 +101,47 @@ class Fleet:
             if record["status"] != "done":
                 continue
             for name, value in record["values"].items():
-                own = values.setdefault((kind_of(record), name), (array("d"), array("d")))
-                own[0].append(value)
-                own[1].append(record["std"].get(name, 0.0))
+                parameter_values = values.setdefault(
+                    (kind_of(record), name), (array("d"), array("d"))
+                )
+                parameter_values[0].append(value)
+                parameter_values[1].append(record["std"].get(name, 0.0))
         fleet = cls()
-        for (kind, name), (found, stds) in values.items():
+        for (kind, name), (numbers, stds) in values.items():
             if any(stds):
-                arrays = np.frombuffer(found), np.frombuffer(stds)
+                arrays = np.frombuffer(numbers), np.frombuffer(stds)
                 fleet.distributions[kind, name] = Distribution.of(kind, name, *arrays)
         return fleet
 
     def outlying(self, record: Mapping[str, Any]) -> list[str]:
         """Return descriptions of the parameters in which a camera is an outlier of its kind."""
-        found = []
-        of_kind = [key for key in self.distributions if key[0] == kind_of(record)]
+        texts = []
+        kind_keys = [key for key in self.distributions if key[0] == kind_of(record)]
         for name, value in record["values"].items():
-            own = self.distributions.get((kind_of(record), name))
-            if own is None or len(own.values) < FEWEST:
+            distribution = self.distributions.get((kind_of(record), name))
+            if distribution is None or len(distribution.values) < FEWEST:
                 continue
-            deviation = own.deviation(value, record["std"].get(name, 0.0))
-            allowed = most_by_chance(len(own.values), len(of_kind))
+            deviation = distribution.deviation(value, record["std"].get(name, 0.0))
+            allowed = most_by_chance(len(distribution.values), len(kind_keys))
             if abs(deviation) > allowed:
-                found.append(
+                texts.append(
                     f"{name} {value:.6g} is {deviation:+.1f} standard deviations from the "
-                    f"median {own.median:.6g}: more than {allowed:.1f}"
+                    f"median {distribution.median:.6g}: more than {allowed:.1f}"
                 )
-        return found
+        return texts
 
     def uncertain(self, record: Mapping[str, Any]) -> list[str]:
         """Return descriptions of a camera's parameters with a far larger std than its kind's."""
-        found = []
+        texts = []
         for name, std in record["std"].items():
-            own = self.distributions.get((kind_of(record), name))
-            if own is None or len(own.values) < FEWEST:
+            distribution = self.distributions.get((kind_of(record), name))
+            if distribution is None or len(distribution.values) < FEWEST:
                 continue
-            if std > UNCERTAIN * own.median_std:
-                found.append(f"std of {name} {std:.3g}, the median is {own.median_std:.3g}")
-        return found
+            if std > UNCERTAIN * distribution.median_std:
+                texts.append(
+                    f"std of {name} {std:.3g}, the median is {distribution.median_std:.3g}"
+                )
+        return texts
 
 
 def most_by_chance(cameras: int, parameters: int) -> float:
@@ -194,8 +198,8 @@ def verdict(
             return Verdict("failed", (), (), (), reason)
         failure = f"{cure} ({reason})"
         return Verdict("failed", (), (), [failure], failure)
-    violations = [text for own in requirements if (text := own.violation(record)) is not None]
-    severe = [own["text"] for own in record["warnings"] if own["severity"] == "high"]
+    violations = [text for item in requirements if (text := item.violation(record)) is not None]
+    severe = [item["text"] for item in record["warnings"] if item["severity"] == "high"]
     status = "beyond limits" if violations else "passed"
     uncertain = fleet.uncertain(record)
     return Verdict(status, violations, fleet.outlying(record), [*severe, *uncertain])

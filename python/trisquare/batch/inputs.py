@@ -152,7 +152,9 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
             continue
         is_empty = False
         if path == folder:
-            yield from (Job(Path(own).stem, (own,), options, own) for own in pictures)
+            yield from (
+                Job(Path(picture).stem, (picture,), options, picture) for picture in pictures
+            )
         else:
             name = Path(path).relative_to(folder).as_posix()
             yield Job(name, tuple(pictures), options, path)
@@ -169,28 +171,32 @@ def _grouped(
     paths: Iterable[str], pattern: re.Pattern[str], text: str, options: Mapping[str, Any]
 ) -> Iterator[Job]:
     cameras: dict[tuple[str, ...], list[str]] = {}
-    others = 0
+    ungrouped = 0
     for path in paths:
         if is_manifest(path):
             raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
         whole = os.path.isdir(path)
         pictures = (
-            (own for _, found in _photographs(path, options) for own in found) if whole else [path]
+            (picture for _, found in _photographs(path, options) for picture in found)
+            if whole
+            else [path]
         )
         for picture in pictures:
-            seen = Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
-            found = pattern.fullmatch("/".join(seen.split("/")[-1 - text.count("/") :]))
+            path_text = (
+                Path(picture).relative_to(path).as_posix() if whole else Path(picture).as_posix()
+            )
+            found = pattern.fullmatch("/".join(path_text.split("/")[-1 - text.count("/") :]))
             if found is None:
-                others += 1
+                ungrouped += 1
             else:
                 cameras.setdefault(found.groups(), []).append(picture)
     if not cameras:
-        raise ValueError(f"none of {others} photographs has a name like {text!r}")
+        raise ValueError(f"none of {ungrouped} photographs has a name like {text!r}")
     names = Counter("_".join(groups) for groups in cameras)
     for groups, pictures in cameras.items():
         name = "_".join(groups)
         if names[name] > 1:  # different groups give the same joined name
             name = "_".join(f"({part})" for part in groups)
         yield Job(name, tuple(pictures), options, text)
-    if others:
-        yield faulty_job(text, f"{others} photographs have names unlike this", text)
+    if ungrouped:
+        yield faulty_job(text, f"{ungrouped} photographs have names unlike this", text)

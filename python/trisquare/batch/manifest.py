@@ -74,24 +74,29 @@ def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> J
         raise record
     if not isinstance(record, dict):
         raise ValueError("a record must be an object with a name and photographs")
-    own = dict(record)
+    options_of_record = dict(record)
     for member in ("name", "photographs"):
-        if member not in own:
+        if member not in options_of_record:
             raise ValueError(f'"{member}" is missing')
-    name, given = own.pop("name"), own.pop("photographs")
-    photographs = [given] if isinstance(given, str) else given
-    if not isinstance(photographs, list) or not all(isinstance(one, str) for one in photographs):
+    name, stated = options_of_record.pop("name"), options_of_record.pop("photographs")
+    photographs = [stated] if isinstance(stated, str) else stated
+    if not isinstance(photographs, list) or not all(
+        isinstance(photograph, str) for photograph in photographs
+    ):
         raise ValueError('"photographs" must be a file or a list of files')
     for option in FILE_OPTIONS:
-        if isinstance(own.get(option), str):
-            beside = os.path.join(folder, own[option])
+        if isinstance(options_of_record.get(option), str):
+            resolved = os.path.join(folder, options_of_record[option])
             # A target may also be a name, not a layout's file.
-            if option != "targets" or own[option].lower().endswith(".json"):
-                own[option] = beside
+            if option != "targets" or options_of_record[option].lower().endswith(".json"):
+                options_of_record[option] = resolved
     return Job(
         name,
-        tuple(os.path.join(folder, one) for one in photographs),
-        {**options, **{key: value for key, value in own.items() if value is not None}},
+        tuple(os.path.join(folder, photograph) for photograph in photographs),
+        {
+            **options,
+            **{key: value for key, value in options_of_record.items() if value is not None},
+        },
         origin,
     )
 
@@ -142,7 +147,7 @@ def _csv_records(path: str) -> Iterator[tuple[int, Any]]:
 def _check_columns(path: str, columns: Sequence[str]) -> None:
     for name in ("name", "photographs"):
         if name not in columns:
-            hint = "; commas separate columns" if any(";" in own for own in columns) else ""
+            hint = "; commas separate columns" if any(";" in column for column in columns) else ""
             raise ValueError(f"{path}: the first line has no column {name!r}{hint}")
     for name in columns:
         if name not in ("name", "photographs", *OPTIONS):

@@ -66,12 +66,13 @@ def summary_page(
     environment = page_environment("trisquare.batch")
     style = (resources.files("trisquare.report") / "report.css").read_text("utf-8")
     ordered = sorted(
-        fleet.distributions.values(), key=lambda own: (own.kind, PARAMETERS.index(own.parameter))
+        fleet.distributions.values(),
+        key=lambda distribution: (distribution.kind, PARAMETERS.index(distribution.parameter)),
     )
     page: str = environment.get_template("summary.html.j2").render(
         counts=counts,
         requirements=requirements,
-        distributions=[_shown(own) for own in ordered],
+        distributions=[_shown(distribution) for distribution in ordered],
         beyond=beyond,
         outlying=outlying,
         retake=retake,

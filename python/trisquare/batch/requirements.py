@@ -93,12 +93,12 @@ class WarningRequirement:
     def violation(self, record: Mapping[str, Any]) -> str | None:
         """Return the warnings that are more severe; None if there are none."""
         allowed = SEVERITIES_ALLOWED.index(self.most)
-        beyond = dict.fromkeys(
-            f"{own['code']} is {own['severity']}"
-            for own in record["warnings"]
-            if SEVERITIES_ALLOWED.index(own["severity"]) < allowed
+        violations = dict.fromkeys(
+            f"{warning['code']} is {warning['severity']}"
+            for warning in record["warnings"]
+            if SEVERITIES_ALLOWED.index(warning["severity"]) < allowed
         )
-        return f"warnings: {', '.join(beyond)}, above {self.most}" if beyond else None
+        return f"warnings: {', '.join(violations)}, above {self.most}" if violations else None
 
     @property
     def bounds(self) -> tuple[str, str]:
@@ -148,19 +148,19 @@ def read_requirements(path: PathLike) -> list[AnyRequirement]:
             document = tomllib.loads(text)
         except RecursionError as error:
             raise ValueError("the TOML text is nested too deeply") from error
-        found = [_requirement(name, table) for name, table in _tables(document)]
-        if not found:
+        requirements = [_requirement(name, table) for name, table in _tables(document)]
+        if not requirements:
             raise ValueError("no limit is in this file")
-    return found
+    return requirements
 
 
 def _tables(document: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for name, table in document.items():
         if name == "std" and isinstance(table, dict):
-            for parameter, own in table.items():
+            for parameter, bounds in table.items():
                 if parameter not in PARAMETERS:
                     raise unknown("parameter", parameter, PARAMETERS)
-                yield f"std.{parameter}", own
+                yield f"std.{parameter}", bounds
         elif name in (*PARAMETERS, *OTHERS, WARNINGS):
             yield name, table
         else:
@@ -187,9 +187,9 @@ def _requirement(name: str, table: Any) -> AnyRequirement:
         return WarningRequirement(table["most"])
     bounds = {key: table[key] for key in ("least", "most") if key in table}
     unit = ""
-    if name.startswith("std.") and any(isinstance(own, str) for own in bounds.values()):
+    if name.startswith("std.") and any(isinstance(bound, str) for bound in bounds.values()):
         unit = " %"
-        bounds = {key: _per_cent(name, key, own) for key, own in bounds.items()}
+        bounds = {key: _per_cent(name, key, bound) for key, bound in bounds.items()}
     least, most = (
         None if key not in bounds else _number(name, key, bounds[key]) for key in ("least", "most")
     )

@@ -175,13 +175,13 @@ def _calibrated(
             store = stack.enter_context(Store(output, limits, retry=retry))
         submit = stack.enter_context(Submission(executor, workers, limits))
         # Closed before the executor is, so that waiting jobs are not started.
-        for own in stack.enter_context(closing(finished(jobs, submit, store, window))):
-            error, name = own.record.get("error"), printable(own.job.name)
+        for result in stack.enter_context(closing(finished(jobs, submit, store, window))):
+            error, name = result.record.get("error"), printable(result.job.name)
             if error is None:
                 LOG.info("%s: done", name)
             else:
                 LOG.warning("%s: %s: %s", name, error["code"], printable(error["text"]))
-            yield own
+            yield result
         if store is not None:
             store.finish()
 
@@ -207,7 +207,7 @@ class Submission:
         work: Callable[[Job, JobLimits], Answer] | None = None,
     ) -> None:
         from trisquare.batch.worker import calibrated
-        from trisquare.batch.workers import Workers, do_beside
+        from trisquare.batch.workers import Workers, do_in_thread_process
 
         work = calibrated if work is None else work
         self._own: Executor | None = None
@@ -219,7 +219,7 @@ class Submission:
             self._own = executor = ThreadPoolExecutor(workers or usable_cores())
             do: Callable[[Job, str], Answer] = self._workers.do
         else:
-            do = partial(do_beside, limits=limits, work=work)
+            do = partial(do_in_thread_process, limits=limits, work=work)
         self._executor, self._do = executor, do
 
     def __call__(self, job: Job) -> Future[Answer]:

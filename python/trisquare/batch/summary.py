@@ -89,7 +89,7 @@ def rows(
             row["beyond_limits"] = "; ".join(found.violations)
             row["outlying"] = "; ".join(found.outlying)
             row["severity"] = _highest_severity(record)
-            row["warnings"] = "; ".join(own["code"] for own in record["warnings"])
+            row["warnings"] = "; ".join(warning["code"] for warning in record["warnings"])
             row |= {name: record[name] for name in OTHERS} | record["values"]
             row |= {f"std_{name}": std for name, std in record["std"].items()}
         else:
@@ -193,7 +193,7 @@ def _text(value: Any) -> Any:
     """Return a value as valid UTF-8: a file's name may contain bytes that are not text."""
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode()
-    return [_text(own) for own in value] if isinstance(value, list) else value
+    return [_text(element) for element in value] if isinstance(value, list) else value
 
 
 def _highest_severity(record: Mapping[str, Any]) -> str:

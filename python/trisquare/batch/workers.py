@@ -233,7 +233,7 @@ class _Process:
         return json.loads(line)
 
 
-class _Beside:
+class _ThreadWorkers:
     """The process of a thread; it ends with the thread, or the interpreter."""
 
     def __init__(self, limits: JobLimits, work: Any) -> None:
@@ -244,11 +244,13 @@ class _Beside:
 _threads = threading.local()
 
 
-def do_beside(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
+def do_in_thread_process(job: Job, folder: str, limits: JobLimits, work: Any) -> Answer:
     """Do a job in the process of this thread, whichever executor the thread belongs to."""
-    kept: dict[tuple[JobLimits, Any], _Beside] = vars(_threads).setdefault("kept", {})
-    beside = kept.get((limits, work))
+    workers_of_thread: dict[tuple[JobLimits, Any], _ThreadWorkers] = vars(_threads).setdefault(
+        "kept", {}
+    )
+    thread_workers = workers_of_thread.get((limits, work))
     # After a fork the inherited processes belong to the parent.
-    if beside is None or beside.workers.owner != os.getpid():
-        beside = kept[limits, work] = _Beside(limits, work)
-    return beside.workers.do(job, folder)
+    if thread_workers is None or thread_workers.workers.owner != os.getpid():
+        thread_workers = workers_of_thread[limits, work] = _ThreadWorkers(limits, work)
+    return thread_workers.workers.do(job, folder)

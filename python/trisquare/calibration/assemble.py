@@ -29,7 +29,7 @@ from trisquare.results.residual_correlation import ResidualCorrelation
 from trisquare.results.residuals import FigureResiduals
 from trisquare.results.scene_line import SceneLine
 
-UNFIT = {
+INCONSISTENCY_CODES = {
     "barely_determined",
     "choice_uncertain",
     "correlated_residuals",
@@ -41,12 +41,12 @@ UNFIT = {
 }
 """Codes of warnings about targets that are not consistent with one camera."""
 
-OUTLIER = "it disagrees with all others"
+OUTLIER_REASON = "it disagrees with all others"
 """Reason for leaving out a plane that a warning ``plane_rejected`` names."""
 
 
 def assemble(
-    found: _core.Solution,
+    solution: _core.Solution,
     gathered: Gathered,
     settings: Settings,
     side: float | None,
@@ -54,69 +54,75 @@ def assemble(
 ) -> Calibration:
     """Return the core's solution as a `Calibration`; `pictures` are the names of the files."""
     figures = gathered.edges
-    tones = _tones(found, gathered.tones)
+    tones = _tones(solution, gathered.tones)
     tone, tone_std = pooled(tones)
-    sides = _sides(found, figures, side)
-    coherence = _coherence(found.correlation)
-    planes = _planes(found, gathered, sides, coherence)
-    solution = list(
-        solution_warnings(found, gathered, dict(zip(gathered.images, tones, strict=True)))
+    sides = _sides(solution, figures, side)
+    coherence = _coherence(solution.correlation)
+    planes = _planes(solution, gathered, sides, coherence)
+    fit_warnings = list(
+        solution_warnings(solution, gathered, dict(zip(gathered.images, tones, strict=True)))
     )
     warnings = [
-        *_causes(gathered, solution),
+        *_interlaced_warnings(gathered, fit_warnings),
         *_disagreeing_pictures(planes, gathered, coherence),
         *gathered.warnings,
-        *solution,
-        *_holes_of_unknown_side(sides, side),
+        *fit_warnings,
+        *_unknown_side_warnings(sides, side),
     ]
     return of_core(
         Calibration,
-        camera=_camera(found, gathered, settings),
-        std=ReadOnlyDict(found.std),
-        covariance=found.covariance,
-        parameters=tuple(found.parameters),
+        camera=_camera(solution, gathered, settings),
+        std=ReadOnlyDict(solution.std),
+        covariance=solution.covariance,
+        parameters=tuple(solution.parameters),
         planes=planes,
-        rms=found.rms,
-        noise_scale=found.noise_scale,
+        rms=solution.rms,
+        noise_scale=solution.noise_scale,
         warnings=tuple(by_severity(warnings)),
         method=settings.method,
         tone=tone,
         fixed=settings.fixed,
         orthogonal=settings.orthogonal,
         parallel=settings.parallel,
-        stage=found.stage,
-        alternatives=tuple(ModelAlternative(*other) for other in found.alternatives),
+        stage=solution.stage,
+        alternatives=tuple(ModelAlternative(*alternative) for alternative in solution.alternatives),
         coherence=coherence,
         tone_std=tone_std,
         rejected=tuple(gathered.rejected),
         edges=tuple(figure for figure in figures if figure.freedom != "line"),
-        residuals=tuple(map(_figure_residuals, found.residuals)),
-        lines=_scene_lines(found, figures),
+        residuals=tuple(map(_figure_residuals, solution.residuals)),
+        lines=_scene_lines(solution, figures),
         pictures=pictures,
     )
 
 
-def _causes(gathered: Gathered, solution: Sequence[CalibrationWarning]) -> list[CalibrationWarning]:
-    """Warn of interlaced pictures, which are looked for only after a warning of `UNFIT`."""
-    codes = {warning.code for warning in (*gathered.warnings, *solution)}
-    return [] if "interlaced" in codes or codes.isdisjoint(UNFIT) else interlaced(gathered)
+def _interlaced_warnings(
+    gathered: Gathered, fit_warnings: Sequence[CalibrationWarning]
+) -> list[CalibrationWarning]:
+    """Warn of interlaced pictures, looked for only after a warning of `INCONSISTENCY_CODES`."""
+    codes = {warning.code for warning in (*gathered.warnings, *fit_warnings)}
+    return (
+        []
+        if "interlaced" in codes or codes.isdisjoint(INCONSISTENCY_CODES)
+        else interlaced(gathered)
+    )
 
 
-def _tones(found: _core.Solution, by_edges: Sequence[PictureTone]) -> Sequence[PictureTone]:
+def _tones(solution: _core.Solution, edge_tones: Sequence[PictureTone]) -> Sequence[PictureTone]:
     """Return the tone curves of the edges, refined by the fit to the pixels if there is one."""
-    if not found.tones:
-        return by_edges
-    return [tone.refined(fit) for tone, fit in zip(by_edges, found.tones, strict=True)]
+    if not solution.tones:
+        return edge_tones
+    return [tone.refined(fit) for tone, fit in zip(edge_tones, solution.tones, strict=True)]
 
 
-def _camera(found: _core.Solution, gathered: Gathered, settings: Settings) -> Camera:
+def _camera(solution: _core.Solution, gathered: Gathered, settings: Settings) -> Camera:
     return of_core(
         Camera,
-        K=found.camera_matrix,
-        distortion=found.distortion,
+        K=solution.camera_matrix,
+        distortion=solution.distortion,
         image_size=gathered.image_size,
-        model=settings.model_of(found.model),
-        valid_radius=None if found.valid_radius == math.inf else found.valid_radius,
+        model=settings.model_of(solution.model),
+        valid_radius=None if solution.valid_radius == math.inf else solution.valid_radius,
     )
 
 
@@ -139,7 +145,7 @@ def _figure_residuals(found: _core.FigureResiduals) -> FigureResiduals:
 
 
 def _planes(
-    found: _core.Solution,
+    solution: _core.Solution,
     gathered: Gathered,
     sides: Sequence[float | None],
     coherence: ResidualCorrelation,
@@ -147,8 +153,11 @@ def _planes(
     """Return the planes in order; `sides` are the lengths of their units."""
     figures = gathered.edges
     images = gathered.images
-    outliers = {own.plane for own in found.warnings if own.code == "plane_rejected"}
-    side_errors = [own if coherence.sides_err_together else None for own in coherence.displacements]
+    outliers = {warning.plane for warning in solution.warnings if warning.code == "plane_rejected"}
+    side_errors = [
+        displacement if coherence.sides_err_together else None
+        for displacement in coherence.displacements
+    ]
     return tuple(
         _plane(
             plane,
@@ -156,9 +165,9 @@ def _planes(
             image=images[plane.image] if images else plane.image,
             side=sides[number],
             side_error=side_errors[number],
-            rejection=OUTLIER if number in outliers else None,
+            rejection=OUTLIER_REASON if number in outliers else None,
         )
-        for number, plane in enumerate(found.planes)
+        for number, plane in enumerate(solution.planes)
     )
 
 
@@ -185,14 +194,14 @@ def _plane(found: _core.SolvedPlane, side_error: float | None, **members: Any) -
 
 
 def _sides(
-    found: _core.Solution, figures: Sequence[PlaneEdges], side: float | None
+    solution: _core.Solution, figures: Sequence[PlaneEdges], side: float | None
 ) -> list[float | None]:
     """Return the length of every plane's unit: `side`, or None for a lone hole of a frame."""
     holes = lone_holes(figures)
-    return [None if figures[plane.figure].plane in holes else side for plane in found.planes]
+    return [None if figures[plane.figure].plane in holes else side for plane in solution.planes]
 
 
-def _holes_of_unknown_side(
+def _unknown_side_warnings(
     sides: Sequence[float | None], side: float | None
 ) -> list[CalibrationWarning]:
     """Warn of the planes whose unit is not the stated side."""
@@ -204,8 +213,8 @@ def _holes_of_unknown_side(
             "medium",
             number,
         )
-        for number, own in enumerate(sides)
-        if side is not None and own is None
+        for number, unit in enumerate(sides)
+        if side is not None and unit is None
     ]
 
 
@@ -221,14 +230,14 @@ def _disagreeing_pictures(
     return [CalibrationWarning(text, "pictures_disagree", "high")]
 
 
-def _scene_lines(found: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
+def _scene_lines(solution: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
     """Return the lines of the scene with the reasons why some are not used."""
-    agree = any(is_used for _, _, is_used in found.lines)
+    has_used_line = any(is_used for _, _, is_used in solution.lines)
     curved = "it is not straight under the lens that the other lines and the planes show"
     unusable = "no line agrees with the planes"
     lines = []
-    for index, rms, is_used in found.lines:
-        reason = curved if agree else unusable
+    for index, rms, is_used in solution.lines:
+        reason = curved if has_used_line else unusable
         if rms is None:
             reason = "the lens does not see all of it"
         points, image = figures[index].points[0], figures[index].image

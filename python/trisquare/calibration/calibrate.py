@@ -17,9 +17,9 @@ from trisquare._support.threads import thread_count
 from trisquare.calibration.assemble import assemble
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
-from trisquare.calibration.measured_photograph import Sought
-from trisquare.calibration.missed_squares import are_few, missed_squares
-from trisquare.calibration.select import chosen_by
+from trisquare.calibration.measured_photograph import SearchSettings
+from trisquare.calibration.missed_squares import has_few_squares, missed_squares
+from trisquare.calibration.select import chosen_planes
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import AnyModel, Method, PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
@@ -38,14 +38,14 @@ LARGE_SIDE = 10.0
 """Smallest side in metres, given as a plain number, for which a warning says that it may be in
 millimetres."""
 
-OF_MANY = dict.fromkeys(
+LIMIT_ADVICE = dict.fromkeys(
     ("max_seconds", "max_memory", "timeout"),
     "calibrate_many bounds time and memory, max_seconds= and max_memory=, in processes of its own",
 )
 """Advice for arguments of `calibrate` that set limits, which need a separate process."""
 
 
-@advising("several photographs are one argument, calibrate([first, second])", OF_MANY)
+@advising("several photographs are one argument, calibrate([first, second])", LIMIT_ADVICE)
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
     *,
@@ -243,17 +243,19 @@ def calibrate_photographs(
         raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
     length = length_in("m", side, "side")
     threads = thread_count(threads, len(photographs))
-    camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
-    sought = Sought.check(
+    is_camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
+    search_settings = SearchSettings.check(
         kinds,
         tone,
         outlines,
         photographs.sources,
         lines=lines,
-        camera_held=camera_held,
+        is_camera_held=is_camera_held,
         image_size=None if settings.initial is None else settings.initial.image_size,
     )
-    gathered = gather(photographs, sought, progress, threads=threads, explain_all=explain_all)
+    gathered = gather(
+        photographs, search_settings, progress, threads=threads, explain_all=explain_all
+    )
     settings.check_image_size(gathered.image_size)
     by_hand = outlines is not None
     try:
@@ -265,10 +267,12 @@ def calibrate_photographs(
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
         outcome = _ask_core(edges, gathered, settings, choosing, threads)
         if outcome.verdicts:
-            gathered.figures, others, remarks = chosen_by(outcome, gathered.figures, gathered.quads)
-            gathered.rejected += others
+            gathered.figures, dropped, remarks = chosen_planes(
+                outcome, gathered.figures, gathered.quads
+            )
+            gathered.rejected += dropped
             gathered.warnings += remarks
-        gathered.warnings += _doubts_of_side(side)
+        gathered.warnings += _side_warnings(side)
         calibration = assemble(
             outcome.solution(), gathered, settings, length, photographs.file_names
         )
@@ -277,9 +281,9 @@ def calibrate_photographs(
         raise
     camera, planes = calibration.camera, calibration.planes
     LOG.info("%s camera of %d planes, rms %.3g px", camera.model, len(planes), calibration.rms)
-    few = choosing and not camera_held and are_few(calibration)
-    shapes = rejected_shapes(gathered) if few or explain or explain_all else []
-    if few:
+    is_short = choosing and not is_camera_held and has_few_squares(calibration)
+    shapes = rejected_shapes(gathered) if is_short or explain or explain_all else []
+    if is_short:
         missed = missed_squares(calibration, shapes)
         calibration = replace(calibration, rejected=(*calibration.rejected, *missed))
         shapes = [shape for shape in shapes if shape not in missed]
@@ -289,12 +293,12 @@ def calibrate_photographs(
 def _nothing_to_fit(kinds: TargetKinds, gathered: Gathered, by_hand: bool) -> DetectionError:
     if not by_hand:
         # Lack of contrast is the reason only if all searched pictures lack it.
-        lacks = [own.lack_of_contrast() for own in gathered.searches.values()]
-        lack = lacks[0] if lacks and all(lacks) else ""
+        contrast_texts = [search.lack_of_contrast() for search in gathered.searches.values()]
+        lack = contrast_texts[0] if contrast_texts and all(contrast_texts) else ""
         return DetectionError(nothing_found(kinds, gathered.image_size, lack=lack))
     # The reasons against the outlines are added to every error, with their positions.
-    others = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
-    return DetectionError("; ".join(others))
+    other_texts = [text for text in gathered.warnings if not is_reported(text, gathered.rejected)]
+    return DetectionError("; ".join(other_texts))
 
 
 def calibrate_edges(
@@ -342,26 +346,26 @@ def calibrate_edges(
     """
     settings = Settings.check(method, model, fix, initial, free, orthogonal, parallel)
     length = length_in("m", side, "side")
-    wanted = "edges must be a list of PlaneEdges, such as PlaneEdges.square(sides)"
+    requirement = "edges must be a list of PlaneEdges, such as PlaneEdges.square(sides)"
     if isinstance(edges, PlaneEdges):
-        raise TypeError(f"{wanted}, not one of them")
+        raise TypeError(f"{requirement}, not one of them")
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
-            raise TypeError(f"{wanted}, not of {type(figure).__name__}")
+            raise TypeError(f"{requirement}, not of {type(figure).__name__}")
     # A plane may have any whole number as its name; the core counts planes from zero.
     names = dict.fromkeys(figure.plane for figure in figures if figure.plane is not None)
-    number = {name: count for count, name in enumerate(names)}
-    counted = [
-        figure if figure.plane is None else changed_edges(figure, plane=number[figure.plane])
+    plane_numbers = {name: count for count, name in enumerate(names)}
+    renumbered = [
+        figure if figure.plane is None else changed_edges(figure, plane=plane_numbers[figure.plane])
         for figure in figures
     ]
-    given = Gathered(size_of_image(image_size), figures, warnings=_doubts_of_side(side))
-    outcome = _ask_core(counted, given, settings, choosing=False)
-    return assemble(outcome.solution(), given, settings, length)
+    gathered = Gathered(size_of_image(image_size), figures, warnings=_side_warnings(side))
+    outcome = _ask_core(renumbered, gathered, settings, choosing=False)
+    return assemble(outcome.solution(), gathered, settings, length)
 
 
-def _doubts_of_side(side: str | float | None) -> list[CalibrationWarning]:
+def _side_warnings(side: str | float | None) -> list[CalibrationWarning]:
     """Warn of a side given as a number that is too large for metres; a text states its unit."""
     if side is None or isinstance(side, str) or side < LARGE_SIDE:
         return []
@@ -378,10 +382,10 @@ def _ask_core(
     choosing: bool,
     threads: int = 1,
 ) -> _core.Outcome:
-    place = {image: count for count, image in enumerate(gathered.images)}
-    if any(image != count for image, count in place.items()):
+    picture_numbers = {image: count for count, image in enumerate(gathered.images)}
+    if any(image != count for image, count in picture_numbers.items()):
         # The core numbers only the pictures that are used.
-        figures = [changed_edges(figure, image=place[figure.image]) for figure in figures]
+        figures = [changed_edges(figure, image=picture_numbers[figure.image]) for figure in figures]
     return _core.calibrate(
         figures,
         gathered.image_size,

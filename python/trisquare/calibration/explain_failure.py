@@ -31,13 +31,13 @@ def add_reasons(error: TrisquareError, gathered: Gathered) -> None:
     error.rejected = (*gathered.rejected, *rejected_shapes(gathered))
     texts = [str(error)]
     if isinstance(error, NotEnoughPlanesError) and any(
-        own.kind in BOARDS for own in gathered.figures
+        figure.kind in BOARDS for figure in gathered.figures
     ):
         texts.append(MORE_PICTURES)
     texts += interlaced(gathered)
-    for heading, things in (("found", error.found), ("not used", error.rejected)):
-        if things:
-            texts.append(f"{heading}: {_named(things, gathered.names)}")
+    for heading, candidates in (("found", error.found), ("not used", error.rejected)):
+        if candidates:
+            texts.append(f"{heading}: {_named(candidates, gathered.names)}")
     error.args = ("; ".join(texts),)
 
 

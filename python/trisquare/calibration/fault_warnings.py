@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from trisquare.images.faults import CLIPPED, PictureFaults
+from trisquare.images.faults import MAX_CLIPPED_SHARE, PictureFaults
 from trisquare.images.tone import PictureTone
 from trisquare.results.calibration_warning import CalibrationWarning
 
@@ -20,7 +20,7 @@ WARNED_BLUR = 2.5
 among cluttered scenes, none of 24 with 1 and 2 px was wrong by more than 3 standard deviations, and
 8 of 52 with 2.5 to 4 px were."""
 
-MUCH_LOST = 0.02
+MAX_CLIPPING_ERROR = 0.02
 """Uncertainty of each side's position due to clipped light (px) above which clipping is a likely
 cause of other warnings."""
 
@@ -33,26 +33,33 @@ def fault_warnings(
     `names` are the names of all pictures in messages.
     """
     texts: dict[str, list[str]] = {}
-    for image, own in faults.items():
-        for code, text in _texts(own, tones[image]).items():
+    for image, picture_faults in faults.items():
+        for code, text in _texts(picture_faults, tones[image]).items():
             texts.setdefault(code, []).append(f"{names[image]}: {text}")
     # A pattern, or things within reach of blurred edges, may be the reason for rejected sides.
     medium = {"periodic_pattern", "out_of_focus"}
-    if any(own.colour_shift is not None and not own.is_green for own in faults.values()):
+    if any(
+        picture_faults.colour_shift is not None and not picture_faults.is_green
+        for picture_faults in faults.values()
+    ):
         medium.add("chromatic_aberration")
-    if any(own.clipped > CLIPPED and own.line_error > MUCH_LOST for own in faults.values()):
+    if any(
+        picture_faults.clipped > MAX_CLIPPED_SHARE
+        and picture_faults.line_error > MAX_CLIPPING_ERROR
+        for picture_faults in faults.values()
+    ):
         medium.add("overexposed")
     return [
         CalibrationWarning(
-            f"{_ADVICE[code]} ({'; '.join(each)})",
+            f"{_ADVICE[code]} ({'; '.join(examples)})",
             code,
             "medium" if code in medium else "low",
         )
-        for code, each in texts.items()
+        for code, examples in texts.items()
     ]
 
 
-SPOILT = {
+SPOILT_TEXTS = {
     "overexposed": "overexposed",
     "motion_blurred": "blurred by motion",
     "out_of_focus": "out of focus",
@@ -96,30 +103,34 @@ _ADVICE = {
 }
 
 
-def _texts(own: PictureFaults, tone: PictureTone) -> dict[str, str]:
+def _texts(faults: PictureFaults, tone: PictureTone) -> dict[str, str]:
     texts = {}
-    if own.row_shift is not None:
-        x, y = own.row_shift
+    if faults.row_shift is not None:
+        x, y = faults.row_shift
         texts["interlaced"] = f"displaced by ({x:+.2f}, {y:+.2f}) px"
-    if own.colour_shift is not None and max(map(abs, own.colour_shift)) > WARNED_COLOUR_SHIFT:
-        blue, red = own.colour_shift
-        hardly = "" if own.is_green else ", but the targets hardly show in green: all are measured"
+    if faults.colour_shift is not None and max(map(abs, faults.colour_shift)) > WARNED_COLOUR_SHIFT:
+        blue, red = faults.colour_shift
+        addition = (
+            "" if faults.is_green else ", but the targets hardly show in green: all are measured"
+        )
         texts["chromatic_aberration"] = (
-            f"in the corners blue lies {blue:+.2f} px and red {red:+.2f} px outward{hardly}"
+            f"in the corners blue lies {blue:+.2f} px and red {red:+.2f} px outward{addition}"
         )
-    if own.motion is not None and own.motion[0] > WARNED_MOTION:
+    if faults.motion is not None and faults.motion[0] > WARNED_MOTION:
         texts["motion_blurred"] = (
-            f"by {own.motion[0]:.1f} px at {own.motion[1]:.0f} degrees from the x axis"
+            f"by {faults.motion[0]:.1f} px at {faults.motion[1]:.0f} degrees from the x axis"
         )
-    elif own.blur > WARNED_BLUR:
+    elif faults.blur > WARNED_BLUR:
         texts["out_of_focus"] = (
-            f"by {own.blur:.1f} px (standard deviation), reaching four times as far"
+            f"by {faults.blur:.1f} px (standard deviation), reaching four times as far"
         )
-    if own.pattern is not None:
-        texts["periodic_pattern"] = f"waves of {100.0 * own.pattern:.0f} % of the targets' contrast"
+    if faults.pattern is not None:
+        texts["periodic_pattern"] = (
+            f"waves of {100.0 * faults.pattern:.0f} % of the targets' contrast"
+        )
     shift = "" if tone.shift is None else f", shift {tone.shift[0]:+.2f} +- {tone.shift[1]:.2f} px"
-    if own.has_two_levels:
+    if faults.has_two_levels:
         texts["thresholded"] = "all pixels" + shift
-    elif own.clipped > CLIPPED:
-        texts["overexposed"] = f"{100.0 * own.clipped:.0f} % of the sides{shift}"
+    elif faults.clipped > MAX_CLIPPED_SHARE:
+        texts["overexposed"] = f"{100.0 * faults.clipped:.0f} % of the sides{shift}"
     return texts

@@ -17,7 +17,7 @@ from trisquare._support.terminal_text import printable
 from trisquare._support.threads import in_order
 from trisquare.calibration.measured_photograph import (
     MeasuredPhotograph,
-    Sought,
+    SearchSettings,
     measured_photograph,
 )
 from trisquare.calibration.repeated_views import repeated_views
@@ -36,7 +36,7 @@ MAX_EXPLAINED = 4
 """Maximum number of pictures whose rejected shapes a failure reports, those with the fewest
 targets: with a hundred pictures, reporting all of them would double the time."""
 
-TO_HEED = {"orientation_ignored"}
+ACTION_CODES = {"orientation_ignored"}
 """Remarks on photographs that require an action: a picture loaded turned has another camera."""
 
 LEAVE_OUT = "to calibrate without it, name the others, or move it out of the folder"
@@ -86,31 +86,35 @@ class Gathered:
     faults: list[PictureFaults] = field(default_factory=list)
     searches: dict[int, Search] = field(default_factory=dict)
 
-    def add(self, one: MeasuredPhotograph) -> None:
+    def add(self, photograph: MeasuredPhotograph) -> None:
         """Add what was measured in the next photograph, and its warnings."""
-        measured, annotated, index = one.measured, one.annotated, len(self.names)
-        self.names.append(one.name)
-        self.sizes.append(one.size)
+        measured, annotated, index = photograph.measured, photograph.annotated, len(self.names)
+        self.names.append(photograph.name)
+        self.sizes.append(photograph.size)
         self.searches[index] = measured.search
         self.pictures.append(measured.pixels)
         self.tones.append(measured.tone)
         self.faults.append(measured.faults)
         self.rejected += [replace(candidate, image=index) for candidate in measured.rejected]
         self.warnings += [
-            CalibrationWarning(text, code, "medium" if code in TO_HEED else "low")
-            for code, text in one.remarks
+            CalibrationWarning(text, code, "medium" if code in ACTION_CODES else "low")
+            for code, text in photograph.remarks
         ]
         if annotated is not None:
             self.warnings += [
-                CalibrationWarning(f"{one.name}: {candidate.reason}", "outline_rejected")
+                CalibrationWarning(f"{photograph.name}: {candidate.reason}", "outline_rejected")
                 for candidate in measured.rejected
             ]
-        if one.nothing:
-            self.warnings.append(CalibrationWarning(f"{one.name}: {one.nothing}", "nothing_found"))
+        if photograph.missing_reason:
+            self.warnings.append(
+                CalibrationWarning(
+                    f"{photograph.name}: {photograph.missing_reason}", "nothing_found"
+                )
+            )
         for figure in measured.figures:
             plane = None if figure.plane is None else figure.plane + len(self.quads)
             self.figures.append(changed_edges(figure, image=index, plane=plane))
-        self.lines += [changed_edges(line, image=index) for line in one.lines]
+        self.lines += [changed_edges(line, image=index) for line in photograph.lines]
         self.quads.update(enumerate(measured.quads, len(self.quads)))
 
     def leave_out_other_sizes(self) -> None:
@@ -123,25 +127,25 @@ class Gathered:
         """
         counts = Counter(self.sizes).most_common()
         self.image_size, count = counts[0]
-        other = next((i for i, size in enumerate(self.sizes) if size != self.sizes[0]), None)
-        if other is not None and 2 * count <= len(self.sizes):
+        odd_index = next((i for i, size in enumerate(self.sizes) if size != self.sizes[0]), None)
+        if odd_index is not None and 2 * count <= len(self.sizes):
             first = self.sizes[0]
-            turned = " (one seems to be turned)" if first == self.sizes[other][::-1] else ""
+            turned = " (one seems to be turned)" if first == self.sizes[odd_index][::-1] else ""
             raise ValueError(
-                f"{self._described(other)}, but {self.names[0]} is {first[0]} x {first[1]}: all "
-                f"pictures of one camera must have the same size{turned}"
+                f"{self._described(odd_index)}, but {self.names[0]} is {first[0]} x {first[1]}: "
+                f"all pictures of one camera must have the same size{turned}"
             )
-        kept = [size == self.image_size for size in self.sizes]
-        for index in [i for i, is_kept in enumerate(kept) if not is_kept]:
+        is_kept = [size == self.image_size for size in self.sizes]
+        for index in [i for i, has_size in enumerate(is_kept) if not has_size]:
             text = f"{self._described(index)}, unlike {count} others: it is left out"
             self.warnings.append(CalibrationWarning(text, "other_size"))
             self.searches.pop(index, None)
-        self.figures = [figure for figure in self.figures if kept[figure.image]]
-        self.lines = [line for line in self.lines if kept[line.image]]
-        self.rejected = [candidate for candidate in self.rejected if kept[candidate.image]]
-        self.pictures = list(compress(self.pictures, kept))
-        self.tones = list(compress(self.tones, kept))
-        self.faults = list(compress(self.faults, kept))
+        self.figures = [figure for figure in self.figures if is_kept[figure.image]]
+        self.lines = [line for line in self.lines if is_kept[line.image]]
+        self.rejected = [candidate for candidate in self.rejected if is_kept[candidate.image]]
+        self.pictures = list(compress(self.pictures, is_kept))
+        self.tones = list(compress(self.tones, is_kept))
+        self.faults = list(compress(self.faults, is_kept))
 
     def leave_out_repeated_views(self) -> None:
         """Leave out figures and lines of photographs that repeat another, with the same noise."""
@@ -187,7 +191,7 @@ def _leave_out_advised(count: int) -> Iterator[None]:
 
 def gather(
     photographs: Photographs,
-    sought: Sought,
+    search_settings: SearchSettings,
     progress: Callable[[int, int], None] | None,
     *,
     threads: int,
@@ -206,21 +210,25 @@ def gather(
         For bad arguments, and if no size is shared by most photographs.
     """
     gathered = Gathered()
-    measure = partial(measured_photograph, sought=sought, is_alone=len(photographs) == 1)
-    works = (partial(measure, load) for load in photographs.loaders())
-    with _leave_out_advised(len(photographs)), closing(in_order(works, threads)) as found:
-        for done, one in enumerate(found, 1):
-            gathered.add(one)
-            count = len(one.measured.figures)
-            name = printable(one.name)
-            LOG.info("%s: %d figures measured; %d of %d", name, count, done, len(photographs))
+    measure = partial(
+        measured_photograph, search_settings=search_settings, is_alone=len(photographs) == 1
+    )
+    tasks = (partial(measure, load) for load in photographs.loaders())
+    with _leave_out_advised(len(photographs)), closing(in_order(tasks, threads)) as results:
+        for measured_count, photograph in enumerate(results, 1):
+            gathered.add(photograph)
+            count = len(photograph.measured.figures)
+            name = printable(photograph.name)
+            LOG.info(
+                "%s: %d figures measured; %d of %d", name, count, measured_count, len(photographs)
+            )
             if not explain_all:
                 gathered.forget_richest_search()
             if progress is not None:
-                progress(done, len(photographs))
+                progress(measured_count, len(photographs))
     gathered.leave_out_other_sizes()
     gathered.leave_out_repeated_views()
-    if sought.lines and not gathered.lines:
+    if search_settings.lines and not gathered.lines:
         text = "no long edges beside the targets: no lines of the scene are used"
         gathered.warnings.append(CalibrationWarning(text, "no_lines", "low"))
     return gathered

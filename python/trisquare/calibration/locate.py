@@ -19,7 +19,7 @@ from trisquare.results.plane import Plane
 
 __all__ = ["locate"]
 
-LARGEST_MISFIT = 4.0
+MAX_MISFIT_RATIO = 4.0
 """Ratio of residuals to their noise, relative to that at calibration, above which a warning is
 given.
 
@@ -27,7 +27,7 @@ The ratio is up to 1.5 for paper that is not flat, compared with another sheet o
 For a picture that was undistorted it is 3 in the corners of a weak lens, and 100 for a strong one.
 """
 
-SMALLEST_MISFIT = 0.3
+MIN_MISFIT_RMS = 0.3
 """Residuals (px) below which no warning is given: a tone curve other than sRGB displaces edges by
 0.1 px."""
 
@@ -90,13 +90,15 @@ def locate(
     >>> plane.translation.round(2).tolist()
     [-1.04, -0.57, 2.33]
     """
-    found = located(image, camera, targets=targets, tone=tone, outlines=outlines, side=side)
-    for index, doubt in enumerate(found.doubts):
+    located_planes = located(
+        image, camera, targets=targets, tone=tone, outlines=outlines, side=side
+    )
+    for index, doubt in enumerate(located_planes.doubts):
         if doubt is not None:
             LOG.warning("plane %d: %s [plane_misfits]", index, doubt)
-        if index in found.holes:
+        if index in located_planes.holes:
             LOG.warning("plane %d %s [side_unknown]", index, HOLE)
-    return found.planes
+    return located_planes.planes
 
 
 def located(
@@ -109,12 +111,12 @@ def located(
     side: str | float | None = None,
 ) -> Located:
     """Find what `locate` finds, and which squares the camera does not explain."""
-    held = camera_of(camera)
-    found = calibrate(
+    known = camera_of(camera)
+    calibration = calibrate(
         image,
-        model=held.model,
+        model=known.model,
         fix=("focal", "principal_point", "distortion"),
-        initial=held,
+        initial=known,
         tone=tone,
         targets=targets,
         outlines=outlines,
@@ -123,22 +125,22 @@ def located(
     expected = max(1.0, camera.noise_scale) if isinstance(camera, Calibration) else 1.0
     doubts = (
         _doubt(plane, misfit)
-        if misfit > LARGEST_MISFIT * expected and plane.rms > SMALLEST_MISFIT
+        if misfit > MAX_MISFIT_RATIO * expected and plane.rms > MIN_MISFIT_RMS
         else None
-        for plane, misfit in zip(found.planes, _misfits(found), strict=True)
+        for plane, misfit in zip(calibration.planes, _misfits(calibration), strict=True)
     )
-    return Located(found.planes, tuple(doubts), lone_holes(found.edges))
+    return Located(calibration.planes, tuple(doubts), lone_holes(calibration.edges))
 
 
-def _misfits(found: Calibration) -> Iterator[float]:
+def _misfits(calibration: Calibration) -> Iterator[float]:
     """Yield the ratio of each plane's residuals to their noise, by medians."""
-    over_noise: list[list[FloatArray]] = [[] for _ in found.planes]
-    for edges, residuals in zip(found.edges, found.residuals, strict=True):
+    scaled_residuals: list[list[FloatArray]] = [[] for _ in calibration.planes]
+    for edges, residuals in zip(calibration.edges, calibration.residuals, strict=True):
         assert edges.std is not None  # measured edges have standard deviations
         sides = zip(residuals.distances, edges.std, strict=True)
-        over_noise[residuals.plane] += [own / std for own, std in sides]
-    for own in over_noise:
-        yield float(np.median(np.abs(np.concatenate(own)))) / NORMAL_MEDIAN
+        scaled_residuals[residuals.plane] += [distances / std for distances, std in sides]
+    for plane_residuals in scaled_residuals:
+        yield float(np.median(np.abs(np.concatenate(plane_residuals)))) / NORMAL_MEDIAN
 
 
 def _doubt(plane: Plane, misfit: float) -> str:

@@ -20,11 +20,13 @@ def lone_holes(figures: Sequence[PlaneEdges]) -> set[int]:
     is present, a single outline with the polarity of its hole is a hole. If no frame is whole, a
     light square may also be a sheet of paper on dark ground.
     """
-    of_plane: defaultdict[int, list[PlaneEdges]] = defaultdict(list)
+    outlines_by_plane: defaultdict[int, list[PlaneEdges]] = defaultdict(list)
     for figure in figures:
         if figure.plane is not None and figure.polarity and figure.kind in OUTLINED:
-            of_plane[figure.plane].append(figure)
-    whole = [own for own in of_plane.values() if len(own) == 2]
-    of_holes = {inner.polarity for _, inner in whole}
-    single = {plane: own[0] for plane, own in of_plane.items() if len(own) == 1}
-    return {plane for plane, own in single.items() if own.polarity in of_holes}
+            outlines_by_plane[figure.plane].append(figure)
+    whole_frames = [outlines for outlines in outlines_by_plane.values() if len(outlines) == 2]
+    hole_polarities = {inner.polarity for _, inner in whole_frames}
+    single = {
+        plane: outlines[0] for plane, outlines in outlines_by_plane.items() if len(outlines) == 1
+    }
+    return {plane for plane, outlines in single.items() if outlines.polarity in hole_polarities}

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # the import loads OpenCV, which is delayed until a picture i
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sought:
+class SearchSettings:
     """What is searched for in every photograph, and how.
 
     Attributes
@@ -32,7 +32,7 @@ class Sought:
         Outlines drawn by hand, in place of a search.
     lines : bool
         Whether lines of the scene are also found.
-    camera_held : bool
+    is_camera_held : bool
         Whether no parameter of the camera is estimated.
     image_size : (int, int) or None
         Size of the initial camera, if one is given: photographs of another size are not searched,
@@ -43,7 +43,7 @@ class Sought:
     tone: str | float | None
     drawings: Annotations | None
     lines: bool
-    camera_held: bool
+    is_camera_held: bool
     image_size: tuple[int, int] | None
 
     @classmethod
@@ -55,9 +55,9 @@ class Sought:
         sources: Sequence[ImageSource],
         *,
         lines: bool,
-        camera_held: bool,
+        is_camera_held: bool,
         image_size: tuple[int, int] | None,
-    ) -> Sought:
+    ) -> SearchSettings:
         """Check the arguments, and read the outlines drawn on the `sources`.
 
         Raises
@@ -71,7 +71,7 @@ class Sought:
         if not sources:
             raise ValueError("no picture given")
         drawings = None if outlines is None else Annotations.read(outlines, sources)
-        return cls(kinds, checked, drawings, lines, camera_held, image_size)
+        return cls(kinds, checked, drawings, lines, is_camera_held, image_size)
 
     def tone_of(self, photograph: Photograph) -> str | float:
         """Return the tone curve of a photograph.
@@ -87,7 +87,7 @@ class Sought:
                 "before it, and their tone curves probably differ: give one tone curve for all "
                 "(srgb, linear, auto or a gamma)"
             )
-        return tone_of(photograph.pixels, self.tone, camera_held=self.camera_held)
+        return tone_of(photograph.pixels, self.tone, is_camera_held=self.is_camera_held)
 
     def annotated_on(self, photograph: Photograph) -> Sequence[AnnotatedSquare] | None:
         """Return the outlines drawn on a photograph; None if there are none on any photograph.
@@ -117,7 +117,7 @@ class MeasuredPhotograph(NamedTuple):
     measured : MeasuredTargets
     lines : list of PlaneEdges
         Lines of the scene.
-    nothing : str
+    missing_reason : str
         Reason why nothing was measured in it, else empty.
     """
 
@@ -127,11 +127,11 @@ class MeasuredPhotograph(NamedTuple):
     annotated: Sequence[AnnotatedSquare] | None
     measured: MeasuredTargets
     lines: list[PlaneEdges]
-    nothing: str
+    missing_reason: str
 
 
 def measured_photograph(
-    load: Callable[[], Photograph], sought: Sought, *, is_alone: bool
+    load: Callable[[], Photograph], search_settings: SearchSettings, *, is_alone: bool
 ) -> MeasuredPhotograph:
     """Load a photograph and measure its targets, or the outlines drawn on it.
 
@@ -147,21 +147,21 @@ def measured_photograph(
     from trisquare.measurement.measure import measure
 
     photograph = load()
-    tone, annotated = sought.tone_of(photograph), sought.annotated_on(photograph)
+    tone, annotated = search_settings.tone_of(photograph), search_settings.annotated_on(photograph)
     size = picture_size(photograph.pixels)
-    is_of_use = not photograph.repeats and sought.image_size in (None, size)
-    looked_at = annotated if is_of_use else ()
-    measured = measure(photograph.pixels, sought.kinds, tone, looked_at)
+    is_usable = not photograph.is_repeat and search_settings.image_size in (None, size)
+    drawn = annotated if is_usable else ()
+    measured = measure(photograph.pixels, search_settings.kinds, tone, drawn)
     if not is_alone:
         measured = measured._replace(search=measured.search.reduced())
-    nothing, lines = "", []
-    if is_of_use:
+    missing_reason, lines = "", []
+    if is_usable:
         if not measured.figures:
-            nothing = _nothing_in(measured.search, size, annotated)
-        if sought.lines:
-            from trisquare.straightening.scene_lines import lines_beside
+            missing_reason = _missing_text(measured.search, size, annotated)
+        if search_settings.lines:
+            from trisquare.straightening.scene_lines import background_lines
 
-            lines = lines_beside(photograph.pixels, measured.figures)
+            lines = background_lines(photograph.pixels, measured.figures)
     return MeasuredPhotograph(
         photograph.name,
         size,
@@ -169,11 +169,11 @@ def measured_photograph(
         annotated,
         measured,
         lines,
-        nothing,
+        missing_reason,
     )
 
 
-def _nothing_in(
+def _missing_text(
     search: Search, size: tuple[int, int], annotated: Sequence[AnnotatedSquare] | None
 ) -> str:
     if annotated is None:

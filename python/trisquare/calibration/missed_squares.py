@@ -9,7 +9,7 @@ import numpy as np
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas, separated
 from trisquare.camera.camera import Camera
-from trisquare.detection.candidates import ENOUGH
+from trisquare.detection.candidates import SQUARES_NEEDED
 from trisquare.detection.square_views import square_columns
 from trisquare.results.calibration import Calibration
 from trisquare.results.rejected import CUT_BY_BORDER, Rejected
@@ -28,10 +28,10 @@ off by the border, glare over a corner moves it by a fifth of a side, and the ca
 known."""
 
 
-def are_few(calibration: Calibration) -> bool:
+def has_few_squares(calibration: Calibration) -> bool:
     """Return whether fewer plain squares are used than a calibration needs, and nothing else is."""
     used = [plane.kind for plane in calibration.planes if plane.is_used]
-    return len(used) < ENOUGH and set(used) <= {"square", "frame"}
+    return len(used) < SQUARES_NEEDED and set(used) <= {"square", "frame"}
 
 
 def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list[Rejected]:
@@ -42,17 +42,17 @@ def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list
     """
     used = [float(quad_areas(plane.corners)) for plane in calibration.planes if plane.is_used]
     smallest = min(used, default=0.0)
-    least_cut, most_oblique = MIN_SHARE, MAX_OBLIQUE
-    if len(used) < ENOUGH:
-        least_cut, most_oblique = MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW
+    min_cut_share, max_obliqueness = MIN_SHARE, MAX_OBLIQUE
+    if len(used) < SQUARES_NEEDED:
+        min_cut_share, max_obliqueness = MIN_CUT_SHARE, MAX_OBLIQUE_BY_FEW
     missed: list[Rejected] = []
     for shape in sorted(shapes, key=lambda shape: shape.reason == CUT_BY_BORDER):
         is_cut = shape.reason == CUT_BY_BORDER
         if (
-            quad_areas(shape.corners) >= (least_cut if is_cut else MIN_SHARE) * smallest
-            and (is_cut or _may_be_square(shape.corners, calibration.camera, most_oblique))
+            quad_areas(shape.corners) >= (min_cut_share if is_cut else MIN_SHARE) * smallest
+            and (is_cut or _may_be_square(shape.corners, calibration.camera, max_obliqueness))
             and not any(
-                _holds(shape, other) or _holds(other, shape)
+                _contains_centre(shape, other) or _contains_centre(other, shape)
                 for other in (*missed, *calibration.rejected)
             )
         ):
@@ -60,21 +60,21 @@ def missed_squares(calibration: Calibration, shapes: Sequence[Rejected]) -> list
     return missed
 
 
-def _holds(shape: Rejected, other: Rejected) -> bool:
+def _contains_centre(shape: Rejected, other: Rejected) -> bool:
     """Return whether the centre of another shape of the same picture is within a shape."""
     middle = other.corners.mean(axis=0)
     return shape.image == other.image and not separated(shape.corners, middle[None])
 
 
-def _may_be_square(corners: FloatArray, camera: Camera, most_oblique: float) -> bool:
+def _may_be_square(corners: FloatArray, camera: Camera, max_obliqueness: float) -> bool:
     """Return whether corners, shape (4, 2), are roughly those of a square for this camera."""
     try:
         rays = camera.unproject(corners)
     except ValueError:
         return False  # beyond the lens's valid radius
-    columns, ahead = square_columns(rays)
+    columns, is_ahead = square_columns(rays)
     across, down, _ = columns.T
     lengths = np.linalg.norm(across), np.linalg.norm(down)
     cosine = float(across @ down) / (lengths[0] * lengths[1])
     departure = max(abs(cosine), abs(np.log(lengths[0] / lengths[1])))
-    return bool(ahead) and bool(departure < most_oblique)
+    return bool(is_ahead) and bool(departure < max_obliqueness)

@@ -13,15 +13,15 @@ from trisquare.edges import PlaneEdges
 from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.rejected import Rejected
 
-FALSE_PLANE = (
+FALSE_PLANE_REASON = (
     "not exactly square (or of the stated shape) for the camera that the other planes determine"
 )
 
-OTHER_SHAPE = 0.01
+MAX_SHAPE_RESIDUAL = 0.01
 """Residual, as a fraction of a target's size, above which the shape is another one, as in the
 core."""
 
-PLAIN = {"square", "frame"}
+PLAIN_KINDS = {"square", "frame"}
 """Kinds that many things look like; boards and tags are not found by chance."""
 
 MIN_SURE = 3
@@ -37,7 +37,7 @@ class Chosen(NamedTuple):
     warnings: list[CalibrationWarning]
 
 
-def chosen_by(
+def chosen_planes(
     outcome: _core.Outcome,
     figures: Sequence[PlaneEdges],
     quads: Mapping[int, FloatArray],
@@ -47,47 +47,55 @@ def chosen_by(
     The core chose among the `figures`; `quads` has the corners, shape (4, 2), of every plane.
     """
     verdicts, doubt = outcome.verdicts, outcome.doubt
-    dropped = {figures[one.figure].plane: one for one in verdicts if not one.kept}
+    dropped = {
+        figures[candidate.figure].plane: candidate for candidate in verdicts if not candidate.kept
+    }
     rejected = []
     for plane, verdict in dropped.items():
         if plane is not None:
             figure = figures[verdict.figure]
             rejected.append(
-                Rejected(figure.kind, figure.image, quads[plane], FALSE_PLANE, verdict.residual)
+                Rejected(
+                    figure.kind, figure.image, quads[plane], FALSE_PLANE_REASON, verdict.residual
+                )
             )
     kept = [figure for figure in figures if figure.plane not in dropped]
     planes = {figure.plane for figure in kept if figure.plane is not None}
     smallest = min((float(quad_areas(quads[plane])) for plane in planes), default=0.0)
-    larger = [one for one in rejected if quad_areas(one.corners) > smallest]
+    larger = [candidate for candidate in rejected if quad_areas(candidate.corners) > smallest]
     warnings = []
-    chosen = f"one camera explains {len(planes)} of {len(verdicts)} planes found"
+    summary = f"one camera explains {len(planes)} of {len(verdicts)} planes found"
     if doubt is not None:
-        text = f"the choice among candidates is uncertain: {chosen}, and {doubt}{_or_zoom(figures)}"
+        text = (
+            f"the choice among candidates is uncertain: {summary}, and {doubt}{_zoom_hint(figures)}"
+        )
         warnings.append(CalibrationWarning(text, "choice_uncertain", "high"))
     elif larger:
         are = "shapes are" if len(larger) > 1 else "shape is"
         larger_ones = f"{len(larger)} rejected {are}"
         text = (
-            f"{chosen}; {larger_ones} larger than the smallest of these: if one is a true target, "
-            f"the answer is wrong{_or_zoom(figures)}"
+            f"{summary}; {larger_ones} larger than the smallest of these: if one is a true target, "
+            f"the answer is wrong{_zoom_hint(figures)}"
         )
-        sure = {figure.plane for figure in kept if figure.kind not in PLAIN}
-        are_outvoted = len(sure) >= MIN_SURE and {one.kind for one in larger} <= PLAIN
+        sure_planes = {figure.plane for figure in kept if figure.kind not in PLAIN_KINDS}
+        are_outvoted = (
+            len(sure_planes) >= MIN_SURE and {candidate.kind for candidate in larger} <= PLAIN_KINDS
+        )
         is_harmless = are_outvoted or all(map(_has_other_shape, larger))
         severity = "low" if is_harmless else "medium"
         warnings.append(CalibrationWarning(text, "larger_rejected", severity))
     return Chosen(kept, rejected, warnings)
 
 
-def _or_zoom(figures: Sequence[PlaneEdges]) -> str:
+def _zoom_hint(figures: Sequence[PlaneEdges]) -> str:
     """Return another possible cause if planes of several pictures are inconsistent."""
     if len({figure.image for figure in figures}) == 1:
         return ""
     return ". Were all pictures taken with one camera, zoom and focus?"
 
 
-def _has_other_shape(one: Rejected) -> bool:
+def _has_other_shape(candidate: Rejected) -> bool:
     """Return whether the shape of a rejected candidate is far from a target's."""
-    if one.residual is None:
+    if candidate.residual is None:
         return False
-    return one.residual > OTHER_SHAPE * math.sqrt(float(quad_areas(one.corners)))
+    return candidate.residual > MAX_SHAPE_RESIDUAL * math.sqrt(float(quad_areas(candidate.corners)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 
 import trisquare._core as _core
 from trisquare._support.number_text import listed
-from trisquare.calibration.fault_warnings import SPOILT, fault_warnings
+from trisquare.calibration.fault_warnings import SPOILT_TEXTS, fault_warnings
 from trisquare.calibration.gather import Gathered
 from trisquare.images.faults import PictureFaults
 from trisquare.images.tone import (
@@ -28,31 +28,33 @@ NO_CURVE_HINT = (
 
 
 def solution_warnings(
-    found: _core.Solution, gathered: Gathered, tones: Mapping[int, PictureTone]
+    solution: _core.Solution, gathered: Gathered, tones: Mapping[int, PictureTone]
 ) -> Iterator[CalibrationWarning]:
     """Warn of possible errors of the solution; `tones` are the pictures' tone curves, by index."""
     contradicting = contradicting_pictures(tones, gathered.names)
     # The core's warning, from the fit to the pixels, also states the effect on the camera.
-    codes = {own.code for own in found.warnings}
+    codes = {warning.code for warning in solution.warnings}
     if contradicting and "tone_contradicted" not in codes:
         text = contradiction_text(contradicting)
         yield CalibrationWarning(text, "tone_contradicted", "high")
     faults = _faults(gathered)
-    of_faults = fault_warnings(faults, tones, gathered.names)
-    yield from of_faults
-    yield from _shift_warnings(found, gathered, tones, faults)
-    spoilt = [SPOILT[own.code] for own in of_faults if own.code in SPOILT]
+    picture_warnings = fault_warnings(faults, tones, gathered.names)
+    yield from picture_warnings
+    yield from _shift_warnings(solution, gathered, tones, faults)
+    spoilt = [
+        SPOILT_TEXTS[warning.code] for warning in picture_warnings if warning.code in SPOILT_TEXTS
+    ]
     hints = _contradiction_hints(gathered, spoilt, codes)
     if any(tone.shift is not None for tone in tones.values()):
         hints += NO_CURVE_HINT
-    for own in found.warnings:
-        text = own.text
-        if own.code == "planes_contradict":
+    for warning in solution.warnings:
+        text = warning.text
+        if warning.code == "planes_contradict":
             text += hints
-        if own.picture is not None:
-            name = gathered.names[gathered.images[own.picture]]
+        if warning.picture is not None:
+            name = gathered.names[gathered.images[warning.picture]]
             text = contradiction_text(contradicting or name, text)
-        yield CalibrationWarning(text, own.code, own.severity, own.plane)
+        yield CalibrationWarning(text, warning.code, warning.severity, warning.plane)
 
 
 def _faults(gathered: Gathered) -> dict[int, PictureFaults]:
@@ -62,11 +64,11 @@ def _faults(gathered: Gathered) -> dict[int, PictureFaults]:
     """
     measured = {figure.image for figure in gathered.figures}
     faults = zip(gathered.images, gathered.faults, strict=True)
-    return {image: own for image, own in faults if image in measured}
+    return {image: picture_faults for image, picture_faults in faults if image in measured}
 
 
 def _shift_warnings(
-    found: _core.Solution,
+    solution: _core.Solution,
     gathered: Gathered,
     tones: Mapping[int, PictureTone],
     faults: Mapping[int, PictureFaults],
@@ -74,9 +76,9 @@ def _shift_warnings(
     """Warn of pictures that fit no tone curve, unless a fault with its own warning explains it."""
     # On a board, whose cells alternate, the shift cancels.
     drifting = {figure.image for figure in gathered.figures if figure.drift is not None}
-    no_fault = {image for image, own in faults.items() if not own.is_shifted}
-    shifted = {image: tones[image] for image in drifting & no_fault}
-    if text := shift_text(shifted, gathered.names, found.tone_growth):
+    faultless = {image for image, picture_faults in faults.items() if not picture_faults.is_shifted}
+    shifted = {image: tones[image] for image in drifting & faultless}
+    if text := shift_text(shifted, gathered.names, solution.tone_growth):
         yield CalibrationWarning(text, "no_tone_curve", "low")
 
 

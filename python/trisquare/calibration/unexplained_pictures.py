@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from trisquare.calibration.select import FALSE_PLANE
+from trisquare.calibration.select import FALSE_PLANE_REASON
 from trisquare.results.plane import Plane
 from trisquare.results.rejected import Rejected
 
@@ -17,11 +17,11 @@ MIN_PLANES = 3
 MIN_BOARDS = 2
 """Minimum number of boards that do not fit for a common cause."""
 
-BENT = 10.0
+MAX_DISPLACEMENT_RATIO = 10.0
 """Ratio of the displacement of a plane's sides to that of the flattest plane, above which the plane
 is not bent but was seen by another camera. The boards of real sets differ by a factor below 2."""
 
-FLAT = 0.05
+FLAT_DISPLACEMENT = 0.05
 """Displacement (px) up to which a plane counts as flat, even if that of the flattest is far
 smaller."""
 
@@ -34,16 +34,23 @@ def unexplained_pictures(
     `displacements` are, for every plane, the distance (px) by which its sides err together. Only
     those of the `rejected` count that the choice among candidates left out.
     """
-    used = [own for own in range(len(planes)) if planes[own].rejection is None]
-    limit = max(BENT * min((displacements[own] for own in used), default=0.0), FLAT)
-    fitting = {planes[own].image for own in used if displacements[own] <= limit}
+    used = [index for index in range(len(planes)) if planes[index].rejection is None]
+    limit = max(
+        MAX_DISPLACEMENT_RATIO * min((displacements[index] for index in used), default=0.0),
+        FLAT_DISPLACEMENT,
+    )
+    fitting = {planes[index].image for index in used if displacements[index] <= limit}
     kinds = [(plane.image, plane.kind) for plane in planes]
-    kinds += [(one.image, one.kind) for one in rejected if one.reason == FALSE_PLANE]
-    others = [(image, kind) for image, kind in kinds if image not in fitting]
-    boards = sum(kind in BOARDS for _, kind in others)
-    if len(others) < MIN_PLANES and boards < MIN_BOARDS:
+    kinds += [
+        (candidate.image, candidate.kind)
+        for candidate in rejected
+        if candidate.reason == FALSE_PLANE_REASON
+    ]
+    unexplained = [(image, kind) for image, kind in kinds if image not in fitting]
+    boards = sum(kind in BOARDS for _, kind in unexplained)
+    if len(unexplained) < MIN_PLANES and boards < MIN_BOARDS:
         return []
-    return sorted({image for image, _ in others})
+    return sorted({image for image, _ in unexplained})
 
 
 def disagreement_text(pictures: Sequence[str]) -> str:

@@ -37,7 +37,7 @@ class Approximation(Frozen):
     covered: float = 1.0
 
     def __str__(self) -> str:
-        said = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
+        summary = f"{self.title}, off by {self.rms:.3g} px rms, {self.worst:.3g} px at worst"
         part = min(100 * self.covered, 99.9)  # a part must not be rounded to 100 %
         where = f" of the {part:.3g} % of the picture that have a direction"
-        return said + (where if self.covered < 1 else "")
+        return summary + (where if self.covered < 1 else "")

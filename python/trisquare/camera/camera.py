@@ -39,8 +39,10 @@ _BY_COEFFICIENTS: Any = None
 # The simplest model that is chosen by the coefficients.
 USUAL_MODEL: LensModel = "radial2"
 # Numbers of coefficients that determine the model; four may be a pinhole's or a fisheye's.
-TELLING_LENGTHS = tuple(length for length in OPENCV_LENGTHS if length != 4)
-OF_FOUR = "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
+OPENCV_COUNTS = tuple(length for length in OPENCV_LENGTHS if length != 4)
+FOUR_COEFFICIENTS_HINT = (
+    "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
+)
 
 OPENCV_NAMES = {
     **dict.fromkeys(("cameraMatrix", "camera_matrix", "mtx"), "K"),
@@ -386,10 +388,10 @@ class Camera(RebuiltByConstructor):
         # Under one common scale, each side may have been rounded up or down.
         sides = list(zip(self.image_size, size, strict=True))
         if max((new - 1) / old for old, new in sides) >= min((new + 1) / old for old, new in sides):
-            own, other = ("{} x {}".format(*each) for each in (self.image_size, size))
+            size_text, new_size_text = ("{} x {}".format(*each) for each in (self.image_size, size))
             raise ValueError(
-                f"pictures of {other} have another aspect ratio than the camera's, {own}: "
-                f"{self._instead_of(size)}"
+                f"pictures of {new_size_text} have another aspect ratio than the camera's, "
+                f"{size_text}: {self._instead_of(size)}"
             )
         K = np.array(self.K)
         for axis, (old, new) in enumerate(sides):
@@ -565,10 +567,14 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
         (distortion,) = distortion  # ... and that of its tolist()
     values = real_array(distortion, "distortion", (None,))
     if model is None:
-        return _told_by(values)
+        return _opencv_model(values)
     names = COEFFICIENTS[model]
     if len(values) != len(names):
-        advice = OF_FOUR if len(values) == 4 else "without model= the coefficients tell it"
+        advice = (
+            FOUR_COEFFICIENTS_HINT
+            if len(values) == 4
+            else "without model= the coefficients tell it"
+        )
         raise ValueError(
             f"distortion must have shape ({len(names)}), not {values.shape}: model={model!r} has "
             f"{', '.join(names)}; {advice}"
@@ -576,21 +582,21 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
     return model, values
 
 
-def _told_by(values: FloatArray) -> tuple[str, FloatArray]:
+def _opencv_model(values: FloatArray) -> tuple[str, FloatArray]:
     """Return the model that OpenCV's coefficients determine, and its distortion."""
-    if len(values) not in TELLING_LENGTHS:
-        advice = f": {OF_FOUR}" if len(values) == 4 else ""
+    if len(values) not in OPENCV_COUNTS:
+        advice = f": {FOUR_COEFFICIENTS_HINT}" if len(values) == 4 else ""
         raise ValueError(
-            f"distortion must have {', '.join(map(str, TELLING_LENGTHS))} coefficients without "
+            f"distortion must have {', '.join(map(str, OPENCV_COUNTS))} coefficients without "
             f"model=, not {len(values)}{advice}"
         )
-    found = opencv_distortion(values.tolist(), USUAL_MODEL)
-    if found is None:
+    lens = opencv_distortion(values.tolist(), USUAL_MODEL)
+    if lens is None:
         raise ValueError(
             f"distortion tilts the sensor (tx, ty {values[-2:].tolist()}), which no model does: of "
             "a file, Camera.load(path, approximate=True) reads the nearest lens"
         )
-    return found[0], real_array(found[1], "distortion", (None,))
+    return lens[0], real_array(lens[1], "distortion", (None,))
 
 
 def camera_parameters(camera: Camera) -> dict[str, float]:

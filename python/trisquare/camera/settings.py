@@ -72,7 +72,7 @@ class Settings:
             raise ValueError(
                 'model="auto" needs method="ml" and a free distortion: otherwise name a model'
             )
-        if held is not None and "distortion" in names and model not in _alike(held):
+        if held is not None and "distortion" in names and model not in _equivalent_models(held):
             raise ValueError(
                 f"the distortion of a {held.model} lens cannot be held in a {model} lens: "
                 f"choose model={held.model!r}"
@@ -94,11 +94,13 @@ class Settings:
     def check_image_size(self, image_size: tuple[int, int]) -> None:
         """Raise ValueError if the initial camera is for pictures of another size."""
         if self.initial is not None and self.initial.image_size != image_size:
-            own, other = ("{} x {}".format(*size) for size in (self.initial.image_size, image_size))
+            camera_size, picture_size = (
+                "{} x {}".format(*size) for size in (self.initial.image_size, image_size)
+            )
             raise ValueError(
-                f"the initial camera is for pictures of {own}, these have {other}: if only the "
-                "resolution differs, scale it (Camera.rescaled; trisquare convert --rescale "
-                f"{image_size[0]}x{image_size[1]})"
+                f"the initial camera is for pictures of {camera_size}, these have {picture_size}: "
+                "if only the resolution differs, scale it (Camera.rescaled; trisquare convert "
+                f"--rescale {image_size[0]}x{image_size[1]})"
             )
 
     def initial_camera(self, image_size: tuple[int, int]) -> CoreCamera | None:
@@ -107,10 +109,10 @@ class Settings:
         return None if self.initial is None else camera_for_core(self.initial)
 
 
-def _alike(camera: Camera) -> list[str]:
+def _equivalent_models(camera: Camera) -> list[str]:
     """Return the models with the same coefficients as a camera's."""
-    own = COEFFICIENTS[camera.model]
-    return [model for model, coefficients in COEFFICIENTS.items() if coefficients == own]
+    coefficients = COEFFICIENTS[camera.model]
+    return [model for model, names in COEFFICIENTS.items() if names == coefficients]
 
 
 def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
@@ -137,14 +139,14 @@ def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
 
 def _hint(name: str, known: Sequence[str]) -> str:
     """Return a hint at what was meant, if there is one."""
-    coefficients = {own for names in COEFFICIENTS.values() for own in names}
+    coefficients = {coefficient for names in COEFFICIENTS.values() for coefficient in names}
     if name in coefficients:
         return "single coefficients cannot be held, model= says which ones the lens has; "
     if name in ("fx", "fy", "cx", "cy"):
         group = "focal" if name[0] == "f" else "principal_point"
         return f"{name} is held with {group!r}; "
-    meant = nearest_name(name, known)
-    return "" if meant is None else f"did you mean {meant!r}? "
+    suggestion = nearest_name(name, known)
+    return "" if suggestion is None else f"did you mean {suggestion!r}? "
 
 
 def _checked_names(
@@ -153,7 +155,7 @@ def _checked_names(
     if not isinstance(given, Iterable):
         raise TypeError(f"{verb} takes names, such as {known[0]!r}, not {type(given).__name__}")
     # Names joined by commas, as on the command line.
-    names = [own.strip() for own in given.split(",")] if isinstance(given, str) else list(given)
+    names = [part.strip() for part in given.split(",")] if isinstance(given, str) else list(given)
     for name in names:
         if name in others:
             raise ValueError(f"cannot {verb} {name!r}: {why}")

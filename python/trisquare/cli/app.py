@@ -157,13 +157,13 @@ def _usage_message(error: Any) -> str:
     parameters = () if context is None else context.command.params
     elsewhere = OPTIONS_ELSEWHERE.get(option)
     if elsewhere is not None and any(elsewhere in each.opts for each in parameters):
-        meant: str | None = elsewhere
+        suggestion: str | None = elsewhere
     else:
-        meant = nearest_name(option, getattr(error, "possibilities", None) or ())
+        suggestion = nearest_name(option, getattr(error, "possibilities", None) or ())
     if option and context is not None and context.parent is None:
         message = f"No such option: {option}; options of a command come after its name"
-    elif meant is not None:
-        message = f"No such option: {option}. Did you mean {meant}?"
+    elif suggestion is not None:
+        message = f"No such option: {option}. Did you mean {suggestion}?"
     elif NEGATIVE_NUMBER.match(option):
         message = f"{message}; put -- before arguments that begin with a minus"
     elif message.startswith("Missing option '--camera'"):

@@ -182,7 +182,7 @@ def batch_command(
         "retake": counts.retake,
         "outlying": counts.outlying,
         "all_passed": counts.all_passed,
-        "limits": [str(own) for own in requirements],
+        "limits": [str(requirement) for requirement in requirements],
     }
     answer(json, quiet, members, _report(output, counts, done, failed, notes))
     if not counts.all_passed:
@@ -370,9 +370,9 @@ def _log(total: int) -> Callable[[int | None], None]:
         if done is not None and now - last >= LOG_SECONDS:
             last = now
             rate = done / (now - start)
-            left = max(0, total - done) / rate
+            seconds_left = max(0, total - done) / rate
             print(
-                f"{done} of {total} cameras, {rate:.2f}/s, {left / 60:.0f} min left",
+                f"{done} of {total} cameras, {rate:.2f}/s, {seconds_left / 60:.0f} min left",
                 file=sys.stderr,
                 flush=True,
             )

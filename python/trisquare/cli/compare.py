@@ -65,11 +65,11 @@ def compare_command(
     if grid and not json:
         raise ValueError("--grid is for --json; --map FILE draws the differences")
     check_outputs([first, second], [map_file])
-    known = read_camera(first)
-    lens = camera_of(known)
+    first_camera = read_camera(first)
+    lens = camera_of(first_camera)
     both = f"{second}, compared with {first}"
-    other = of_size(read_camera(second), lens.image_size, rescale, both)
-    comparison = compare(known, other)
+    second_camera = of_size(read_camera(second), lens.image_size, rescale, both)
+    comparison = compare(first_camera, second_camera)
     if map_file is not None:
         write_atomically({map_file: encode_drawn(draw_comparison(comparison), map_file)})
     written = [] if map_file is None else [f"wrote {map_file}"]

@@ -64,14 +64,14 @@ def _without_blank_ends(console: Console) -> Iterator[None]:
 def texts_and_codes(warnings: Sequence[CalibrationWarning]) -> dict[str, list[str]]:
     """Return the members of a command's JSON with its warnings and, in the same order, codes."""
     return {
-        "warnings": [str(own) for own in warnings],
-        "warning_codes": [own.code for own in warnings],
+        "warnings": [str(warning) for warning in warnings],
+        "warning_codes": [warning.code for warning in warnings],
     }
 
 
 def coded_lines(warnings: Iterable[CalibrationWarning]) -> Iterator[str]:
     """Yield a line for each of a command's warnings, with its code."""
-    return (f"warning: {own} [{own.code}]" for own in warnings)
+    return (f"warning: {warning} [{warning.code}]" for warning in warnings)
 
 
 def line_of(text: str, style: str = "") -> Text:

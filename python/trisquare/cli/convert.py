@@ -79,9 +79,9 @@ def convert_command(
         )
     written = loaded.camera
     if rescale is not None:
-        wanted = parse_size(rescale)
+        rescaled_size = parse_size(rescale)
         with naming(source):
-            written = written.rescaled(wanted)
+            written = written.rescaled(rescaled_size)
     approximation = save_camera(written, target, known.name, approximate=approximate)
     members = {
         "format": CONVERSION_FORMAT,

@@ -144,8 +144,8 @@ def _advice_for(word: str) -> str:
         return f": it is 'trisquare {ELSEWHERE[word]}'."
     if os.path.exists(word):
         return f": it is 'trisquare calibrate {word}', or another."
-    meant = None if word.startswith("-") else nearest_name(word, SUMMARIES)
-    return "" if meant is None else f". Did you mean {meant!r}?"
+    suggestion = None if word.startswith("-") else nearest_name(word, SUMMARIES)
+    return "" if suggestion is None else f". Did you mean {suggestion!r}?"
 
 
 def load_command(name: str) -> HelpfulCommand:

@@ -68,11 +68,13 @@ def photographs_named(
                 "are joined by commas (--fix aspect,principal_point), and a value holds no space "
                 "(--side 84mm)"
             )
-    meant = [path for path in paths if path == STANDARD_INPUT or not is_drawn(path)] or paths
+    photograph_paths = [
+        path for path in paths if path == STANDARD_INPUT or not is_drawn(path)
+    ] or paths
     photos: list[Path] = []
-    for path in meant:
+    for path in photograph_paths:
         found = [path] if path == STANDARD_INPUT else sources_of(path, with_videos=with_videos)
-        photos += [Path(str(own)) for own in found]
+        photos += [Path(str(path_text)) for path_text in found]
     return photos
 
 
@@ -104,10 +106,12 @@ def of_size(
     with naming(what):
         scaled = rescaled(camera, image_size)
     if not rescale:
-        own, other = ("{} x {}".format(*size) for size in (lens.image_size, image_size))
+        camera_text, picture_text = (
+            "{} x {}".format(*size) for size in (lens.image_size, image_size)
+        )
         raise ValueError(
-            f"{what}: the camera's pictures are {own}, not {other}: use --rescale if only the "
-            "resolution differs"
+            f"{what}: the camera's pictures are {camera_text}, not {picture_text}: use --rescale "
+            "if only the resolution differs"
         )
     return scaled
 

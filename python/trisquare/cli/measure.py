@@ -122,10 +122,10 @@ def measure_command(
         raise ValueError("give two points or more, as X,Y; or --rectify FILE")
     if resolution is not None and rectify is None:
         raise ValueError("--resolution is of the view from above: give --rectify FILE as well")
-    given = None if side is None else Length.with_unit(side, "--side")
+    given_side = None if side is None else Length.with_unit(side, "--side")
     check_outputs([photo, camera, outline], [rectify])
     known = read_camera(camera)
-    stated, of_rectangles = _stated_side(known), _are_rectangles(known)
+    calibrated_side, is_of_rectangles = _stated_side(known), _are_rectangles(known)
     picture, tag = read_photograph(photo)
     if rectify is not None:
         check_depth(picture, rectify)
@@ -142,31 +142,32 @@ def measure_command(
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
         planes, doubts, holes = located(picture, known, targets=targets, outlines=outline)
-    others: Sequence[int] = ()
+    alternatives: Sequence[int] = ()
     if plane is None:
-        plane, *others = _likely_planes(pixels, planes, lens)
+        plane, *alternatives = _likely_planes(pixels, planes, lens)
     chosen = _chosen(planes, plane)
     if plane in holes:
         warnings.append(CalibrationWarning(f"plane {plane} {HOLE}", "side_unknown"))
-        stated = None  # the calibration states the side of frames, not of holes
-    length = given or stated or Length(1.0, "")
-    warnings += _doubts_of_side(given, stated)
-    if chosen.kind != RECTANGLE and of_rectangles:
+        calibrated_side = None  # the calibration states the side of frames, not of holes
+    length = given_side or calibrated_side or Length(1.0, "")
+    warnings += _side_warnings(given_side, calibrated_side)
+    if chosen.kind != RECTANGLE and is_of_rectangles:
         text = (
             f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
             "rectangles: if it is one of them, name it as there, such as --targets a4"
         )
         warnings.append(CalibrationWarning(text, "shape_differs"))
-    if others:
-        options = " or ".join(f"--plane {index}" for index in (plane, *others))
+    if alternatives:
+        options = " or ".join(f"--plane {index}" for index in (plane, *alternatives))
         text = (
             f"no plane holds a point: plane {plane} is the nearest, and plane "
-            f"{listed([str(other) for other in others])} nearly as near: say {options}"
+            f"{listed([str(alternative) for alternative in alternatives])} nearly as near: "
+            f"say {options}"
         )
         warnings.append(CalibrationWarning(text, "plane_unclear"))
     if doubts[plane] is not None:
         warnings.append(CalibrationWarning(f"plane {plane}: {doubts[plane]}", "plane_misfits"))
-    lines = [_heading(plane, chosen, given, stated)]
+    lines = [_heading(plane, chosen, given_side, calibrated_side)]
     members: dict[str, Any] = {
         "format": MEASUREMENT_FORMAT,
         "plane": plane,
@@ -182,7 +183,7 @@ def measure_command(
             exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
             lines.append(_share_of_points(measured, exact, point_std))
         lines += _side_errors(chosen)
-        members |= {key: own for key, own in measured.members().items() if key not in members}
+        members |= {key: value for key, value in measured.members().items() if key not in members}
         warnings += _doubts(measured, pixels, planes, plane)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
@@ -206,7 +207,7 @@ def _heading(index: int, plane: Plane, given: Length | None, stated: Length | No
     return f"{heading}, side {stated.value:g} {stated.unit} as calibrated"
 
 
-def _doubts_of_side(given: Length | None, stated: Length | None) -> Iterator[CalibrationWarning]:
+def _side_warnings(given: Length | None, stated: Length | None) -> Iterator[CalibrationWarning]:
     if given is not None and stated is not None and not isclose(given.metres, stated.metres):
         text = (
             f"--side {given.value:g} {given.unit} is used, where the calibration states "
@@ -278,14 +279,20 @@ def _likely_planes(pixels: FloatArray, planes: Sequence[Plane], camera: Camera) 
     """
     if not len(pixels):
         return (0,)
-    held = [_count_within(pixels, plane) for plane in planes]
-    if len(pixels) in held:
-        return (held.index(len(pixels)),)
-    far = [extrapolation_on(plane, pixels, camera) for plane in planes]
-    first, *others = sorted(range(len(planes)), key=lambda index: (-held[index], far[index]))
-    if held[first] or far[first] == inf:
+    point_counts = [_count_within(pixels, plane) for plane in planes]
+    if len(pixels) in point_counts:
+        return (point_counts.index(len(pixels)),)
+    distances = [extrapolation_on(plane, pixels, camera) for plane in planes]
+    first, *alternatives = sorted(
+        range(len(planes)), key=lambda index: (-point_counts[index], distances[index])
+    )
+    if point_counts[first] or distances[first] == inf:
         return (first,)
-    return first, *(other for other in others if far[other] <= NEARLY_AS_NEAR * far[first])
+    return first, *(
+        alternative
+        for alternative in alternatives
+        if distances[alternative] <= NEARLY_AS_NEAR * distances[first]
+    )
 
 
 def _count_within(pixels: FloatArray, plane: Plane) -> int:
@@ -307,14 +314,16 @@ def _doubts(
 ) -> Iterator[CalibrationWarning]:
     """Yield warnings of points that may not be on the plane that they are measured on."""
     for number, (x, y) in enumerate(pixels, 1):
-        around = [
-            at for at, it in enumerate(planes) if not separated(it.corners, np.array([[x, y]]))
+        planes_around = [
+            plane_index
+            for plane_index, plane in enumerate(planes)
+            if not separated(plane.corners, np.array([[x, y]]))
         ]
-        if around and index not in around:
-            other = around[0]
+        if planes_around and index not in planes_around:
+            surrounding = planes_around[0]
             text = (
-                f"point {number}, ({x:g}, {y:g}), is within plane {other}: it is measured as if it "
-                f"were on plane {index}; say --plane {other} if it is not"
+                f"point {number}, ({x:g}, {y:g}), is within plane {surrounding}: it is measured as "
+                f"if it were on plane {index}; say --plane {surrounding} if it is not"
             )
             yield CalibrationWarning(text, "point_on_other_plane")
     if measured.extrapolation is not None and measured.extrapolation > FAR:

@@ -97,7 +97,9 @@ def predict_command(
         guess = _pinhole(written, stated, pixels) if known is None else known
         planned = []
         if written is not None and not square:
-            planned = [planned_square(own, guess, frame) for own in written.objects("squares")]
+            planned = [
+                planned_square(fields, guess, frame) for fields in written.objects("squares")
+            ]
     if square:
         planned = [_square(text, guess, frame) for text in square]
     elif written is None:
@@ -168,7 +170,7 @@ def _default_squares(camera: Camera, frame: float | None) -> list[PlannedSquare]
             )
             for *centre, direction in DEFAULT_SQUARES
         ]
-        if all(_is_in_picture(own, camera) for own in planned):
+        if all(_is_in_picture(square, camera) for square in planned):
             break
     return planned
 

@@ -136,11 +136,11 @@ def _lines(
     values = (*camera.coefficients.tolist(), *camera.centre.tolist())
     texts = [with_its_std(value, std[name]) for name, value in zip(std, values, strict=True)]
     numbers = [
-        f"{name} {text} +- {its_std}" for name, (text, its_std) in zip(std, texts, strict=True)
+        f"{name} {text} +- {std_text}" for name, (text, std_text) in zip(std, texts, strict=True)
     ]
     yield f"{camera.family} model, in half diagonals: {', '.join(numbers[:-2])}"
     if found.centre_held:
-        (x, y), known = camera.centre.tolist(), " and ".join(its_std for _, its_std in texts[-2:])
+        (x, y), known = camera.centre.tolist(), " and ".join(std_text for _, std_text in texts[-2:])
         yield (
             f"centre of distortion, px: cx {x:.6g}, cy {y:.6g}, held at the picture's centre: the "
             f"lines tell it only to {known} px"
@@ -149,10 +149,10 @@ def _lines(
         yield f"centre of distortion, px: {', '.join(numbers[-2:])}"
     map_ = camera.displacement_map()
     largest = (map_.displacement**2).sum(axis=1).argmax()
-    moved, its_std = with_its_std(
+    moved, std_text = with_its_std(
         *(float((each[largest] ** 2).sum()) ** 0.5 for each in (map_.displacement, map_.std))
     )
-    yield f"largest displacement {moved} +- {its_std} px"
+    yield f"largest displacement {moved} +- {std_text} px"
     if not models:
         yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:

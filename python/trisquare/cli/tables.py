@@ -46,14 +46,14 @@ def calibration_report(
         texts = plane_texts(plane, unit)
         called = str(number) if plane.is_used else f"{number} unused"
         planes.add_row(called, line_of(plane.kind), str(plane.image), *texts)
-    told = [
+    details = [
         *_pictures(calibration),
         *_unused(calibration),
         *_aspects(calibration),
         *_lines(calibration),
         *_rejected(calibration, missed),
     ]
-    return [parameters, planes, _summary(calibration), *told]
+    return [parameters, planes, _summary(calibration), *details]
 
 
 def _pictures(calibration: Calibration) -> list[Text]:
@@ -78,13 +78,13 @@ def comparison_report(calibration: Calibration, truth: Camera) -> list[Renderabl
     true_values = camera_parameters(truth)
     for name, value in camera_parameters(calibration.camera).items():
         if name in calibration.std:
-            std, true = calibration.std[name], true_values[name]
-            error, decimals = value - true, decimals_shown(std)
+            std, true_value = calibration.std[name], true_values[name]
+            error, decimals = value - true_value, decimals_shown(std)
             table.add_row(
                 name,
                 unit_of(name),
                 *with_its_std(value, std),
-                f"{true:.{decimals}f}",
+                f"{true_value:.{decimals}f}",
                 f"{error:+.{decimals}f}",
                 f"{error / std:+.1f}" if std > 0 else "",
             )
@@ -152,15 +152,15 @@ def _rejected(calibration: Calibration, missed: Sequence[Rejected]) -> list[Text
 
 def warning_lines(calibration: Calibration, *, verbose: bool = True) -> list[str]:
     """Return a line for each warning, unless `verbose` only for the most severe ones."""
-    most = None if verbose else MAX_WARNINGS
-    told = calibration.warnings[:most]
+    limit = None if verbose else MAX_WARNINGS
+    warnings = calibration.warnings[:limit]
     lines = [
         f"warning ({warning.severity}): {warning} [{_about(calibration, warning)}]"
-        for warning in told
+        for warning in warnings
     ]
-    more = len(calibration.warnings) - len(lines)
-    if more:
-        lines.append(f"and {more} more: --verbose")
+    omitted = len(calibration.warnings) - len(lines)
+    if omitted:
+        lines.append(f"and {omitted} more: --verbose")
     return lines
 
 

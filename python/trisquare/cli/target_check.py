@@ -81,7 +81,9 @@ def _lines(check: SheetCheck, calibration: Calibration) -> Iterator[str]:
     width = max(len(finding.check) for finding in check.findings)
     for finding in check.findings:
         yield f"  {finding.check:<{width}}  {finding.verdict:<11}  {_sentence(finding)}"
-    partly = check.verdict == "cannot tell" and any(it.verdict == "ok" for it in check.findings)
+    partly = check.verdict == "cannot tell" and any(
+        finding.verdict == "ok" for finding in check.findings
+    )
     is_doubted = any(warning.severity == "high" for warning in calibration.warnings)
     summary = "ok but for what it cannot tell" if partly and not is_doubted else check.verdict
     yield f"the sheet: {summary}"

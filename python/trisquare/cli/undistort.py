@@ -156,12 +156,12 @@ def undistort_command(
     warnings = done.warnings
     if isinstance(known, Calibration):
         warnings += [
-            CalibrationWarning(f"{camera}: {own}", own.code, own.severity)
-            for own in known.warnings
-            if _is_repeated(own)
+            CalibrationWarning(f"{camera}: {item}", item.code, item.severity)
+            for item in known.warnings
+            if _is_repeated(item)
         ]
     # Without black pixels nothing is missing: a narrow view was asked for.
-    has_black = any(own["valid_rectangle"][2:] != own["image_size"] for own in done.pictures)
+    has_black = any(item["valid_rectangle"][2:] != item["image_size"] for item in done.pictures)
     warnings += _warnings_of_views(lens, done.views, has_black=has_black)
     members = {
         "format": UNDISTORTION_FORMAT,
@@ -362,11 +362,11 @@ def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Itera
             width, height = picture["image_size"]
             x, y, valid_width, valid_height = picture["valid_rectangle"]
             names = ("fx", "fy", "focal", "cx", "cy")
-            numbers = ", ".join(f"{it} {camera[it]:.6g}" for it in names if it in camera)
-            what = camera.get("projection", "new camera")
+            numbers = ", ".join(f"{name} {camera[name]:.6g}" for name in names if name in camera)
+            view_name = camera.get("projection", "new camera")
             is_lost = not is_camera_kept and "projection" not in camera
             hint = " (--new-camera FILE keeps it)" if is_lost else ""
-            yield f"{what}, without distortion: {width} x {height}, {numbers}{hint}"
+            yield f"{view_name}, without distortion: {width} x {height}, {numbers}{hint}"
             rectangle = f"({x}, {y}) of {valid_width} x {valid_height}"
             yield f"no black border in the rectangle from {rectangle}"
         before = camera

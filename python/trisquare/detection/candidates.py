@@ -14,7 +14,7 @@ MIN_CONTRAST = 14.0
 """Minimum contrast of an edge, grey levels: what blur leaves of a contrast of 60 in the weak half
 of strongly uneven light."""
 
-ENOUGH = 3
+SQUARES_NEEDED = 3
 """Number of squares that a calibration needs; if fewer are found, the picture is searched again at
 half its size, where a blur of 4 pixels is one of 2 and four pixels average their noise."""
 
@@ -61,8 +61,8 @@ class SquareOutline:
     The second, inner outline of a frame is numbered like the outer one. The corners of a tag begin
     at the top left of its code. Side 0 of a rectangle is `aspect` times as long as its side 1; None
     if that is unknown. If it `is_beside_others`, other things may lie right beside its sides.
-    `beside` is an unused outline right beside it, if there is one, such as the other one of a thin
-    frame.
+    `adjacent` is an unused outline right beside it, if there is one, such as the other one of a
+    thin frame.
     """
 
     outer: Outline
@@ -70,7 +70,7 @@ class SquareOutline:
     tag: Tag | None = None
     aspect: float | None = 1.0
     is_beside_others: bool = False
-    beside: Outline | None = None
+    adjacent: Outline | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trisquare._support.suggestions import unknown
-from trisquare.detection.grey import RANGE_PERCENTILES, SURE_SIDE, working_scale
-from trisquare.detection.squares.rectangle_shape import NAMED, RectangleShape
+from trisquare.detection.grey import RANGE_PERCENTILES, RELIABLE_SIDE, working_scale
+from trisquare.detection.squares.rectangle_shape import NAMED_ASPECTS, RectangleShape
 from trisquare.detection.tags.families import (
     APRILTAG,
     ARUCO,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _BOARD = "name its inner corners, chessboard:9x6, or nothing at all: boards are found untold"
 
-OF_LAYOUT = {
+LAYOUT_ADVICE = {
     "chessboard": _BOARD,
     "checkerboard": _BOARD,
     "charuco": "name its layout, charuco:10x10:0.75 (squares across and down, marker over square)",
@@ -120,9 +120,9 @@ class TargetKinds:
             return cls(layout=parse_layout(text))
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
-            if text in OF_LAYOUT:
-                raise ValueError(f"{text!r} is no target by itself: {OF_LAYOUT[text]}")
-            raise unknown("targets", text, (*TAG_SEARCHES, *NAMED, "rectangle"), CHOICES)
+            if text in LAYOUT_ADVICE:
+                raise ValueError(f"{text!r} is no target by itself: {LAYOUT_ADVICE[text]}")
+            raise unknown("targets", text, (*TAG_SEARCHES, *NAMED_ASPECTS, "rectangle"), CHOICES)
         cols, rows = int(match[1]), int(match[2])
         if min(cols, rows) < SMALLEST_BOARD:
             raise ValueError(f"a chessboard needs 3 x 3 inner corners or more, not {cols} x {rows}")
@@ -141,7 +141,9 @@ def nothing_found(
     `size` is that of the picture, on which the minimum size of a target depends; `lack` describes
     the lack of contrast of a picture that hardly has any.
     """
-    reasons = dict.fromkeys(f"a {one.kind} was not used: {one.reason}" for one in rejected)
+    reasons = dict.fromkeys(
+        f"a {candidate.kind} was not used: {candidate.reason}" for candidate in rejected
+    )
     missing = _missing(targets, size)
     return "; ".join([f"{lack}: {missing}" if lack else missing, *reasons])
 
@@ -178,7 +180,7 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
 
 
 def _least_width(usual: int, size: tuple[int, int]) -> int:
-    return max(usual, SURE_SIDE * working_scale(size))
+    return max(usual, RELIABLE_SIDE * working_scale(size))
 
 
 def _lonely_squares(size: tuple[int, int]) -> str:

@@ -21,7 +21,7 @@ that side, to 70 degrees across that side."""
 PINHOLE = 8.0
 """Focal length, over the picture's longer side, of a fisheye that is as good as a pinhole."""
 
-STRAIGHT = 0.01
+MAX_STRAIGHT_BEND = 0.01
 """Bend of a side, over its chord, up to which a quad is read by its corners alone."""
 
 
@@ -38,11 +38,13 @@ class SquareViews:
         """Build views from sides, (Q, 4, N, 2), clockwise on the screen, and a width and height."""
         points = centred(sides, image_size)
         focal_lengths = np.full(len(sides), PINHOLE)
-        bent = np.flatnonzero(bends(sides) > STRAIGHT)
+        bent = np.flatnonzero(bends(sides) > MAX_STRAIGHT_BEND)
         if bent.size:
-            tried = np.append(FISHEYE_FOCAL_LENGTHS, PINHOLE)
-            left = bends_left(fisheye_rays(points[bent], tried), points[bent], tried)
-            focal_lengths[bent] = tried[left.argmin(axis=0)]
+            trial_focals = np.append(FISHEYE_FOCAL_LENGTHS, PINHOLE)
+            residuals = residual_bends(
+                fisheye_rays(points[bent], trial_focals), points[bent], trial_focals
+            )
+            focal_lengths[bent] = trial_focals[residuals.argmin(axis=0)]
         corners = _rays(points[:, :, 0], focal_lengths[:, None])
         return cls(square_columns(corners)[0], focal_lengths, image_size)
 
@@ -91,18 +93,18 @@ def square_columns(rays: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     -------
     columns : ndarray, shape (..., 3, 3)
         `h1`, `h2` and `h3`.
-    ahead : ndarray of bool, shape (...)
+    is_ahead : ndarray of bool, shape (...)
         Whether the corners are in front of the camera, along their rays.
     """
     first, second, third, fourth = np.moveaxis(rays, -2, 0)
     system = np.stack([second, fourth, -third], axis=-1)
-    singular = np.abs(np.linalg.det(system)) < np.finfo(float).tiny
-    system[singular] = np.eye(3)
+    is_singular = np.abs(np.linalg.det(system)) < np.finfo(float).tiny
+    system[is_singular] = np.eye(3)
     scales = np.linalg.solve(system, first[..., None])
     h1 = scales[..., 0, :] * second - first
     h2 = scales[..., 1, :] * fourth - first
-    ahead = (scales[..., 0] > 0.0).all(axis=-1) & ~singular
-    return np.stack([h1, h2, first], axis=-1), np.asarray(ahead)
+    is_ahead = (scales[..., 0] > 0.0).all(axis=-1) & ~is_singular
+    return np.stack([h1, h2, first], axis=-1), np.asarray(is_ahead)
 
 
 def bends(sides: FloatArray) -> FloatArray:
@@ -110,15 +112,15 @@ def bends(sides: FloatArray) -> FloatArray:
     chords = sides[:, :, -1] - sides[:, :, 0]
     offsets = sides - sides[:, :, :1]
     areas = offsets[..., 0] * chords[:, :, None, 1] - offsets[..., 1] * chords[:, :, None, 0]
-    off = np.abs(areas).max(axis=2) / (chords**2).sum(axis=-1)
-    return np.asarray(off.max(axis=1, initial=0.0))
+    departures = np.abs(areas).max(axis=2) / (chords**2).sum(axis=-1)
+    return np.asarray(departures.max(axis=1, initial=0.0))
 
 
-def bends_left(rays: FloatArray, sides: FloatArray, focal_lengths: FloatArray) -> FloatArray:
+def residual_bends(rays: FloatArray, sides: FloatArray, focal_lengths: FloatArray) -> FloatArray:
     """Return how far rays leave the planes of their sides' ends, over the chords, shape (F, Q)."""
     normals = np.cross(rays[..., 0, :], rays[..., -1, :])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     angles = np.abs((rays * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
     chords = np.linalg.norm(sides[:, :, -1] - sides[:, :, 0], axis=-1)
-    left = angles * focal_lengths[:, None, None] / chords
-    return np.asarray(left.max(axis=-1))
+    residuals = angles * focal_lengths[:, None, None] / chords
+    return np.asarray(residuals.max(axis=-1))

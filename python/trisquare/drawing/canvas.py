@@ -80,14 +80,14 @@ def draw_label(canvas: Canvas, text: str, centre: FloatArray, colour: Colour, sc
     """Write a text centred at a point, outlined to be readable on any ground."""
     width, height = text_size(text, scale)
     position = centre + np.array([-width / 2, height / 2])
-    around = max(1.0, 2 * scale)
-    for shift in around * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]]):
+    outline_width = max(1.0, 2 * scale)
+    for shift in outline_width * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]]):
         draw_text(canvas, text, position + shift, OUTLINE_COLOUR, scale)
     draw_text(canvas, text, position, colour, scale)
 
 
 def draw_legend(
-    canvas: Canvas, entries: Sequence[tuple[str, Colour]], to_keep_clear: FloatArray
+    canvas: Canvas, entries: Sequence[tuple[str, Colour]], points_to_keep: FloatArray
 ) -> Box:
     """Write the entries on a darkened ground in the emptiest corner, at most half as wide.
 
@@ -103,7 +103,7 @@ def draw_legend(
     legend_width = min(width, round(min(widest, 0.5 * width) * 1.05 + 2 * margin))
     corners = [(x, y) for y in (0, height - legend_height) for x in (0, width - legend_width)]
     covered = [
-        ((to_keep_clear >= (x, y)) & (to_keep_clear < (x + legend_width, y + legend_height)))
+        ((points_to_keep >= (x, y)) & (points_to_keep < (x + legend_width, y + legend_height)))
         .all(axis=1)
         .sum()
         for x, y in corners

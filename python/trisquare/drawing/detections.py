@@ -92,13 +92,13 @@ def draw_detections(
         (f"not used: {len(labels) - accepted}", REJECTED_COLOUR),
     ]
     quads = [corners for _, _, corners in labels]
-    taken = [draw_legend(canvas, entries, np.vstack([np.empty((0, 2)), *quads]))]
+    used_boxes = [draw_legend(canvas, entries, np.vstack([np.empty((0, 2)), *quads]))]
     size = text_scale(canvas)
     letter = text_size("Xg", size)[1]
     for text, colour, corners in labels:
         lines = textwrap.wrap(text, LABEL_WIDTH)
-        box = _label_box(canvas, lines, corners, taken)
-        taken.append(box)
+        box = _label_box(canvas, lines, corners, used_boxes)
+        used_boxes.append(box)
         entries = [(line, colour) for line in lines]
         write_lines(canvas, box, entries, LINE_SPACING * letter, (0.5 * letter, 0.0), size)
     thickness = max(1, round(max(canvas.shape) / 1000))
@@ -115,7 +115,7 @@ def _enlarged(corners: FloatArray, scale: int) -> FloatArray:
 
 
 def _label_box(
-    canvas: Canvas, lines: Sequence[str], corners: FloatArray, taken: Sequence[Box]
+    canvas: Canvas, lines: Sequence[str], corners: FloatArray, used_boxes: Sequence[Box]
 ) -> Box:
     """Find the place for a label in or beside a quad (4, 2) with the least overlap with others."""
     scale = text_scale(canvas)
@@ -131,14 +131,14 @@ def _label_box(
         x, y = middle
         places += [(x, below), (x, above), (right, y), (left, y)]
         places += [(right, below), (left, below), (right, above), (left, above)]
-    inside = bool(np.all(size < INSIDE * (high - low)))
-    places.insert(0 if inside else len(places), (middle[0], middle[1]))
+    fits_inside = bool(np.all(size < INSIDE * (high - low)))
+    places.insert(0 if fits_inside else len(places), (middle[0], middle[1]))
     largest = np.maximum(np.array(canvas.shape[1::-1]) - size, 0.0)
     starts = np.clip(places, 0.0, largest)
-    others = np.array(taken)
-    shared = np.minimum((starts + size)[:, None], others[:, 2:]) - np.maximum(
-        starts[:, None], others[:, :2]
+    occupied = np.array(used_boxes)
+    overlaps = np.minimum((starts + size)[:, None], occupied[:, 2:]) - np.maximum(
+        starts[:, None], occupied[:, :2]
     )
-    overlap = np.maximum(shared, 0.0).prod(axis=2).sum(axis=1)
+    overlap = np.maximum(overlaps, 0.0).prod(axis=2).sum(axis=1)
     x, y = starts[int(np.argmin(overlap))].tolist()
     return x, y, x + float(size[0]), y + float(size[1])

@@ -55,11 +55,11 @@ def draw_comparison(comparison: Comparison) -> Canvas:
     shrink = LONGEST_SIDE / max(width, height)
     size = (max(round(width * shrink), 1), max(round(height * shrink), 1))
     distance = comparison.distance
-    known = np.isfinite(distance)
+    is_known = np.isfinite(distance)
     worst = max(comparison.worst, np.finfo(float).tiny)
-    level = _enlarged(np.where(known, distance, 0.0) / worst, size, cv2.INTER_LINEAR)
+    level = _enlarged(np.where(is_known, distance, 0.0) / worst, size, cv2.INTER_LINEAR)
     chart = _viridis(255 * level)
-    chart[_enlarged(known, size, cv2.INTER_NEAREST) < 0.5] = UNKNOWN_COLOUR
+    chart[_enlarged(is_known, size, cv2.INTER_NEAREST) < 0.5] = UNKNOWN_COLOUR
     _draw_arrows(chart, comparison)
     return _framed(chart, comparison)
 
@@ -74,19 +74,19 @@ def _enlarged(grid: npt.NDArray[Any], size: tuple[int, int], interpolation: int)
     rows, columns = grid.shape
     x = np.linspace(0, columns - 1, size[0], dtype=np.float32)
     y = np.linspace(0, rows - 1, size[1], dtype=np.float32)
-    at_x, at_y = np.meshgrid(x, y)
-    return np.asarray(cv2.remap(grid.astype(np.float32), at_x, at_y, interpolation))
+    map_x, map_y = np.meshgrid(x, y)
+    return np.asarray(cv2.remap(grid.astype(np.float32), map_x, map_y, interpolation))
 
 
 def _draw_arrows(chart: Canvas, comparison: Comparison) -> None:
     """Draw arrows for some of the differences, the largest about as long as they are apart."""
     rows, columns = comparison.distance.shape
     height, width = chart.shape[:2]
-    every = max(columns // ARROWS_ACROSS, 1)
+    step = max(columns // ARROWS_ACROSS, 1)
     scale = np.array([width, height]) / np.array(comparison.first.image_size)
     length = width / ARROWS_ACROSS / max(comparison.worst, np.finfo(float).tiny)
-    for row in range(every // 2, rows, every):
-        for column in range(every // 2, columns, every):
+    for row in range(step // 2, rows, step):
+        for column in range(step // 2, columns, step):
             difference = comparison.difference[row, column]
             if not np.all(np.isfinite(difference)):
                 continue
@@ -108,8 +108,10 @@ def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
     lines = textwrap.wrap(
         comparison.verdict, max(letters, 1), break_long_words=False, break_on_hyphens=False
     )
-    below = round(2 * letter * (len(lines) + 0.5))
-    canvas = np.full((height + below, width + 2 * bar + 8 * letter_width, 3), GROUND_COLOUR, "u1")
+    text_height = round(2 * letter * (len(lines) + 0.5))
+    canvas = np.full(
+        (height + text_height, width + 2 * bar + 8 * letter_width, 3), GROUND_COLOUR, "u1"
+    )
     canvas[:height, :width] = chart
     shades = np.linspace(255, 0, height)[:, None].repeat(bar, axis=1)
     canvas[:height, width + bar // 2 : width + bar // 2 + bar] = _viridis(shades)
@@ -122,7 +124,9 @@ def _framed(chart: Canvas, comparison: Comparison) -> Canvas:
         place = np.array([letter_width, height + 2 * letter * (number + 1)])
         draw_text(canvas, line, place, TEXT_COLOUR, scale)
     x, y = np.array(comparison.worst_at) * [width, height] / comparison.first.image_size
-    room = 4 * letter_width
-    where = np.array([np.clip(x, room, width - room), np.clip(y, 2 * letter, height - 2 * letter)])
-    draw_label(canvas, f"{two_digits(comparison.worst)} px", where, TEXT_COLOUR, scale)
+    margin = 4 * letter_width
+    position = np.array(
+        [np.clip(x, margin, width - margin), np.clip(y, 2 * letter, height - 2 * letter)]
+    )
+    draw_label(canvas, f"{two_digits(comparison.worst)} px", position, TEXT_COLOUR, scale)
     return canvas

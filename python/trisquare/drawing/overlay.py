@@ -91,12 +91,13 @@ def draw_overlay(
         raise TypeError(f"calibration must be a Calibration, not {type(calibration).__name__}")
     picture = load_picture(image)
     if picture_size(picture) != calibration.camera.image_size:
-        found, own = picture_size(picture), calibration.camera.image_size
+        size, camera_size = picture_size(picture), calibration.camera.image_size
         raise ValueError(
-            f"the picture is {found[0]} x {found[1]}, the camera's are {own[0]} x {own[1]}"
+            f"the picture is {size[0]} x {size[1]}, the camera's are {camera_size[0]} x "
+            f"{camera_size[1]}"
         )
-    shown = (plane.image + 1 for plane in calibration.planes)
-    count = max([len(calibration.pictures), *shown])
+    picture_counts = (plane.image + 1 for plane in calibration.planes)
+    count = max([len(calibration.pictures), *picture_counts])
     if not 0 <= whole_number(index, "index") < count:
         raise ValueError(f"index must be from 0 to {count - 1}, as there are pictures, not {index}")
     if exaggeration is not None:
@@ -109,7 +110,7 @@ def draw_overlay(
     lines = [line for line in calibration.lines if line.image == index]
     used = [line.points for line in lines if line.is_used]
     rejected = [line.points for line in lines if not line.is_used]
-    of_lines = draw_used_and_rejected(canvas, used, rejected, " of the scene") if lines else []
+    line_entries = draw_used_and_rejected(canvas, used, rejected, " of the scene") if lines else []
     for side in sides:
         draw_lines(canvas, list(needles(side, exaggeration)), RESIDUAL_COLOUR, thickness)
     for number, side in enumerate(sides):
@@ -127,8 +128,8 @@ def draw_overlay(
         entries.append(("chords of the sides", CHORD_COLOUR))
         entries.append((f"residuals drawn x {exaggeration:g} (rms {rms:.2g} px)", RESIDUAL_COLOUR))
     corners = [plane.corners for plane in calibration.planes if plane.image == index]
-    drawn = [*corners, *(side.points for side in sides), *used, *rejected]
-    draw_legend(canvas, entries + of_lines, np.vstack([np.empty((0, 2)), *drawn]))
+    points_to_keep = [*corners, *(side.points for side in sides), *used, *rejected]
+    draw_legend(canvas, entries + line_entries, np.vstack([np.empty((0, 2)), *points_to_keep]))
     return canvas
 
 
@@ -162,7 +163,7 @@ def _draw_axes(
     if not len(origin):
         return  # beyond the valid radius
     origin = origin[0]
-    taken = []
+    directions = []
     for axis, (name, colour) in enumerate(zip("XYZ", AXIS_COLOURS, strict=True)):
         points = np.zeros((len(steps), 3))
         points[:, axis] = steps
@@ -171,13 +172,17 @@ def _draw_axes(
             continue
         draw_lines(canvas, [curve], colour, 3 * thickness)
         direction = (curve[-1] - origin) / max(float(np.hypot(*(curve[-1] - origin))), 1.0)
-        taken.append(direction)
+        directions.append(direction)
         draw_label(canvas, name, curve[-1] + 24 * size * direction, colour, size)
     # The number is placed farthest from the directions of the axes.
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    around = np.column_stack([np.cos(angles), np.sin(angles)])
-    free = around[np.argmin((around @ np.transpose(taken)).max(axis=1))] if taken else np.zeros(2)
-    draw_label(canvas, str(number), origin + 28 * size * free, CENTRE_COLOUR, 1.2 * size)
+    candidates = np.column_stack([np.cos(angles), np.sin(angles)])
+    free_direction = (
+        candidates[np.argmin((candidates @ np.transpose(directions)).max(axis=1))]
+        if directions
+        else np.zeros(2)
+    )
+    draw_label(canvas, str(number), origin + 28 * size * free_direction, CENTRE_COLOUR, 1.2 * size)
 
 
 def _projected(calibration: Calibration, plane: Plane, points: FloatArray) -> FloatArray:

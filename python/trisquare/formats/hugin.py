@@ -105,12 +105,12 @@ def write(lens: PanoLens, suffix: str) -> str:
     view = math.degrees(2.0 * math.atan(0.5 * width / lens.focal))
     shift = (lens.centre[0] - 0.5 * (width - 1), lens.centre[1] - 0.5 * (height - 1))
     numbers = {"a": lens.a, "b": lens.b, "c": lens.c, "d": shift[0], "e": shift[1]}
-    said = " ".join(f"{key}{float(value)!r}" for key, value in numbers.items())
+    words = " ".join(f"{key}{float(value)!r}" for key, value in numbers.items())
     return (
         "# hugin project file\n"
         f'p f0 w{width} h{height} v{math.ceil(min(view, 179.0))} n"TIFF_m"\n'
         "m i0\n"
-        f"i w{width} h{height} f0 v{view!r} {said} g0 t0 r0 p0 y0 TrX0 TrY0 TrZ0 "
+        f"i w{width} h{height} f0 v{view!r} {words} g0 t0 r0 p0 y0 TrX0 TrY0 TrZ0 "
         'n"photo.jpg"\n'
     )
 

@@ -128,7 +128,7 @@ def write(lens: Camera | PanoLens, suffix: str) -> str:
     model = "poly5" if isinstance(lens, Camera) else "ptlens"
     millimetres = focal / diagonal * FULL_FRAME_DIAGONAL
     shift = [(c - 0.5 * (side - 1)) / half for c, side in zip(centre, lens.image_size, strict=True)]
-    said = " ".join(f'{key}="{float(value)!r}"' for key, value in terms.items())
+    attributes = " ".join(f'{key}="{float(value)!r}"' for key, value in terms.items())
     return f"""<lensdatabase version="1">
     <mount><name>trisquare</name></mount>
     <lens>
@@ -140,7 +140,7 @@ def write(lens: Camera | PanoLens, suffix: str) -> str:
         <center x="{shift[0]!r}" y="{shift[1]!r}"/>
         <type>rectilinear</type>
         <calibration>
-            <distortion model="{model}" focal="{millimetres!r}" {said}/>
+            <distortion model="{model}" focal="{millimetres!r}" {attributes}/>
         </calibration>
     </lens>
 </lensdatabase>

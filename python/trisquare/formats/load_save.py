@@ -174,8 +174,8 @@ def written(
         if lens is not None:
             return known.write(lens, suffix), None
     fitted = [family for family in known.families if family.is_polynomial]
-    own = [family for family in fitted if family.is_of(camera)]
-    most_general = (own or fitted)[-1]
+    families = [family for family in fitted if family.is_of(camera)]
+    most_general = (families or fitted)[-1]
     skew = f", skew {camera.skew:.3g} px" if camera.skew else ""
     cannot = f"{known.title} cannot hold this camera (model {camera.model}{skew})"
     try:

@@ -67,12 +67,12 @@ class PanoLens:
             raise ValueError(f"a, b and c add up to {1 - scale:g}; the sum must be less than 1")
         # Coefficients for the radius of a pinhole that has the focal length of the centre.
         step = self.focal / self.half
-        bend = (self.c * step / scale, self.b * step**2 / scale, self.a * step**3 / scale)
+        curvature = (self.c * step / scale, self.b * step**2 / scale, self.a * step**3 / scale)
         focal = self.focal * scale
         K = camera_matrix(focal, focal, *self.centre)
-        if bend[0] == bend[2] == 0:
-            return simplest_camera(K, {"k1": bend[1]}, self.image_size)
-        return ForeignLens(title, K, self.image_size, " ".join(POWERS), bend)
+        if curvature[0] == curvature[2] == 0:
+            return simplest_camera(K, {"k1": curvature[1]}, self.image_size)
+        return ForeignLens(title, K, self.image_size, " ".join(POWERS), curvature)
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,52 +44,52 @@ def stated_turn(encoded: bytes) -> tuple[bool, int]:
 
 def _turns(encoded: bytes) -> Iterator[tuple[bytes, int]]:
     """Yield kind and value of the boxes that turn the primary item."""
-    at, end = _places(encoded, 0, len(encoded))[b"meta"]
-    meta = _places(encoded, at + FULL_BOX, end)
-    at, _ = meta[b"pitm"]
-    (primary,) = struct.unpack_from(">I" if encoded[at] else ">H", encoded, at + FULL_BOX)
+    start, end = _places(encoded, 0, len(encoded))[b"meta"]
+    meta = _places(encoded, start + FULL_BOX, end)
+    start, _ = meta[b"pitm"]
+    (primary,) = struct.unpack_from(">I" if encoded[start] else ">H", encoded, start + FULL_BOX)
     properties = _places(encoded, *meta[b"iprp"])
     stated = list(_boxes(encoded, *properties[b"ipco"]))
     for index in _associations(encoded, properties[b"ipma"][0], primary):
         if index == 0:  # no property
             continue
-        kind, at, _ = stated[index - 1]
+        kind, start, _ = stated[index - 1]
         if kind in (b"irot", b"imir"):
-            yield kind, encoded[at]
+            yield kind, encoded[start]
 
 
-def _places(encoded: bytes, at: int, end: int) -> dict[bytes, tuple[int, int]]:
+def _places(encoded: bytes, start: int, end: int) -> dict[bytes, tuple[int, int]]:
     """Return where the content of each kind of box begins and ends."""
-    return {kind: (begin, last) for kind, begin, last in _boxes(encoded, at, end)}
+    return {kind: (begin, last) for kind, begin, last in _boxes(encoded, start, end)}
 
 
-def _boxes(encoded: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]]:
+def _boxes(encoded: bytes, position: int, end: int) -> Iterator[tuple[bytes, int, int]]:
     """Yield the kind of each box between two places, and where its content begins and ends."""
     for _ in range(MAX_BOXES):
-        if at + 8 > end:
+        if position + 8 > end:
             return
-        length, kind = struct.unpack_from(">I4s", encoded, at)
-        content = at + 8
+        length, kind = struct.unpack_from(">I4s", encoded, position)
+        content = position + 8
         if length == 1:
             (length,) = struct.unpack_from(">Q", encoded, content)
             content += 8
-        last = at + length if length else end
+        last = position + length if length else end
         if not content <= last <= end:
             return
         yield kind, content, last
-        at = last
+        position = last
 
 
-def _associations(encoded: bytes, at: int, item: int) -> Iterator[int]:
+def _associations(encoded: bytes, position: int, item: int) -> Iterator[int]:
     """Yield the properties of an item, counted from 1, from the content of an ``ipma`` box."""
-    version, is_wide = encoded[at], encoded[at + 3] & 1
-    (count,) = struct.unpack_from(">I", encoded, at + FULL_BOX)
-    at += FULL_BOX + 4
+    version, is_wide = encoded[position], encoded[position + 3] & 1
+    (count,) = struct.unpack_from(">I", encoded, position + FULL_BOX)
+    position += FULL_BOX + 4
     for _ in range(min(count, MAX_ITEMS)):
-        (name,) = struct.unpack_from(">I" if version else ">H", encoded, at)
-        at += 4 if version else 2
+        (name,) = struct.unpack_from(">I" if version else ">H", encoded, position)
+        position += 4 if version else 2
         kind, mask = ("H", 0x7FFF) if is_wide else ("B", 0x7F)  # the first bit is a flag: essential
-        indices = struct.unpack_from(f">{encoded[at]}{kind}", encoded, at + 1)
-        at += 1 + struct.calcsize(f">{len(indices)}{kind}")
+        indices = struct.unpack_from(f">{encoded[position]}{kind}", encoded, position + 1)
+        position += 1 + struct.calcsize(f">{len(indices)}{kind}")
         if name == item:
             yield from (index & mask for index in indices)

@@ -10,7 +10,7 @@ from trisquare.images.metadata import with_metadata
 from trisquare.images.pixels import Image
 
 MARK = b"drawn by trisquare"
-HEAD = 128
+MARKED_BYTES = 128
 """Number of bytes at a file's beginning that contain the mark."""
 
 
@@ -27,6 +27,6 @@ def is_drawn(path: PathLike) -> bool:
         return False
     try:
         with open(path, "rb") as file:
-            return MARK in file.read(HEAD)
+            return MARK in file.read(MARKED_BYTES)
     except OSError:
         return False

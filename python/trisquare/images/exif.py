@@ -71,9 +71,9 @@ class ExifBlock:
         try:
             if directory is None:
                 (directory,) = self._unpacked("I", self.start + 4)
-            at = self.start + directory
-            (count,) = self._unpacked("H", at)
-            for position in range(at + 2, at + 2 + 12 * count, 12):
+            start = self.start + directory
+            (count,) = self._unpacked("H", start)
+            for position in range(start + 2, start + 2 + 12 * count, 12):
                 tag, kind, length = self._unpacked("HHI", position)
                 self._unpacked("I", position + 8)  # the entry is complete
                 yield Entry(tag, kind, length, position + 8)
@@ -86,10 +86,10 @@ class ExifBlock:
         if kind is None or entry.length != 1:
             return None
         try:
-            at = entry.position
+            position = entry.position
             if kind == "II":  # too long for the entry itself
-                at = self.start + self._unpacked("I", at)[0]
-            values = self._unpacked(kind, at)
+                position = self.start + self._unpacked("I", position)[0]
+            values = self._unpacked(kind, position)
         except struct.error:
             return None
         return values[0] / (values[1:] or (1,))[0] if all(values) else None
@@ -128,22 +128,22 @@ def stated_focal_length(encoded: bytes, image_size: tuple[int, int]) -> StatedFo
     block = ExifBlock.find(encoded)
     if block is None:
         return None
-    found: dict[int, float] = {}
+    numbers: dict[int, float] = {}
     for entry in block.entries():
         if entry.tag == EXIF_DIRECTORY and (offset := block.number(entry)) is not None:
-            for each in block.entries(int(offset)):
-                number = block.number(each)
+            for exif_entry in block.entries(int(offset)):
+                number = block.number(exif_entry)
                 if number is not None:
-                    found[each.tag] = number
-    millimetres = found.get(FOCAL_LENGTH)
+                    numbers[exif_entry.tag] = number
+    millimetres = numbers.get(FOCAL_LENGTH)
     if millimetres is None:
         return None
-    resolution = found.get(X_RESOLUTION)
-    unit = UNITS.get(int(found.get(RESOLUTION_UNIT, 2)))
-    if resolution is not None and unit and (found.get(WIDTH), found.get(HEIGHT)) == image_size:
-        pixels = resolution / unit, found.get(Y_RESOLUTION, resolution) / unit
+    resolution = numbers.get(X_RESOLUTION)
+    unit = UNITS.get(int(numbers.get(RESOLUTION_UNIT, 2)))
+    if resolution is not None and unit and (numbers.get(WIDTH), numbers.get(HEIGHT)) == image_size:
+        pixels = resolution / unit, numbers.get(Y_RESOLUTION, resolution) / unit
         return StatedFocalLength(millimetres, pixels, is_nominal=False)
-    equivalent = found.get(EQUIVALENT)
+    equivalent = numbers.get(EQUIVALENT)
     if equivalent is None:
         return None
     nominal = math.hypot(*image_size) / FULL_FRAME_DIAGONAL * equivalent / millimetres

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import trisquare._core as _core
 
-CLIPPED = 0.1
+MAX_CLIPPED_SHARE = 0.1
 """Fraction of sides with clipped light above which a warning is given."""
 
 
@@ -51,11 +51,11 @@ class PictureFaults:
     line_error: float = 0.0
 
     @classmethod
-    def of(cls, found: _core.PictureFaults) -> PictureFaults:
+    def of(cls, core_faults: _core.PictureFaults) -> PictureFaults:
         """Convert the faults that the core found in a picture."""
-        return cls(**{own.name: getattr(found, own.name) for own in fields(cls)})
+        return cls(**{member.name: getattr(core_faults, member.name) for member in fields(cls)})
 
     @property
     def is_shifted(self) -> bool:
         """Whether they explain that the profiles fit no tone curve."""
-        return self.clipped > CLIPPED or self.has_two_levels
+        return self.clipped > MAX_CLIPPED_SHARE or self.has_two_levels

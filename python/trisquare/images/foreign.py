@@ -33,7 +33,7 @@ RAW_STARTS = (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FOVb", 
 RAW_SUFFIXES = frozenset((".arw", ".cr2", ".dcr", ".dng", ".kdc", ".nef", ".pef", ".srw", ".3fr"))
 """Extensions of raw files that begin like TIFF."""
 DNG_VERSION, SUBFILE_TYPE, SUBDIRECTORIES = 50706, 254, 330
-REDUCED = 1
+REDUCED_FLAG = 1
 """Bit of the subfile's type: a smaller version of another picture in the file (TIFF 6.0)."""
 MAX_ENTRIES = 512
 
@@ -54,20 +54,20 @@ def foreign_kind(encoded: bytes, name: str = "") -> str | None:
     if encoded[4:8] == FILE_TYPE:
         (length,) = struct.unpack_from(">I", encoded)
         brands = encoded[8 : min(length, 8 + 4 * MAX_BRANDS)]
-        known = {brands[at : at + 4] for at in range(0, len(brands), 4)}
-        if known & AVIF_BRANDS:
+        brand_set = {brands[start : start + 4] for start in range(0, len(brands), 4)}
+        if brand_set & AVIF_BRANDS:
             return None
-        if known & HEIF_BRANDS:
+        if brand_set & HEIF_BRANDS:
             return HEIF
-        return RAW if CANON_BRAND in known else VIDEO
+        return RAW if CANON_BRAND in brand_set else VIDEO
     if encoded.startswith(RAW_STARTS):
         return RAW
     if encoded[:4] in TIFF_STARTS:
-        named = PurePath(name).suffix.lower() in RAW_SUFFIXES
-        return RAW if named or encoded[8:10] == b"CR" or _is_raw_tiff(encoded) else None
-    avi = encoded[:4] == b"RIFF" and encoded[8:12] == b"AVI "
-    stream = encoded[: 3 * TRANSPORT_PACKET : TRANSPORT_PACKET] == b"GGG"
-    return VIDEO if avi or stream or encoded.startswith(VIDEO_STARTS) else None
+        is_named_raw = PurePath(name).suffix.lower() in RAW_SUFFIXES
+        return RAW if is_named_raw or encoded[8:10] == b"CR" or _is_raw_tiff(encoded) else None
+    is_avi = encoded[:4] == b"RIFF" and encoded[8:12] == b"AVI "
+    is_stream = encoded[: 3 * TRANSPORT_PACKET : TRANSPORT_PACKET] == b"GGG"
+    return VIDEO if is_avi or is_stream or encoded.startswith(VIDEO_STARTS) else None
 
 
 def _is_raw_tiff(encoded: bytes) -> bool:
@@ -78,12 +78,12 @@ def _is_raw_tiff(encoded: bytes) -> bool:
         (directory,) = struct.unpack_from(f"{order}I", encoded, 4)
         (count,) = struct.unpack_from(f"{order}H", encoded, directory)
         for index in range(min(count, MAX_ENTRIES)):
-            at = directory + 2 + 12 * index
-            tag, _, _, value = struct.unpack_from(f"{order}HHII", encoded, at)
+            position = directory + 2 + 12 * index
+            tag, _, _, value = struct.unpack_from(f"{order}HHII", encoded, position)
             values[tag] = value
     except struct.error:
         pass  # cut off: the values read so far are used
-    is_reduced = values.get(SUBFILE_TYPE, 0) & REDUCED and SUBDIRECTORIES in values
+    is_reduced = values.get(SUBFILE_TYPE, 0) & REDUCED_FLAG and SUBDIRECTORIES in values
     return DNG_VERSION in values or bool(is_reduced)
 
 

@@ -86,15 +86,15 @@ def with_frames(
     if whole_number(count, "frames") < 1:
         raise ValueError(f"frames must be at least 1, not {count}")
     chosen: list[ImageSource] = []
-    found_video = False
+    has_video = False
     for source in sources:
         if isinstance(source, str | os.PathLike) and is_video(source):
-            found_video = True
+            has_video = True
             chosen += choose_frames(source, count, limits, progress)
         else:
             check_named_video(source, limits)
             chosen.append(source)
-    if not found_video:
+    if not has_video:
         raise ValueError("frames are chosen from videos, but no video is given")
     return chosen
 
@@ -134,8 +134,8 @@ def choose_frames(
     def drop_worst() -> None:
         worst = min(kept, key=lambda number: (kept[number].worth, -number))
         del kept[worst]
-        for other in kept.values():
-            del other.distances[worst]
+        for candidate in kept.values():
+            del candidate.distances[worst]
 
     limits = PictureLimits.stated() if limits is None else limits
     with Video(path, limits) as video:
@@ -144,14 +144,14 @@ def choose_frames(
             limits.check_frames(video.name, number + 1)
             new = _judged(VideoFrame(video.name, number, pixels, video.turn))
             for earlier, other in kept.items():
-                apart = float(np.abs(new.thumbnail - other.thumbnail).mean())
-                new.distances[earlier] = other.distances[number] = apart
+                distance = float(np.abs(new.thumbnail - other.thumbnail).mean())
+                new.distances[earlier] = other.distances[number] = distance
             kept[number] = new
             if len(kept) > count:
                 drop_worst()
             if progress is not None:
                 progress(number + 1, video.frames_in_all(number + 1))
-    while len(kept) > 1 and min(each.worth for each in kept.values()) == 0:
+    while len(kept) > 1 and min(candidate.worth for candidate in kept.values()) == 0:
         drop_worst()
     return [candidate.frame for candidate in kept.values()]
 
@@ -163,10 +163,11 @@ def _judged(frame: VideoFrame) -> _Candidate:
     size = picture_size(grey)
     scale = JUDGED_SIDE / max(size)
     if scale < 1:
-        judged = tuple(max(1, round(scale * side)) for side in size)
-        grey = cv2.resize(grey, judged, interpolation=cv2.INTER_AREA)
+        judged_size = tuple(max(1, round(scale * side)) for side in size)
+        grey = cv2.resize(grey, judged_size, interpolation=cv2.INTER_AREA)
     spread, edges = (
-        float(cv2.meanStdDev(each)[1][0, 0]) for each in (grey, cv2.Laplacian(grey, cv2.CV_16S))
+        float(cv2.meanStdDev(picture)[1][0, 0])
+        for picture in (grey, cv2.Laplacian(grey, cv2.CV_16S))
     )
     thumbnail = cv2.resize(grey, THUMBNAIL, interpolation=cv2.INTER_AREA).astype(np.float32)
     sharpness = (edges / spread) ** 2 if spread else 0.0

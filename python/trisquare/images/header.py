@@ -33,19 +33,19 @@ def stated_size(encoded: bytes) -> tuple[int, int] | None:
     if encoded[:1].isspace() or encoded.startswith((b"<", b"\xef\xbb\xbf")):
         return None  # text, such as SVG: not a picture here, and not parsed
     try:
-        width, height = _of_usual(encoded) or _of_others(encoded)
+        width, height = _usual_size(encoded) or _other_size(encoded)
     except Exception:  # a damaged header may raise any error
         return None
     is_possible = min(width, height) > 0 and max(width, height) <= LARGEST_STATED
     return (int(width), int(height)) if is_possible else None
 
 
-def _of_usual(encoded: bytes) -> tuple[int, int] | None:
+def _usual_size(encoded: bytes) -> tuple[int, int] | None:
     """Return the size of a PNG, JPEG or TIFF; None if its header is not as usual."""
     if encoded.startswith(PNG_SIGNATURE) and encoded[12:16] == b"IHDR":
         return struct.unpack_from(">II", encoded, 16)
     if encoded.startswith(JPEG_SIGNATURE):
-        return _of_jpeg(encoded)
+        return _jpeg_size(encoded)
     block = ExifBlock.find(encoded)
     if block is None or block.start > 0:
         return None
@@ -56,7 +56,7 @@ def _of_usual(encoded: bytes) -> tuple[int, int] | None:
     return None if width is None or height is None else (int(width), int(height))
 
 
-def _of_jpeg(encoded: bytes) -> tuple[int, int] | None:
+def _jpeg_size(encoded: bytes) -> tuple[int, int] | None:
     for marker, position in jpeg_segments(encoded):
         if marker in STARTS_OF_FRAME:
             height, width = struct.unpack_from(">HH", encoded, position + 3)
@@ -64,7 +64,7 @@ def _of_jpeg(encoded: bytes) -> tuple[int, int] | None:
     return None
 
 
-def _of_others(encoded: bytes) -> tuple[int, int]:
+def _other_size(encoded: bytes) -> tuple[int, int]:
     import imagesize  # it loads code for requests to servers, 4 MB
 
     width, height = imagesize.get(io.BytesIO(encoded), exif_rotation=False)

@@ -57,7 +57,9 @@ class OrientationTag:
     @classmethod
     def of_steps(cls, is_mirrored: bool, quarters: int) -> OrientationTag | None:
         """Return the tag that mirrors left to right and then turns clockwise; None for neither."""
-        return next((cls(it) for it in STEPS if STEPS[it] == (is_mirrored, quarters)), None)
+        return next(
+            (cls(value) for value in STEPS if STEPS[value] == (is_mirrored, quarters)), None
+        )
 
     @property
     def turn(self) -> str:
@@ -100,7 +102,7 @@ def find_orientation(encoded: bytes) -> OrientationTag | None:
     """
     if encoded[4:8] == FILE_TYPE:
         return OrientationTag.of_steps(*stated_turn(encoded))
-    place = _place(encoded)
+    place = _tag_place(encoded)
     if place is None:
         return None
     return OrientationTag.of(*struct.unpack_from(place[0], encoded, place[1]))
@@ -108,13 +110,13 @@ def find_orientation(encoded: bytes) -> OrientationTag | None:
 
 def made_upright(encoded: bytes) -> bytes:
     """Return a copy of such a file whose orientation tag, if any, is upright."""
-    copy, place = bytearray(encoded), _place(encoded)
+    copy, place = bytearray(encoded), _tag_place(encoded)
     if place is not None:
         struct.pack_into(place[0], copy, place[1], UPRIGHT)
     return bytes(copy)
 
 
-def _place(encoded: bytes) -> tuple[str, int] | None:
+def _tag_place(encoded: bytes) -> tuple[str, int] | None:
     """Return the format and the position of the tag's number in a file."""
     block = ExifBlock.find(encoded)
     if block is not None:

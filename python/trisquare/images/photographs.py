@@ -33,7 +33,7 @@ class Photograph:
         Grey or BGR, rows and columns as they are stored; floats are light.
     remarks : mapping of str to str
         Remarks for the user by a code, each beginning with its name.
-    repeats : bool
+    is_repeat : bool
         Whether an earlier picture is the same.
     other_type : str or None
         Type of its pixels as given, if the pictures up to this one are not all of that type.
@@ -45,7 +45,7 @@ class Photograph:
     name: str
     pixels: Image
     remarks: Mapping[str, str]
-    repeats: bool
+    is_repeat: bool
     other_type: str | None
     path: str | None = None
 

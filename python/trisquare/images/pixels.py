@@ -93,7 +93,7 @@ def as_recorded(picture: Image) -> Image:
     unchanged; 16 bits may contain values of fewer. Other pictures are returned unchanged.
     """
     if picture.dtype == np.uint16:
-        return _of_all_bits(picture)
+        return _scaled_to_all_bits(picture)
     if picture.dtype != np.float32:
         return picture
     blocks = [picture[i : i + ROWS_AT_ONCE] for i in range(0, len(picture), ROWS_AT_ONCE)]
@@ -101,19 +101,19 @@ def as_recorded(picture: Image) -> Image:
         for factor in (np.iinfo(kind).max, 1):
             integers = []
             for block in blocks:
-                found = _integers(block, factor, kind)
-                if found is None:
+                block_integers = _integers(block, factor, kind)
+                if block_integers is None:
                     break
-                integers.append(found)
+                integers.append(block_integers)
             else:
                 return as_recorded(np.concatenate(integers))
     return picture
 
 
-def _of_all_bits(picture: Image) -> Image:
+def _scaled_to_all_bits(picture: Image) -> Image:
     """Scale integers of fewer bits to 8 or 16; return those of 16 bits unchanged."""
-    most = picture.max()
-    bits = next((bits for bits in NARROW_BITS if most < 1 << bits), None)
+    largest = picture.max()
+    bits = next((bits for bits in NARROW_BITS if largest < 1 << bits), None)
     if bits is None:
         return picture
     if bits == 8:
@@ -147,13 +147,15 @@ def checked_tone(tone: Tone) -> str | float | None:
     except ValueError:
         choices = "auto, srgb, linear, or a gamma"
         raise unknown("tone curve", str(tone), TONE_CURVES, choices) from None
-    least, most = GAMMAS
-    if not least <= gamma <= most:
-        raise ValueError(f"a gamma must be from {least:g} to {most:g}, not {gamma:g}")
+    min_gamma, max_gamma = GAMMAS
+    if not min_gamma <= gamma <= max_gamma:
+        raise ValueError(f"a gamma must be from {min_gamma:g} to {max_gamma:g}, not {gamma:g}")
     return gamma
 
 
-def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = False) -> str | float:
+def tone_of(
+    picture: Image, tone: str | float | None, *, is_camera_held: bool = False
+) -> str | float:
     """Return the tone curve of a picture, unless stated: estimated for integers, linear for floats.
 
     Files contain 8 and 16 bits in any coding; floats are light that a program computed. The curve
@@ -162,6 +164,6 @@ def tone_of(picture: Image, tone: str | float | None, *, camera_held: bool = Fal
     """
     if tone is not None:
         return tone
-    if camera_held:
+    if is_camera_held:
         return "srgb" if picture.dtype == np.uint8 else "linear"
     return "auto" if np.issubdtype(picture.dtype, np.integer) else "linear"

@@ -71,7 +71,7 @@ def read_photograph(
     """
     limits = PictureLimits.stated() if limits is None else limits
     try:
-        encoded = _bytes_within(path, limits)
+        encoded = _limited_bytes(path, limits)
     except FileNotFoundError as error:
         raise MissingImageError(str(error)) from error
     except OSError as error:
@@ -114,7 +114,7 @@ def decode_photograph(
     return image, tag
 
 
-def _bytes_within(path: PathLike, limits: PictureLimits) -> bytes:
+def _limited_bytes(path: PathLike, limits: PictureLimits) -> bytes:
     try:
         size = os.stat(path).st_size
     except OSError:
@@ -156,19 +156,19 @@ def load_photograph(
     if isinstance(source, bytes | bytearray | memoryview):
         return decode_photograph(bytes(source), "the encoded picture", limits)
     if is_pillow(source):
-        return _checked_array(_of_pillow(source, limits)), _tag_of_pillow(source)
+        return _checked_array(_pillow_pixels(source, limits)), _pillow_tag(source)
     return _checked_array(source), None
 
 
-def _of_pillow(image: PillowImage, limits: PictureLimits) -> Image:
+def _pillow_pixels(image: PillowImage, limits: PictureLimits) -> Image:
     """Return grey or BGR pixels; palettes and other colours become BGR."""
     limits.check_pixels("the Pillow image", image.size)
     try:
         if image.mode == "F" or image.mode.startswith("I"):  # 32-bit floats, 16-bit integers
             pixels = np.asarray(image)
             fits = pixels.dtype.kind != "i" or (pixels.min() >= 0 and pixels.max() < 1 << 16)
-            deep = np.uint16 if pixels.dtype.kind in "iu" else np.float32
-            return pixels.astype(deep) if fits else pixels
+            pixel_type = np.uint16 if pixels.dtype.kind in "iu" else np.float32
+            return pixels.astype(pixel_type) if fits else pixels
         if image.mode in ("L", "LA", "1"):
             return np.asarray(image.convert("L"))
         return np.asarray(image.convert("RGB"))[:, :, ::-1]
@@ -178,7 +178,7 @@ def _of_pillow(image: PillowImage, limits: PictureLimits) -> Image:
         raise ImageError(f"the Pillow image: {error}") from error
 
 
-def _tag_of_pillow(image: PillowImage) -> OrientationTag | None:
+def _pillow_tag(image: PillowImage) -> OrientationTag | None:
     try:
         return OrientationTag.of(image.getexif().get(ORIENTATION))
     except Exception:  # its block is read only now; damage may raise any error
@@ -194,8 +194,8 @@ def _checked_array(source: object) -> Image:
     if np.ma.is_masked(source):
         raise ValueError("a picture must have no masked pixels: set them to the grey around them")
     if source.dtype not in PIXEL_TYPES:
-        cure = ": picture.astype(np.float32)" if source.dtype == np.float64 else ""
-        raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}{cure}")
+        hint = ": picture.astype(np.float32)" if source.dtype == np.float64 else ""
+        raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}{hint}")
     if source.ndim not in (2, 3) or source.shape[2:] not in SHAPES or source.size == 0:
         raise ValueError(
             f"a picture has the shape (H, W), (H, W, 3) or (H, W, 4), not {source.shape}"

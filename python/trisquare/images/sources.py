@@ -55,8 +55,8 @@ def sources_of(
         If a file is open as text.
     """
     if is_one_picture(image) or not isinstance(image, Iterable):
-        return _meant(image, with_videos)
-    return [picture for each in image for picture in _meant(each, with_videos)]
+        return _expanded(image, with_videos)
+    return [picture for source in image for picture in _expanded(source, with_videos)]
 
 
 def content_of(file: Any) -> bytes:
@@ -91,7 +91,7 @@ def is_pillow(source: object) -> TypeGuard[PillowImage]:
     return any(kind.__module__ == "PIL.Image" for kind in type(source).__mro__)
 
 
-def _meant(source: Any, with_videos: bool) -> list[ImageSource]:
+def _expanded(source: Any, with_videos: bool) -> list[ImageSource]:
     if isinstance(source, str | os.PathLike):
         return list(_files(source, with_videos))
     if hasattr(source, "read"):
@@ -102,23 +102,23 @@ def _meant(source: Any, with_videos: bool) -> list[ImageSource]:
 def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os.PathLike[str]]:
     name, named = os.fspath(path), shown(path)
     if os.path.isdir(name):
-        listed = (each for each in Path(name).iterdir() if not each.name.startswith("."))
+        listed = (entry for entry in Path(name).iterdir() if not entry.name.startswith("."))
         files = sorted(listed, key=natural_order)
-        videos = [each for each in files if each.suffix.lower() in VIDEO_SUFFIXES]
-        wanted = PICTURE_SUFFIXES | VIDEO_SUFFIXES if with_videos else PICTURE_SUFFIXES
-        found = [each for each in files if each.suffix.lower() in wanted]
+        videos = [entry for entry in files if entry.suffix.lower() in VIDEO_SUFFIXES]
+        suffixes = PICTURE_SUFFIXES | VIDEO_SUFFIXES if with_videos else PICTURE_SUFFIXES
+        found = [entry for entry in files if entry.suffix.lower() in suffixes]
         if not found:
-            other = f"; name its video itself, as {shown(videos[0])}" if videos else ""
-            if not videos and any(each.is_dir() for each in files):
+            hint = f"; name its video itself, as {shown(videos[0])}" if videos else ""
+            if not videos and any(entry.is_dir() for entry in files):
                 pattern = os.path.join(glob.escape(name), "**", "*.jpg")
-                other = f"; folders in it are not searched: name them, or all as {pattern!r}"
-            raise ImageError(f"{named}: the folder holds no picture{other}")
-        return _not_drawn(found, name)
+                hint = f"; folders in it are not searched: name them, or all as {pattern!r}"
+            raise ImageError(f"{named}: the folder holds no picture{hint}")
+        return _without_drawn(found, name)
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
         if not names:
             raise MissingImageError(f"{named}: no file matches")
-        return _not_drawn([Path(each) for each in names], name)
+        return _without_drawn([Path(entry) for entry in names], name)
     try:  # before other errors: a video is recognised by its content
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
@@ -133,11 +133,11 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
     return [path]
 
 
-def _not_drawn(found: list[Path], name: str) -> list[Path]:
+def _without_drawn(found: list[Path], name: str) -> list[Path]:
     """Leave out files that trisquare has drawn on: an overlay beside its photograph."""
-    left = [each for each in found if not is_drawn(each)]
-    if not left:
+    undrawn = [path for path in found if not is_drawn(path)]
+    if not undrawn:
         raise ImageError(
             f"{shown(name)}: trisquare has drawn on all pictures there: name a photograph"
         )
-    return left
+    return undrawn

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import trisquare._core as _core
 from trisquare._support.number_text import plus_minus, with_its_std
 
-CONTRADICTED = 4.0
+MIN_CONTRADICTION = 4.0
 """Standard deviations of the effective gamma above which the profiles contradict a stated curve."""
 
 NOTABLE_GROWTH = 1.2
@@ -51,16 +51,16 @@ class PictureTone:
     @classmethod
     def known(cls, tone: str | float, estimate: _core.ToneEstimate) -> PictureTone:
         """Return a stated curve, with the gamma of the profiles if that contradicts it."""
-        contradicts = estimate.contradiction > CONTRADICTED
-        return cls(tone, tone, contradicting=estimate.effective_gamma if contradicts else None)
+        is_contradicted = estimate.contradiction > MIN_CONTRADICTION
+        return cls(tone, tone, contradicting=estimate.effective_gamma if is_contradicted else None)
 
     @classmethod
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
         """Return the curve estimated from the profiles of a picture's edges."""
         shift_std = estimate.shift_std
-        left = estimate.misfit_shift if shift_std is None else shift_std
+        remaining_std = estimate.misfit_shift if shift_std is None else shift_std
         return cls(
-            (estimate.gamma, estimate.toe, shift_std is None, left),
+            (estimate.gamma, estimate.toe, shift_std is None, remaining_std),
             estimate.effective_gamma,
             estimate.std,
             None if shift_std is None else (0.0, shift_std),
@@ -90,9 +90,9 @@ def contradicting_pictures(tones: Mapping[int, PictureTone], names: Sequence[str
     )
 
 
-def contradiction_text(contradicting: str, told: str = CONTRADICTED_BY_EDGES) -> str:
+def contradiction_text(contradicting: str, contradiction: str = CONTRADICTED_BY_EDGES) -> str:
     """Describe the contradiction to a stated tone curve, in which pictures, and the remedy."""
-    return f'{told}: use tone="auto", which estimates it ({contradicting})'
+    return f'{contradiction}: use tone="auto", which estimates it ({contradicting})'
 
 
 def shift_text(
@@ -104,24 +104,24 @@ def shift_text(
     a standard deviation, None if the pixels were not fitted.
     """
     shifts = [
-        f"{names[index]}: {_its_size(*tone.shift)}"
+        f"{names[index]}: {_shift_size(*tone.shift)}"
         for index, tone in tones.items()
         if tone.shift is not None
     ]
     if not shifts or (growth is not None and growth < NOTABLE_GROWTH):
         return None
-    grown = ""
+    growth_text = ""
     if growth is not None:
-        grown = f", which makes standard deviations up to {growth:.1f} times as large"
+        growth_text = f", which makes standard deviations up to {growth:.1f} times as large"
     return (
         "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all edges "
-        f"of a picture may be shifted toward their dark side by a common distance{grown}. State "
-        'the curve if you know it, as with tone="srgb"; phones have curves of their own. '
+        f"of a picture may be shifted toward their dark side by a common distance{growth_text}. "
+        'State the curve if you know it, as with tone="srgb"; phones have curves of their own. '
         f"Estimated shift ({'; '.join(shifts)})"
     )
 
 
-def _its_size(shift: float, std: float) -> str:
+def _shift_size(shift: float, std: float) -> str:
     """Write a shift in pixels; as zero if it is less than its standard deviation."""
     if abs(shift) < std:
         return f"0 +- {with_its_std(0.0, std)[1]} px"

@@ -24,8 +24,8 @@ ENCODERS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG"}
 speed. Files of these formats cannot be opened, or state another number of frames, if their last
 part is missing."""
 
-SPREAD = 0.02
-STRAY_FRAMES = 2
+FRAME_COUNT_ERROR = 0.02
+LOST_FRAMES = 2
 """Maximum excess of the number of frames that a complete video states: a fraction of it, if it is
 estimated from the duration, and frames at the ends that cannot be decoded alone."""
 
@@ -33,7 +33,7 @@ PROBED_BYTES = 1 << 16
 """Bytes that the disk must have left after a video: the last part that FFmpeg writes is not
 longer."""
 
-LARGEST_PIECE = 128_000_000
+MAX_ALLOCATION = 128_000_000
 """Maximum allocation of FFmpeg in bytes: a frame of 42 megapixels, more than 8K video has. Without
 this limit it allocates what a header states, up to 2 GB, before it checks whether that is there."""
 
@@ -119,10 +119,10 @@ class Video:
         self.turn = int(turn) if turn in TURNS else 0
         self.unevenness = 0.0
         (PictureLimits.stated() if limits is None else limits).check_pixels(self.name, self.size)
-        if width * height * 3 > LARGEST_PIECE:
+        if width * height * 3 > MAX_ALLOCATION:
             raise ImageError(
                 f"{self.name}: has frames of {self.size[0]} x {self.size[1]} pixels, more than the "
-                f"{LARGEST_PIECE // 3_000_000} megapixels that frames of a video may have"
+                f"{MAX_ALLOCATION // 3_000_000} megapixels that frames of a video may have"
             )
 
     def frames_in_all(self, done: int) -> int:
@@ -140,36 +140,38 @@ class Video:
         """
         import cv2  # loaded where a video is read
 
-        found, seconds, start = 0, 0.0, 0.0
+        frame_count, seconds, start = 0, 0.0, 0.0
         width, height = self.size
         while True:
-            if seconds > MAX_SECONDS_MORE + found * width * height / SLOWEST_PIXELS:
+            if seconds > MAX_SECONDS_MORE + frame_count * width * height / SLOWEST_PIXELS:
                 raise ImageError(
-                    f"{self.name}: damaged or hostile: decoding {found} frames of {width} x "
+                    f"{self.name}: damaged or hostile: decoding {frame_count} frames of {width} x "
                     f"{height} pixels took {seconds:.1f} s, as if they were far larger"
                 )
-            before = _clocks()
+            clocks_before = _clocks()
             try:
-                is_there, frame = self._capture.read()
+                has_frame, frame = self._capture.read()
             except cv2.error as error:  # of OpenCV's own reader, used where FFmpeg fails
                 if lacks_memory(error):
                     raise
-                raise ImageError(f"{self.name}: damaged after {found} frames") from error
+                raise ImageError(f"{self.name}: damaged after {frame_count} frames") from error
             # The smaller one: other threads add to processor time, other programs to elapsed time.
-            seconds += min(now - then for now, then in zip(_clocks(), before, strict=True))
-            if not is_there:
+            seconds += min(
+                after - before for after, before in zip(_clocks(), clocks_before, strict=True)
+            )
+            if not has_frame:
                 break
             stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            start = start if found else stamp
+            start = start if frame_count else stamp
             if self.rate > 0 and stamp > start:  # it does not change without time stamps
-                self.unevenness = max(self.unevenness, abs(stamp - start - found / self.rate))
-            found += 1
+                self.unevenness = max(self.unevenness, abs(stamp - start - frame_count / self.rate))
+            frame_count += 1
             yield frame
-        if not found:
+        if not frame_count:
             raise ImageError(f"{self.name}: a video without frames")
-        if found < (1 - SPREAD) * self.stated_frames - STRAY_FRAMES:
+        if frame_count < (1 - FRAME_COUNT_ERROR) * self.stated_frames - LOST_FRAMES:
             raise ImageError(
-                f"{self.name}: truncated: {found} of {self.stated_frames} frames can be read"
+                f"{self.name}: truncated: {frame_count} of {self.stated_frames} frames can be read"
             )
 
     def __enter__(self) -> Video:
@@ -185,7 +187,7 @@ def _limit_allocations() -> None:
     import cv2  # loaded where a video is read
 
     for library in Path(cv2.__file__).parents[1].glob("opencv_*.libs/libavutil*.so*"):
-        ctypes.CDLL(os.fspath(library)).av_max_alloc(ctypes.c_size_t(LARGEST_PIECE))
+        ctypes.CDLL(os.fspath(library)).av_max_alloc(ctypes.c_size_t(MAX_ALLOCATION))
 
 
 def _clocks() -> tuple[float, float]:
@@ -259,19 +261,19 @@ def add_sound(path: PathLike, source: PathLike) -> str | None:
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is None:
         return "its sound, if any, is left out: ffmpeg, which would copy it, is not on the PATH"
-    silent = Path(path)
-    both = silent.with_name(f".sound{silent.name}")
-    command = [ffmpeg, "-nostdin", "-v", "error", "-max_alloc", str(LARGEST_PIECE), "-n"]
+    silent_path = Path(path)
+    path_with_sound = silent_path.with_name(f".sound{silent_path.name}")
+    command = [ffmpeg, "-nostdin", "-v", "error", "-max_alloc", str(MAX_ALLOCATION), "-n"]
     command += ["-i", f"file:{path}", "-i", f"file:{os.path.realpath(source)}"]
-    command += ["-map", "0:v", "-map", "1:a?", "-c", "copy", f"file:{both}"]
+    command += ["-map", "0:v", "-map", "1:a?", "-c", "copy", f"file:{path_with_sound}"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-        if done.returncode == 0:
-            both.replace(silent)
+        result = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        if result.returncode == 0:
+            path_with_sound.replace(silent_path)
             return None
-        reason = done.stderr.strip().split("\n")[0]
+        reason = result.stderr.strip().split("\n")[0]
         return f"its sound is left out: ffmpeg cannot copy it ({reason})"
     except OSError as error:
         return f"its sound is left out: ffmpeg cannot be run ({error.strerror})"
     finally:
-        both.unlink(missing_ok=True)
+        path_with_sound.unlink(missing_ok=True)

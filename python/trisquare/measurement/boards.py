@@ -106,7 +106,7 @@ class Board:
             Lattice(crossings, present),
             -1.0,
             kind=grid.sheet.kind,
-            lines=(_places_of_sides(down, gap), _places_of_sides(across, gap)),
+            lines=(_side_positions(down, gap), _side_positions(across, gap)),
             tags=tags,
             tag_border=grid.border,
             gap=None if grid.sheet.is_stated else gap,
@@ -121,18 +121,18 @@ class Board:
         """Return the spans of the grid lines, the rows before the columns."""
         lines = _grid_lines(self.lattice.present)
         # For every crossing, the spans of the row and of the column through it.
-        through = np.full((2, *self.lattice.present.shape), -1)
+        span_numbers = np.full((2, *self.lattice.present.shape), -1)
         for span, line in enumerate(lines, first):
-            through[(0 if line.is_row else 1, *line.indices)] = span
+            span_numbers[(0 if line.is_row else 1, *line.indices)] = span
         spans: list[SideSpan] = []
         for line in lines:
-            others = through[(1 if line.is_row else 0, *line.indices)].tolist()
+            crossing_spans = span_numbers[(1 if line.is_row else 0, *line.indices)].tolist()
             crossings = [
-                (other if other >= 0 else None, place)
-                for other, place in zip(others, line.places.tolist(), strict=True)
+                (crossing_span if crossing_span >= 0 else None, place)
+                for crossing_span, place in zip(crossing_spans, line.places.tolist(), strict=True)
             ]
             path = np.ascontiguousarray(self.lattice.crossings[line.indices])
-            polarity = self._contrast_sign_of_even(line) * (-1.0) ** int(line.places[0])
+            polarity = self._even_contrast_sign(line) * (-1.0) ** int(line.places[0])
             rims = () if self.rims is None else _rims_along(self.rims, line)
             spans.append(
                 SideSpan(
@@ -154,41 +154,41 @@ class Board:
         self, measured: Sequence[_core.SideSamples | str], plane: int
     ) -> tuple[list[PlaneEdges], float]:
         """Return the figures, and by how much edges were shifted toward the light, pixels."""
-        seen, lines = [], []
+        measured_lines, lines = [], []
         for line, samples in zip(_grid_lines(self.lattice.present), measured, strict=True):
             if isinstance(samples, str):
                 continue
-            seen.append(line)
+            measured_lines.append(line)
             beside = self._cells(line, samples.points)
-            lines.append((samples.points, samples.std, beside, self._contrast_sign_of_even(line)))
-        rows = sum(line.is_row for line in seen)
-        if min(rows, len(seen) - rows) < MIN_LINES:
+            lines.append((samples.points, samples.std, beside, self._even_contrast_sign(line)))
+        row_count = sum(line.is_row for line in measured_lines)
+        if min(row_count, len(measured_lines) - row_count) < MIN_LINES:
             return [], 0.0
         # The zigzag of the board's own lines gives the shift that a tone curve leaves, far more
         # accurately than profiles do: no drift is left.
-        unshifted, shift = _core.remove_edge_shift(lines)
-        points, deviations, cells = zip(*unshifted, strict=True)
-        down, across = self._places(
+        unshifted_lines, shift = _core.remove_edge_shift(lines)
+        points, deviations, cells = zip(*unshifted_lines, strict=True)
+        down, across = self._line_positions(
             [
-                LineSamples(line.is_row, line.number, *own)
-                for line, *own in zip(seen, points, cells, strict=True)
+                LineSamples(line.is_row, line.number, *samples)
+                for line, *samples in zip(measured_lines, points, cells, strict=True)
             ]
         )
         models = [
             (0.0, 1.0, -down[line.number]) if line.is_row else (1.0, 0.0, -across[line.number])
-            for line in seen
+            for line in measured_lines
         ]
         board = unchecked_edges(
             lines=np.array(models), points=points, std=deviations, plane=plane, kind=self.kind
         )
         return [board], shift
 
-    def _places(self, lines: Sequence[LineSamples]) -> tuple[FloatArray, FloatArray]:
+    def _line_positions(self, lines: Sequence[LineSamples]) -> tuple[FloatArray, FloatArray]:
         """Return the positions of the rows and of the columns, sheet coordinates."""
         down, across = self.lattice.present.shape
         if self.gap is not None:
             gap = measured_gap(lines, self.gap)
-            return _places_of_sides(down, gap), _places_of_sides(across, gap)
+            return _side_positions(down, gap), _side_positions(across, gap)
         return self.lines or (
             np.arange(down) - 0.5 * (down - 1),
             np.arange(across) - 0.5 * (across - 1),
@@ -199,15 +199,15 @@ class Board:
         if self.tags is None:
             return []
         # Oriented as beside a row, from the left and from the top.
-        beside = self.tags if line.is_row else self.tags.transpose(1, 0, 3, 2)
-        own = beside[line.number // 2]
+        tags_by_row = self.tags if line.is_row else self.tags.transpose(1, 0, 3, 2)
+        tags = tags_by_row[line.number // 2]
         if line.number % 2:
-            own = own[:, ::-1]
+            tags = tags[:, ::-1]
         return [
-            own[place // 2].tolist() if place % 2 == 0 else [] for place in line.places.tolist()
+            tags[place // 2].tolist() if place % 2 == 0 else [] for place in line.places.tolist()
         ]
 
-    def _contrast_sign_of_even(self, line: GridLine) -> float:
+    def _even_contrast_sign(self, line: GridLine) -> float:
         """Return in which direction, +1 or -1, a line gets lighter after its even crossings."""
         # A column's right-hand normal points the other way in the row it starts from.
         sign = self.contrast_sign if line.is_row else -self.contrast_sign
@@ -220,7 +220,7 @@ class Board:
         return np.asarray(line.places[np.searchsorted(path[1:-1] @ along, points @ along)])
 
 
-def _places_of_sides(count: int, gap: float) -> FloatArray:
+def _side_positions(count: int, gap: float) -> FloatArray:
     """Return positions of tags' sides in a row: pairs one apart, about their common middle."""
     numbers = np.arange(count)
     places = numbers // 2 * (1.0 + gap) + numbers % 2
@@ -231,11 +231,11 @@ def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
     """Return the rows, then the columns, that have two neighbouring crossings."""
     lines = []
     for is_row, table in ((True, present), (False, present.T)):
-        together = table[:, :-1] & table[:, 1:]
-        linked = np.zeros_like(table)
-        linked[:, :-1] |= together
-        linked[:, 1:] |= together
-        for number, row in enumerate(linked):
+        has_next = table[:, :-1] & table[:, 1:]
+        has_neighbour = np.zeros_like(table)
+        has_neighbour[:, :-1] |= has_next
+        has_neighbour[:, 1:] |= has_next
+        for number, row in enumerate(has_neighbour):
             (places,) = row.nonzero()
             if places.size:
                 lines.append(GridLine(is_row, number, places))
@@ -244,10 +244,12 @@ def _grid_lines(present: npt.NDArray[np.bool_]) -> list[GridLine]:
 
 def _rims_along(rims: FloatArray, line: GridLine) -> list[float]:
     """Return the rims in the light cells beside the stretches after a line's crossings."""
-    beside = rims if line.is_row else rims.T
+    rims_by_line = rims if line.is_row else rims.T
     # One of the two cells beside a stretch is light, and the other has no marker.
-    either: list[float] = (beside[line.number] + beside[line.number + 1])[line.places + 1].tolist()
-    return either
+    stretch_rims: list[float] = (rims_by_line[line.number] + rims_by_line[line.number + 1])[
+        line.places + 1
+    ].tolist()
+    return stretch_rims
 
 
 def _contrast_sign(lattice: Lattice, grey: npt.NDArray[np.uint8]) -> float:

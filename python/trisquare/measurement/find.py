@@ -15,7 +15,7 @@ from trisquare.detection.annotations.rectangles import taken_as_rectangles
 from trisquare.detection.annotations.snap import snap_to_edges
 from trisquare.detection.boards.find import chessboards_among, find_lattices, search_lattices
 from trisquare.detection.boards.membership import belongs_to, whole_cells
-from trisquare.detection.candidates import ENOUGH, MIN_CONTRAST, Lattice
+from trisquare.detection.candidates import MIN_CONTRAST, SQUARES_NEEDED, Lattice
 from trisquare.detection.grey import (
     RANGE_PERCENTILES,
     grey_bytes,
@@ -33,13 +33,13 @@ from trisquare.measurement.side_spans import DetectedTarget
 from trisquare.measurement.squares import Square
 from trisquare.results.rejected import Rejected
 
-COMBED = 1.2
+MIN_COMB_RATIO = 1.2
 """Ratio of the difference of neighbouring rows to that of rows two apart, above which a picture
 shows two moments in alternate rows. In a picture of one moment the latter differ more, in mere
 noise as much. With fields 5 to 10 pixels apart the ratio was 1.6 to 4.5, in pictures of one moment
 at most 0.98."""
 
-NEARLY = 64
+NEAR_LEVELS = 64
 """Grey levels from black or white up to which a picture without contrast is called nearly that."""
 
 
@@ -72,9 +72,15 @@ class Search(NamedTuple):
         darkest, brightest = np.interp(levels, (0.0, 255.0), self.levels)
         if brightest - darkest >= MIN_CONTRAST:
             return ""
-        what = "black" if brightest < NEARLY else "white" if darkest > 255 - NEARLY else "uniform"
+        shade = (
+            "black"
+            if brightest < NEAR_LEVELS
+            else "white"
+            if darkest > 255 - NEAR_LEVELS
+            else "uniform"
+        )
         grey = f"with grey levels from {darkest:.0f} to {brightest:.0f} of 255"
-        return f"the picture is nearly {what}, {grey}"
+        return f"the picture is nearly {shade}, {grey}"
 
     def is_interlaced(self) -> bool:
         """Return whether the rows show two moments in turn, between which much has moved."""
@@ -90,7 +96,7 @@ class Search(NamedTuple):
 def search(picture: Image, kinds: TargetKinds) -> Search:
     """Search a checked picture for targets."""
     grey, levels = grey_bytes_and_range(picture)
-    return Search(grey, kinds, _found(grey, kinds), levels=levels)
+    return Search(grey, kinds, _find_targets(grey, kinds), levels=levels)
 
 
 def _is_combed(grey: NDArray[np.uint8]) -> bool:
@@ -99,16 +105,19 @@ def _is_combed(grey: NDArray[np.uint8]) -> bool:
         return False
     rows = grey.astype(np.float32)
     rows[1::2] *= rows[::2].mean() / max(float(rows[1::2].mean()), 1.0)
-    neighbours, others = (
-        cv2.norm(rows[apart:], rows[:-apart], cv2.NORM_L1) / (len(rows) - apart) for apart in (1, 2)
+    next_difference, second_difference = (
+        cv2.norm(rows[distance:], rows[:-distance], cv2.NORM_L1) / (len(rows) - distance)
+        for distance in (1, 2)
     )
-    return bool(neighbours > COMBED * others)
+    return bool(next_difference > MIN_COMB_RATIO * second_difference)
 
 
-def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTarget | Rejected]:
+def _find_targets(
+    grey: NDArray[np.uint8], targets: TargetKinds
+) -> Sequence[DetectedTarget | Rejected]:
     """Find the targets in a grey picture, and rejected candidates; the list may be empty."""
     if targets.layout is not None:
-        return [_of_match(found) for found in find_sheets(grey, targets.layout)]
+        return [_detected_target(found) for found in find_sheets(grey, targets.layout)]
     if targets.board is not None:
         return _boards_of_size(grey, targets.board)
     if targets.rectangles is not None:
@@ -116,14 +125,16 @@ def _found(grey: NDArray[np.uint8], targets: TargetKinds) -> Sequence[DetectedTa
     lattices: list[Lattice] = []
     may_be_grids = targets.grids
     if targets.lattices:
-        lattices, crossings_beside = search_lattices(grey)
-        may_be_grids = may_be_grids and crossings_beside >= MIN_CROSSINGS
+        lattices, unlinked_crossings = search_lattices(grey)
+        may_be_grids = may_be_grids and unlinked_crossings >= MIN_CROSSINGS
     boards = [Board.of(lattice, grey) for lattice in lattices]
-    beside = _without(grey, lattices)
-    grids = [_of_match(grid) for grid in find_unknown_grids(beside)] if may_be_grids else []
-    of_grids = [found.lattice for found in grids if isinstance(found, Board)]
-    beside = _without(beside, of_grids)
-    return [*boards, *grids, *_squares_beside(beside, [*lattices, *of_grids], targets)]
+    remaining = _painted_over(grey, lattices)
+    grids = (
+        [_detected_target(grid) for grid in find_unknown_grids(remaining)] if may_be_grids else []
+    )
+    grid_lattices = [found.lattice for found in grids if isinstance(found, Board)]
+    remaining = _painted_over(remaining, grid_lattices)
+    return [*boards, *grids, *_other_squares(remaining, [*lattices, *grid_lattices], targets)]
 
 
 def _boards_of_size(
@@ -133,23 +144,25 @@ def _boards_of_size(
     lattices = find_lattices(grey)
     if boards := chessboards_among(lattices, *size):
         return [Board.of(board, grey) for board in boards]
-    others = [Board.of(lattice, grey) for lattice in lattices]
-    return [Rejected(board.kind, 0, board.quad, _its_size(board.lattice)) for board in others]
+    other_boards = [Board.of(lattice, grey) for lattice in lattices]
+    return [
+        Rejected(board.kind, 0, board.quad, _size_text(board.lattice)) for board in other_boards
+    ]
 
 
-def _its_size(lattice: Lattice) -> str:
+def _size_text(lattice: Lattice) -> str:
     rows, cols = sorted(lattice.present.shape)
     return f"{cols} x {rows} of its inner corners are seen"
 
 
-def _of_match(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
+def _detected_target(found: SheetMatch | Rejected) -> DetectedTarget | Rejected:
     """Choose how a sheet that was found is measured."""
     if isinstance(found, Rejected):
         return found
-    return Board.of_grid(found) if found.sheet.touching else Sheet.of(found)
+    return Board.of_grid(found) if found.sheet.is_touching else Sheet.of(found)
 
 
-def _squares_beside(
+def _other_squares(
     grey: NDArray[np.uint8], lattices: Sequence[Lattice], targets: TargetKinds
 ) -> list[DetectedTarget]:
     """Find squares and tags that are not part of a lattice: not cells, nor the sheet it is on."""
@@ -159,12 +172,12 @@ def _squares_beside(
 
     return [
         Square(square)
-        for square in find_squares(grey, targets.tags, ENOUGH - len(lattices), is_part)
+        for square in find_squares(grey, targets.tags, SQUARES_NEEDED - len(lattices), is_part)
         if (targets.squares or square.tag is not None) and not is_part(square.outer.corners)
     ]
 
 
-def _without(grey: NDArray[np.uint8], lattices: Sequence[Lattice]) -> NDArray[np.uint8]:
+def _painted_over(grey: NDArray[np.uint8], lattices: Sequence[Lattice]) -> NDArray[np.uint8]:
     """Paint over the cells of lattices, which spares further searches thousands of contours."""
     if lattices:
         grey = grey.copy()
@@ -207,8 +220,10 @@ def search_annotated(
     if kinds.rectangles is not None:
         snapped = taken_as_rectangles(snapped, (grey.shape[1], grey.shape[0]), kinds.rectangles)
     found = [
-        Rejected(target.kind, 0, target.corners, own) if isinstance(own, str) else Square(own)
-        for target, own in zip(annotated, snapped, strict=True)
+        Rejected(target.kind, 0, target.corners, outline)
+        if isinstance(outline, str)
+        else Square(outline)
+        for target, outline in zip(annotated, snapped, strict=True)
     ]
     # No kinds: with outlines drawn by hand, no shapes were rejected by a search.
     return Search(grey, TargetKinds(), found)

@@ -32,10 +32,10 @@ FIRST_STEP, STEPS = 0.01, 10
 """First step of the search for the gap, over the tag's side, and number of steps. The step shrinks
 to a third once it brackets the optimum."""
 
-FARTHEST = 0.1
+MAX_GAP_CHANGE = 0.1
 """Maximum difference from the gap of the corners, over the tag's side."""
 
-USUAL_GAPS = 0.05
+USUAL_GAP_STEP = 0.05
 USUAL_GAP_ERROR = 0.003
 """A measured gap within the error of a multiple of the usual gap is taken as that multiple."""
 
@@ -51,50 +51,52 @@ class LineSamples(NamedTuple):
 
 def measured_gap(lines: Sequence[LineSamples], gap: float) -> float:
     """Return the gap over the tag's side; `gap`, from the corners, if few edges are seen."""
-    found: list[float] = []
+    gaps: list[float] = []
     for is_row in (True, False):
-        own = [line for line in lines if line.is_row == is_row]
-        for cell in sorted({cell for line in own for cell in line.cells.tolist()}):
-            numbers, places = _edges_across(own, cell)
-            best = _gap_of(numbers, places, gap) if len(numbers) >= MIN_EDGES else None
-            if best is not None and abs(best - gap) < FARTHEST:
-                found.append(best)
-    if len(found) < MIN_ROWS:
+        parallel_lines = [line for line in lines if line.is_row == is_row]
+        for cell in sorted({cell for line in parallel_lines for cell in line.cells.tolist()}):
+            numbers, places = _edges_across(parallel_lines, cell)
+            fitted = _fitted_gap(numbers, places, gap) if len(numbers) >= MIN_EDGES else None
+            if fitted is not None and abs(fitted - gap) < MAX_GAP_CHANGE:
+                gaps.append(fitted)
+    if len(gaps) < MIN_ROWS:
         return gap
-    seen = float(np.median(found))
-    usual = USUAL_GAPS * round(seen / USUAL_GAPS)
-    return usual if abs(seen - usual) < USUAL_GAP_ERROR else seen
+    median = float(np.median(gaps))
+    usual = USUAL_GAP_STEP * round(median / USUAL_GAP_STEP)
+    return usual if abs(median - usual) < USUAL_GAP_ERROR else median
 
 
 def _edges_across(lines: Sequence[LineSamples], cell: int) -> tuple[NDArray[np.intp], FloatArray]:
     """Return the lines' numbers, and where a straight line across them meets each, pixels."""
-    numbers, middles, ways = [], [], []
+    numbers, middles, directions = [], [], []
     for line in lines:
         points = line.points[line.cells == cell]
         if len(points) >= MIN_SAMPLES:
             numbers.append(line.number)
             middles.append(points.mean(axis=0))
-            ways.append(np.linalg.svd(points - middles[-1])[2][0])
+            directions.append(np.linalg.svd(points - middles[-1])[2][0])
     if len(numbers) < MIN_EDGES:
         return np.zeros(0, np.intp), np.zeros(0)
-    middle, way = np.array(middles), np.array(ways)
+    middle, direction = np.array(middles), np.array(directions)
     centre = middle.mean(axis=0)
     along = np.linalg.svd(middle - centre)[2][0]
     normal = np.array([-along[1], along[0]])
     # From each middle along its own edge to the line across.
-    steps = -((middle - centre) @ normal) / (way @ normal)
-    return np.array(numbers), (middle + steps[:, None] * way - centre) @ along
+    steps = -((middle - centre) @ normal) / (direction @ normal)
+    return np.array(numbers), (middle + steps[:, None] * direction - centre) @ along
 
 
-def _gap_of(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float | None:
+def _fitted_gap(numbers: NDArray[np.intp], places: FloatArray, gap: float) -> float | None:
     """Return the gap that fits the projected edges best; None if they do not determine it."""
     step = FIRST_STEP
     for _ in range(STEPS):
-        before, here, after = (_cost(numbers, places, gap + off) for off in (-step, 0.0, step))
-        curvature = before - 2.0 * here + after
+        lower_cost, cost, upper_cost = (
+            _cost(numbers, places, gap + change) for change in (-step, 0.0, step)
+        )
+        curvature = lower_cost - 2.0 * cost + upper_cost
         if curvature <= 0.0:
             return None
-        move = 0.5 * (before - after) / curvature
+        move = 0.5 * (lower_cost - upper_cost) / curvature
         gap += float(np.clip(move, -2.0, 2.0)) * step
         if abs(move) < 1.0:
             step /= 3.0

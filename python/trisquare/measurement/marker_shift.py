@@ -13,7 +13,7 @@ import numpy as np
 
 from trisquare._support.arrays import FloatArray
 
-DEGREES = ((12, 3), (6, 2), (4, 1))
+POLYNOMIAL_DEGREES = ((12, 3), (6, 2), (4, 1))
 """Minimum numbers of markers, and the degrees of the polynomials over the sheet that they allow:
 two equations or more for each unknown."""
 
@@ -36,7 +36,9 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
     float
         In pixels; 0 if the markers are too few.
     """
-    degree = next((degree for least, degree in DEGREES if len(model) >= least), None)
+    degree = next(
+        (degree for min_markers, degree in POLYNOMIAL_DEGREES if len(model) >= min_markers), None
+    )
     if degree is None:
         return 0.0
     points = np.array([[side.mean(axis=0) for side in marker] for marker in sides])
@@ -55,14 +57,16 @@ def marker_shift(model: FloatArray, sides: Sequence[Sequence[FloatArray]]) -> fl
     mapped = cv2.perspectiveTransform(model.reshape(1, -1, 2), image_from_sheet)
     expected = np.asarray(mapped, dtype=np.float64).reshape(model.shape)
     # Samples need not be centred on their sides: only the distance across counts.
-    off = ((points - expected) * outward).sum(axis=-1).ravel()
+    offsets = ((points - expected) * outward).sum(axis=-1).ravel()
     middles = 0.5 * (model + np.roll(model, -1, axis=1)).reshape(-1, 2)
     x, y = (middles / np.abs(middles).max()).T
     terms = [x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)]
-    smooth = np.stack(terms, axis=1)
+    polynomial = np.stack(terms, axis=1)
     u, v = outward.reshape(-1, 2).T
-    unknowns = np.column_stack([np.ones(len(off)), smooth * u[:, None], smooth * v[:, None]])
-    solution = np.linalg.lstsq(unknowns, off, rcond=None)[0]
+    design = np.column_stack(
+        [np.ones(len(offsets)), polynomial * u[:, None], polynomial * v[:, None]]
+    )
+    solution = np.linalg.lstsq(design, offsets, rcond=None)[0]
     return float(solution[0])
 
 

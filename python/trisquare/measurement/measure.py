@@ -66,8 +66,8 @@ def measure(
         spans += target.spans(len(spans))
         ends.append(len(spans))
     measured, picture_tone, faults, core = _localised(spans, _core.Picture(picture), tone)
-    own = [measured[start:end] for start, end in pairwise(ends)]
-    figures, not_measured = _figures(named, own)
+    by_target = [measured[start:end] for start, end in pairwise(ends)]
+    figures, not_measured = _figures(named, by_target)
     # The shift of boards and sheets is removed; the others still have its drift.
     if figures and all(figure.drift is None for figure in figures):
         picture_tone = picture_tone.of_board()
@@ -82,12 +82,12 @@ def _localised(
     spans: list[SideSpan], core: _core.Picture, tone: str | float
 ) -> tuple[list[_core.SideSamples | str], PictureTone, PictureFaults, _core.Picture]:
     """Measure the spans in a picture, or in its self-consistent part; return which it was."""
-    told = None if tone == "auto" else tone
-    measured, estimate, found = _core.localise(core, spans, told)
+    stated_tone = None if tone == "auto" else tone
+    measured, estimate, found = _core.localise(core, spans, stated_tone)
     faults = PictureFaults.of(found)
     if (mended := found.mended(core)) is not None:
         core = mended
-        measured, estimate, found = _core.localise(core, spans, told)
+        measured, estimate, found = _core.localise(core, spans, stated_tone)
         faults = replace(
             PictureFaults.of(found),
             row_shift=faults.row_shift,
@@ -106,11 +106,11 @@ def _figures(
     """Build the figures of each target; a rejection begins with the target's name."""
     figures: list[PlaneEdges] = []
     rejected: list[Rejected] = []
-    for plane, ((target, name), own) in enumerate(zip(found, measured, strict=True)):
-        edges = target.figures(own, plane)
+    for plane, ((target, name), sides) in enumerate(zip(found, measured, strict=True)):
+        edges = target.figures(sides, plane)
         figures += edges
         if not edges:
-            reasons = {reason for reason in own if isinstance(reason, str)}
+            reasons = {reason for reason in sides if isinstance(reason, str)}
             reason = name + ("; ".join(sorted(reasons)) or TOO_FEW_LINES)
             rejected.append(Rejected(target.kind, 0, target.quad, reason))
     return figures, rejected

@@ -78,7 +78,9 @@ def rejection_reasons(search: Search) -> list[Rejected]:
         if quad_areas(corners) >= MIN_SIDE**2 and not is_among(corners, targets)
     ]
     outlines = np.array([corners for corners, _ in shapes]).reshape(-1, 4, 2)
-    reported = [shape for i, shape in enumerate(shapes) if not _same(shape[0], outlines[:i]).any()]
+    reported = [
+        shape for i, shape in enumerate(shapes) if not _are_same(shape[0], outlines[:i]).any()
+    ]
     reported.sort(key=lambda shape: -float(quad_areas(shape[0])))
     return [
         Rejected(KIND, 0, scale * corners, reason) for corners, reason in reported[:MAX_REPORTED]
@@ -101,8 +103,8 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
     fitted = fit_sides(picture, rough)
     views = views_of_rectangles(fitted, image_size=(picture.shape[1], picture.shape[0]))
     squares = find_framed_squares(smooth, views)
-    used = {index for square in squares for index in (square.outer, square.inner)}
-    unused = views.subset(np.array([i not in used for i in range(len(views))], bool))
+    used_indices = {index for square in squares for index in (square.outer, square.inner)}
+    unused = views.subset(np.array([i not in used_indices for i in range(len(views))], bool))
     yield from zip(unused.corners, reasons_against_quads(smooth, unused), strict=True)
     for corners in _dropped(fitted, views):
         yield (
@@ -113,17 +115,19 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
         along = np.roll(corners, -1, axis=0) - corners
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
         cosines = np.abs((along * np.roll(along, 1, axis=0)).sum(axis=1))
-        flat = cosines.max() > MAX_CORNER_COSINE
+        is_flat = cosines.max() > MAX_CORNER_COSINE
         yield (
             corners,
-            "it is seen at too flat an angle" if flat else "one of its sides is not a smooth edge",
+            "it is seen at too flat an angle"
+            if is_flat
+            else "one of its sides is not a smooth edge",
         )
 
 
 def _dropped(before: Quads, after: Quads) -> list[FloatArray]:
     """Return corners of the quads that a stage dropped and that are large enough to be reported."""
     large = before.corners[before.areas >= MIN_SIDE**2]
-    return [corners for corners in large if not _same(corners, after.corners).any()]
+    return [corners for corners in large if not _are_same(corners, after.corners).any()]
 
 
 def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str]]:
@@ -132,31 +136,31 @@ def _cut_by_border(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray, str
     if brightest - darkest < MIN_CONTRAST:
         return
     for kind in (cv2.THRESH_BINARY, cv2.THRESH_BINARY_INV):
-        before = np.empty((0, 4, 2))
+        previous_boxes = np.empty((0, 4, 2))
         for share in (np.arange(BORDER_LEVELS) + 0.5) / BORDER_LEVELS:
             level = darkest + share * (brightest - darkest)
             mask = cv2.threshold(picture, level, 255, kind)[1]
             contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-            cut = [c for c in contours if _may_be_cut_square(c, picture.shape)]
-            boxes = np.array([cv2.boxPoints(cv2.minAreaRect(c)) for c in cut], float)
+            cut_contours = [c for c in contours if _may_be_cut_square(c, picture.shape)]
+            boxes = np.array([cv2.boxPoints(cv2.minAreaRect(c)) for c in cut_contours], float)
             boxes = boxes.reshape(-1, 4, 2)
             # An edge stays where it is from one level to the next; a shadow's rim does not.
             for box in boxes:
-                if _same(box, before).any():
+                if _are_same(box, previous_boxes).any():
                     yield box, CUT_BY_BORDER
-            before = boxes
+            previous_boxes = boxes
 
 
 def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> bool:
     """Return whether a contour reaches the border at one side or corner, and has few corners."""
     height, width = shape
     x, y, box_width, box_height = cv2.boundingRect(contour)
-    near = [(gap < BORDER) for gap in (x, width - x - box_width, y, height - y - box_height)]
+    is_near = [(gap < BORDER) for gap in (x, width - x - box_width, y, height - y - box_height)]
     area = cv2.contourArea(contour)
     if (
-        not any(near)
-        or (near[0] and near[1])
-        or (near[2] and near[3])
+        not any(is_near)
+        or (is_near[0] and is_near[1])
+        or (is_near[2] and is_near[3])
         or not MIN_SIDE**2 <= area <= MAX_CUT_SHARE * width * height
     ):
         return False
@@ -168,7 +172,7 @@ def _may_be_cut_square(contour: cv2.typing.MatLike, shape: tuple[int, ...]) -> b
     return len(corners) in CUT_CORNERS
 
 
-def _same(corners: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+def _are_same(corners: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
     """Return which quads, shape (N, 4, 2), have the middle and the size of one, (4, 2)."""
     size, sizes = np.sqrt(quad_areas(corners)), np.sqrt(quad_areas(others))
     gaps = np.abs(others.mean(axis=1) - corners.mean(axis=0)).max(axis=1)

@@ -87,29 +87,31 @@ class Sheet:
         grid = len(measured) - 4 * len(self.corners)
         markers = []
         for index, model in enumerate(self.model):
-            own = measured[grid + 4 * index : grid + 4 * index + 4]
-            samples = [side for side in own if not isinstance(side, str)]
+            sides = measured[grid + 4 * index : grid + 4 * index + 4]
+            samples = [side for side in sides if not isinstance(side, str)]
             if len(samples) == 4:
                 markers.append((index, model, samples))
         figures: list[PlaneEdges] = []
         if self.lattice is not None:
             figures, shift = self.lattice.figures_and_shift(measured[:grid], plane)
         if figures:
-            markers = [marker for marker in markers if self._stands_apart(marker[0])]
+            markers = [marker for marker in markers if self._has_margins(marker[0])]
             # A tone curve shifts markers differently from crossed lines, which the joint fit
             # accounts for.
-            if any(side.drift is not None for _, _, own in markers for side in own):
+            if any(side.drift is not None for _, _, sides in markers for side in sides):
                 shift = 0.0
         else:
             models = np.array([model for _, model, _ in markers])
-            shift = marker_shift(models, [[side.points for side in own] for _, _, own in markers])
+            shift = marker_shift(
+                models, [[side.points for side in sides] for _, _, sides in markers]
+            )
         for _, model, samples in markers:
             side = float(np.linalg.norm(model[1] - model[0]))
             border = self.border * side
             figures.append(_marker_edges(model, samples, shift, plane, self.kind, border))
         return figures
 
-    def _stands_apart(self, marker: int) -> bool:
+    def _has_margins(self, marker: int) -> bool:
         """Return whether a marker's edges have the minimum margins, to the board and its bits."""
         margins = side_margins(self.corners[marker], self.border, self.gap)
         return min(min(sides) for sides in margins) >= MIN_MARGIN
@@ -132,7 +134,7 @@ def _marker_edges(
     drift = tuple(side.drift for side in samples if side.drift is not None and shift == 0.0)
     return unchecked_edges(
         lines=np.column_stack([inward, offsets]),
-        points=tuple(_inward(side.points, shift) for side in samples),
+        points=tuple(_moved_inward(side.points, shift) for side in samples),
         std=tuple(side.std for side in samples),
         polarity=1,
         plane=plane,
@@ -143,7 +145,7 @@ def _marker_edges(
     )
 
 
-def _inward(points: FloatArray, shift: float) -> FloatArray:
+def _moved_inward(points: FloatArray, shift: float) -> FloatArray:
     """Move the samples of one side of a marker, in clockwise order, into it by the shift."""
     x, y = (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
     return np.asarray(points + shift * np.array([-y, x]))
@@ -173,6 +175,8 @@ def _crossings(squares: tuple[int, int], model: FloatArray, corners: FloatArray)
                 moved[row, column] += step
                 count[row, column] += 1.0
     seen = cv2.perspectiveTransform(grid.reshape(1, -1, 2), homography).reshape(grid.shape)
-    present = count > 0.0
-    crossings = np.where(present[..., None], seen + moved / np.maximum(count, 1.0)[..., None], 0.0)
-    return Lattice(crossings, present)
+    is_present = count > 0.0
+    crossings = np.where(
+        is_present[..., None], seen + moved / np.maximum(count, 1.0)[..., None], 0.0
+    )
+    return Lattice(crossings, is_present)

@@ -45,8 +45,8 @@ class Square:
         spans: list[SideSpan] = []
         for outline in self._outlines():
             spans += self._outline_spans(outline, first + len(spans))
-        if (beside := self.outline.beside) is not None:
-            spans += self._outline_spans(beside, first + len(spans))
+        if (adjacent := self.outline.adjacent) is not None:
+            spans += self._outline_spans(adjacent, first + len(spans))
             spans = [replace(span, far_edge=first + (i + 4) % 8) for i, span in enumerate(spans)]
         return spans
 
@@ -55,8 +55,8 @@ class Square:
         sides = iter(measured)
         figures = []
         for outline in self._outlines():
-            own = [next(sides) for _ in range(4)]
-            samples = [side for side in own if not isinstance(side, str)]
+            outline_sides = [next(sides) for _ in range(4)]
+            samples = [side for side in outline_sides if not isinstance(side, str)]
             # An outline with a side that is not an edge is not a square; without its outer outline,
             # a frame's inner one is a square of its own.
             if len(samples) == 4:
@@ -75,7 +75,7 @@ class Square:
             lines=rectangle_lines(points, aspect),
             points=points,
             std=tuple(side.std for side in sides),
-            polarity=None if self.outline.beside else 1 if outline.dark_inside else -1,
+            polarity=None if self.outline.adjacent else 1 if outline.dark_inside else -1,
             plane=plane,
             kind=self.kind,
             freedom=freedom,

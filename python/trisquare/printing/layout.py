@@ -155,9 +155,9 @@ class PrintedBoard:
 
     def drawn_lines(self) -> FloatArray:
         """Return the ends of the lines that show it in a drawing, mm, shape (N, 2, 2)."""
-        at = self.side * np.linspace(-0.5, 0.5, CELLS_DRAWN + 1)
-        ends = np.broadcast_to([at[0], at[-1]], (len(at), 2))
-        across = np.stack([ends, np.repeat(at[:, None], 2, axis=1)], axis=2)
+        positions = self.side * np.linspace(-0.5, 0.5, CELLS_DRAWN + 1)
+        ends = np.broadcast_to([positions[0], positions[-1]], (len(positions), 2))
+        across = np.stack([ends, np.repeat(positions[:, None], 2, axis=1)], axis=2)
         lines: FloatArray = np.asarray(self.centre) + np.concatenate([across, across[..., ::-1]])
         return lines
 
@@ -251,8 +251,8 @@ def corner_page(
     """Lay out the sheet that folds into a corner of three planes; see `flat_pages`."""
     size = PAGES[page]
     width = size[0]
-    margin, what = MARGINS[figure]
-    length = _checked_side(side, 0.5 * width, margin, f"a corner of three {what} on {page}")
+    margin, description = MARGINS[figure]
+    length = _checked_side(side, 0.5 * width, margin, f"a corner of three {description} on {page}")
     needed = length + 2.0 * max(margin * length, UNPRINTABLE)
     face = 0.5 * width if 0.5 * width - needed < SLIVER else needed
     x, y = apex = (0.5 * width, face)

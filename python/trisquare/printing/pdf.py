@@ -111,9 +111,9 @@ def _draw(canvas: Canvas, page: TargetPage) -> None:
 
 def _fill(canvas: Canvas, outlines: Iterable[Sequence[Point]]) -> None:
     path = canvas.beginPath()
-    for start, *others in outlines:
+    for start, *rest in outlines:
         path.moveTo(*start)
-        for point in others:
+        for point in rest:
             path.lineTo(*point)
         path.close()
     canvas.drawPath(path, stroke=0, fill=1, fillMode=EVEN_ODD)
@@ -122,12 +122,12 @@ def _fill(canvas: Canvas, outlines: Iterable[Sequence[Point]]) -> None:
 def _draw_ruler(canvas: Canvas, start: Point) -> None:
     x, y = start
     canvas.line(x, y, x + RULER, y)
-    for at in np.arange(0.0, RULER + 0.5 * TICK_STEP, TICK_STEP).tolist():
-        labelled = at % LABEL_STEP == 0.0
-        canvas.line(x + at, y, x + at, y - (LONG_TICK if labelled else TICK))
+    for position in np.arange(0.0, RULER + 0.5 * TICK_STEP, TICK_STEP).tolist():
+        labelled = position % LABEL_STEP == 0.0
+        canvas.line(x + position, y, x + position, y - (LONG_TICK if labelled else TICK))
         if labelled:
-            unit = " mm" if at == RULER else ""
-            _write(canvas, (x + at, y + LABEL_DROP), f"{at:g}{unit}", centred=True)
+            unit = " mm" if position == RULER else ""
+            _write(canvas, (x + position, y + LABEL_DROP), f"{position:g}{unit}", centred=True)
 
 
 def _write(canvas: Canvas, at: Point, text: str, *, centred: bool = False) -> None:

@@ -86,15 +86,15 @@ def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> st
     length = float(np.mean(np.divide((camera.fx, camera.fy), scales)))
     std = calibration.std.get("fx", 0.0) / scales[0]
     if stated.is_nominal:
-        found = f"about {length:.3g} mm"
+        length_text = f"about {length:.3g} mm"
         known_by = "the equivalent for 35-mm film that it states, which is rounded"
     else:
-        value, its_std = with_its_std(length, std) if std else (f"{length:.4g}", "0")
-        found = f"{value} mm (std {its_std})"
+        value, std_text = with_its_std(length, std) if std else (f"{length:.4g}", "0")
+        length_text = f"{value} mm (std {std_text})"
         known_by = "the resolution in the focal plane that it states"
     return (
-        f"In millimetres the focal length is {found}; Exif states {stated.millimetres:.4g} mm. The "
-        f"size of a pixel is known by {known_by}."
+        f"In millimetres the focal length is {length_text}; Exif states {stated.millimetres:.4g} "
+        f"mm. The size of a pixel is known by {known_by}."
     )
 
 
@@ -108,10 +108,10 @@ def plane_texts(plane: Plane, unit: str) -> tuple[str, str, str, str]:
 
     The distance is in the unit of `distance_unit`, or is followed by its own unit.
     """
-    own = "sides" if plane.side is None else "m"
+    plane_unit = "sides" if plane.side is None else "m"
     distance = f"{np.linalg.norm(plane.tvec):.3f}"
     return (
-        distance if own == unit else f"{distance} {own}",
+        distance if plane_unit == unit else f"{distance} {plane_unit}",
         f"{tilt_degrees(plane.rotation):.1f}",
         f"{plane.rms:.4f}",
         str(plane.samples),
@@ -128,8 +128,8 @@ def angles_between_planes(calibration: Calibration) -> str:
     if len(planes) > MAX_ANGLED or len({plane.image for _, plane in planes}) != 1:
         return ""
     angles = [
-        f"{first} and {second}: {plane_angle(one, other, calibration)}"
-        for (first, one), (second, other) in combinations(planes, 2)
+        f"{first} and {second}: {plane_angle(first_plane, second_plane, calibration)}"
+        for (first, first_plane), (second, second_plane) in combinations(planes, 2)
     ]
     return f"Angles between the planes {', '.join(angles)}." if angles else ""
 
@@ -156,11 +156,11 @@ def summary(calibration: Calibration, known: ProjectionMap) -> Iterator[str]:
             f"{median} px at the median place and to {worst} px at the worst (one standard "
             "deviation, up to a rotation of the whole camera)."
         )
-    beyond = 1.0 - known_part(camera)
-    if beyond > 0.0:
+    uncovered_share = 1.0 - known_part(camera)
+    if uncovered_share > 0.0:
         yield (
-            f"The lens model does not cover {100.0 * beyond:.0f} % of the picture: nothing "
-            "is known there."
+            f"The lens model does not cover {100.0 * uncovered_share:.0f} % of the picture: "
+            "nothing is known there."
         )
     yield (
         f"The residuals of the edge samples are {two_digits(calibration.rms)} px (rms), "
@@ -208,10 +208,14 @@ def held_text(calibration: Calibration) -> str:
         "focal": f"focal length at fx {camera.fx:.6g}, fy {camera.fy:.6g}",
         "distortion": f"distortion at {', '.join(bending) or 'zero'}",
     }
-    held = [texts.get(name, name) for name in calibration.fixed]
-    held += [f"planes {one} and {other} orthogonal" for one, other in calibration.orthogonal]
-    held += [f"planes {one} and {other} parallel" for one, other in calibration.parallel]
-    return "; ".join(held)
+    texts_held = [texts.get(name, name) for name in calibration.fixed]
+    texts_held += [
+        f"planes {first} and {second} orthogonal" for first, second in calibration.orthogonal
+    ]
+    texts_held += [
+        f"planes {first} and {second} parallel" for first, second in calibration.parallel
+    ]
+    return "; ".join(texts_held)
 
 
 def _today() -> str:
@@ -231,5 +235,5 @@ def _tone(calibration: Calibration) -> str:
     return f"gamma {tone:.3f}" + ("" if std is None else f", estimated, std {std:.3f}")
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")

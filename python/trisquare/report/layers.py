@@ -67,17 +67,17 @@ def picture_layers(calibration: Calibration, index: int, pixels: Image | None) -
     for number, plane in enumerate(calibration.planes):
         if plane.image != index:
             continue
-        own = [side for side in sides if side.plane == number]
+        plane_sides = [side for side in sides if side.plane == number]
         # Without samples, the outline of the corners is drawn.
-        curves = [_thinned(side.curve) for side in own] or [_closed(plane.corners)]
+        curves = [_thinned(side.curve) for side in plane_sides] or [_closed(plane.corners)]
         centre = plane.corners.mean(axis=0, keepdims=True)
-        lines = [_path(n) for side in own for n in needles(side, exaggeration)[::every]]
+        lines = [_path(n) for side in plane_sides for n in needles(side, exaggeration)[::every]]
         seen.append(_plane_layer(number, centre, curves, lines))
         if pinhole is not None:
             centre, *curves = (_through(pinhole, camera, line) for line in (centre, *curves))
             if len(centre) > 0:
                 straight.append(_plane_layer(number, centre, curves, []))
-    rejected = [other.corners for other in calibration.rejected if other.image == index]
+    rejected = [candidate.corners for candidate in calibration.rejected if candidate.image == index]
     return PictureLayers(
         index=index,
         photograph=None if pixels is None else jpeg_uri(pixels),
@@ -117,14 +117,16 @@ def _plane_layer(
 
 
 def _thinned(curve: FloatArray) -> FloatArray:
-    kept = np.linspace(0, len(curve) - 1, min(CURVE_POINTS, len(curve))).astype(int)
-    return np.asarray(curve[kept])
+    indices = np.linspace(0, len(curve) - 1, min(CURVE_POINTS, len(curve))).astype(int)
+    return np.asarray(curve[indices])
 
 
 def _through(pinhole: Camera, camera: Camera, pixels: FloatArray) -> FloatArray:
     """Return the pixels of a pinhole that show the same; those without a direction are left out."""
-    known = np.array(_core.can_unproject(camera_for_core(camera), np.ascontiguousarray(pixels)))
-    return pinhole.project(camera.unproject(pixels[known.astype(bool)]))
+    can_unproject = np.array(
+        _core.can_unproject(camera_for_core(camera), np.ascontiguousarray(pixels))
+    )
+    return pinhole.project(camera.unproject(pixels[can_unproject.astype(bool)]))
 
 
 def _closed(corners: FloatArray) -> FloatArray:

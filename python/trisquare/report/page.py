@@ -110,11 +110,11 @@ def _pictures(
         layers = [picture_layers(calibration, index, None) for index in indices[:MAX_PICTURES]]
     for photograph in photographs:
         index, path, pixels = photograph.index, photograph.path, photograph.pixels
-        size, own = picture_size(pixels), calibration.camera.image_size
-        if size != own:
+        size, camera_size = picture_size(pixels), calibration.camera.image_size
+        if size != camera_size:
             raise ValueError(
-                f"picture {index} is {size[0]} x {size[1]}, the calibration's are {own[0]} x "
-                f"{own[1]}: is it one of them?"
+                f"picture {index} is {size[0]} x {size[1]}, the calibration's are "
+                f"{camera_size[0]} x {camera_size[1]}: is it one of them?"
             )
         names[index] = f"picture {index}" if path is None else os.path.basename(path)
         if path is None or not os.path.isfile(path):  # a pipe can be read only once

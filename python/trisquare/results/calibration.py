@@ -91,11 +91,11 @@ def _checked_method(value: Any, name: str) -> str:
 
 
 def _checked_fixed(value: Any, name: str) -> tuple[str, ...]:
-    held = strings(value, name)
-    for own in held:
-        if own not in FIXABLE:
-            raise unknown(f"member of {name}", own, FIXABLE)
-    return held
+    names = strings(value, name)
+    for fixed in names:
+        if fixed not in FIXABLE:
+            raise unknown(f"member of {name}", fixed, FIXABLE)
+    return names
 
 
 PAIRS = Kind(lambda value, name: checked_pairs(name, value), JsonFields.pairs)
@@ -243,9 +243,11 @@ class Calibration(Record):
         if related and max(related) >= len(self.planes):
             raise ValueError(f"plane {max(related)} is related, but there are {len(self.planes)}")
         samples = [[len(points) for points in figure.points] for figure in self.edges]
-        if samples != [[len(own) for own in figure.distances] for figure in self.residuals]:
+        if samples != [
+            [len(residuals) for residuals in figure.distances] for figure in self.residuals
+        ]:
             raise ValueError("residuals must be those of the edges: one for each sample")
-        if any(own.plane >= len(self.planes) for own in self.residuals):
+        if any(residuals.plane >= len(self.planes) for residuals in self.residuals):
             raise ValueError(f"residuals must be of one of the {len(self.planes)} planes")
 
     def __eq__(self, other: object) -> bool:
@@ -269,14 +271,14 @@ class Calibration(Record):
         ]
         for name, value in camera_parameters(self.camera).items():
             if name in self.std:
-                text, its_std = with_its_std(value, self.std[name])
-                lines.append(f"  {name}  {text:>12}  std {its_std}")
+                text, std_text = with_its_std(value, self.std[name])
+                lines.append(f"  {name}  {text:>12}  std {std_text}")
             elif value != 0:
                 lines.append(f"  {name}  {value:12.6g}  held")
-        for what in ("orthogonal", "parallel"):
-            if pairs := getattr(self, what):
-                held = "; ".join(f"{one} and {other}" for one, other in pairs)
-                lines.append(f"  planes held {what}: {held}")
+        for relation in ("orthogonal", "parallel"):
+            if pairs := getattr(self, relation):
+                pairs_text = "; ".join(f"{first} and {second}" for first, second in pairs)
+                lines.append(f"  planes held {relation}: {pairs_text}")
         lines.append(
             f"  rms {self.rms:.3g} px over {sum(plane.is_used for plane in self.planes)} planes, "
             f"noise scale {self.noise_scale:.2f}"
@@ -286,7 +288,10 @@ class Calibration(Record):
         if self.lines:
             used = sum(line.is_used for line in self.lines)
             lines.append(f"  {used} of {len(self.lines)} lines of the scene used")
-        lines.extend(f"  warning ({own.severity}): {own} [{own.code}]" for own in self.warnings)
+        lines.extend(
+            f"  warning ({warning.severity}): {warning} [{warning.code}]"
+            for warning in self.warnings
+        )
         return "\n".join(lines)
 
     def projection_covariance(self, points: npt.ArrayLike) -> FloatArray:

@@ -95,17 +95,17 @@ def _checked(values: Any, name: str) -> tuple[CalibrationWarning, ...]:
 
 def _read(members: JsonFields, key: str) -> tuple[CalibrationWarning, ...]:
     """Read warnings; results of versions before the codes have only texts."""
-    given = members.value(key)
-    if isinstance(given, list) and all(isinstance(value, str) for value in given):
+    values = members.value(key)
+    if isinstance(values, list) and all(isinstance(value, str) for value in values):
         return tuple(CalibrationWarning(text) for text in members.texts(key))
     return tuple(
         CalibrationWarning(
-            own.text("text"),
-            own.text("code"),
-            own.text("severity"),
-            own.integer("plane") if own.has("plane") else None,
+            warning.text("text"),
+            warning.text("code"),
+            warning.text("severity"),
+            warning.integer("plane") if warning.has("plane") else None,
         )
-        for own in members.objects(key)
+        for warning in members.objects(key)
     )
 
 

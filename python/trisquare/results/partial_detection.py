@@ -17,7 +17,7 @@ PARALLEL = 0.1
 """Sine of the angle below which two lines of a figure's model count as parallel; the lines of
 squares and grids are parallel or perpendicular."""
 
-FARTHEST = 1.0
+MAX_EXTRAPOLATION = 1.0
 """Maximum distance of a corner from the samples' bounding box, relative to its size: a corner
 farther away is near the horizon."""
 
@@ -86,7 +86,7 @@ def _corners(figure: PlaneEdges) -> FloatArray:
     if not (np.abs(depths).min() > 0 and np.ptp(np.sign(depths)) == 0):
         return around
     corners = homogeneous[:, :2] / depths[:, None]
-    reach = FARTHEST * (high - low)
+    reach = MAX_EXTRAPOLATION * (high - low)
     near = (corners >= low - reach).all() and (corners <= high + reach).all()
     return np.asarray(corners) if near else around
 

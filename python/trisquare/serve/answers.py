@@ -54,28 +54,28 @@ FRAMES = 10
 SIDE_POINTS = 8
 """Number of drawn points of a measured side."""
 
-Made = tuple[dict[str, Any], bytes | None]
+Answered = tuple[dict[str, Any], bytes | None]
 """Members of the answer, and the content of a file if the answer is a file."""
 
 
-def _find(task: Task, limits: JobLimits) -> Made:
+def _find(task: Task, limits: JobLimits) -> Answered:
     """Find outlines, or measure the edges at outlines that were drawn, and move these onto them."""
     picture = as_recorded(_picture(task, limits))
     size = picture_size(picture)
     kinds = TargetKinds.parse(_targets(task))
-    drawn = task.options.get("outlines")
-    if drawn is None:
-        found = search(picture, kinds).found
-        outlined = [_outlined(target) for target in found if not isinstance(target, Rejected)]
-        rejected = [one for one in found if isinstance(one, Rejected)]
+    annotations_given = task.options.get("outlines")
+    if annotations_given is None:
+        candidates = search(picture, kinds).found
+        outlined = [_outlined(target) for target in candidates if not isinstance(target, Rejected)]
+        rejected = [candidate for candidate in candidates if isinstance(candidate, Rejected)]
     else:
-        annotations = Annotations.read(_object(drawn, "outlines"), task.photographs[:1])
+        annotations = Annotations.read(_object(annotations_given, "outlines"), task.photographs[:1])
         measured = measure(picture, kinds, tone_of(picture, None), annotations.on(0, size))
-        outlined, rejected = _of_figures(measured.figures), measured.rejected
+        outlined, rejected = _figure_outlines(measured.figures), measured.rejected
     members = {
         "image_size": list(size),
         "found": outlined,
-        "rejected": [record_members(one) for one in rejected],
+        "rejected": [record_members(candidate) for candidate in rejected],
     }
     if _flag(task, "guide"):
         members["prediction"] = _guidance(members["found"], size, None)
@@ -93,24 +93,24 @@ def _outlined(target: Any) -> dict[str, Any]:
     return members
 
 
-def _of_figures(figures: Sequence[Any]) -> list[dict[str, Any]]:
+def _figure_outlines(figures: Sequence[Any]) -> list[dict[str, Any]]:
     """Return the outlines of measured squares; the second figure of a plane is a frame's hole."""
     outlined: dict[int, dict[str, Any]] = {}
     for figure in figures:
-        (found,) = partial_detections([figure])
-        corners = _rounded(_at_corners(figure.points, found.corners))
+        (detection,) = partial_detections([figure])
+        corners = _rounded(_side_intersections(figure.points, detection.corners))
         if figure.plane in outlined:
             outlined[figure.plane]["inner"] = corners
         else:
             thinned = [points[:: max(len(points) // SIDE_POINTS, 1)] for points in figure.points]
             sides = [_rounded(points) for points in thinned]
-            members = {"kind": found.kind, "corners": corners, "sides": sides}
+            members = {"kind": detection.kind, "corners": corners, "sides": sides}
             outlined[figure.plane] = members
     return list(outlined.values())
 
 
-def _at_corners(sides: Sequence[Any], coarse: Any) -> Any:
-    """Return the intersections of four curved sides, shape (4, 2); `coarse` is some pixels off.
+def _side_intersections(sides: Sequence[Any], approximate: Any) -> Any:
+    """Return the intersections of four curved sides, (4, 2); `approximate` is some pixels off.
 
     Corner i lies between sides i - 1 and i. A quarter of a side is approximated by a line.
     """
@@ -118,15 +118,15 @@ def _at_corners(sides: Sequence[Any], coarse: Any) -> Any:
     def end(points: Any, corner: Any) -> Any:
         """Return the line through the quarter of a side that is nearest to a corner."""
         distance = np.hypot(*(points - corner).T)
-        near = points[np.argsort(distance)[: max(len(points) // 4, 2)]]
-        centre = near.mean(axis=0)
-        normal = np.linalg.svd(near - centre)[2][1]
+        nearest_points = points[np.argsort(distance)[: max(len(points) // 4, 2)]]
+        centre = nearest_points.mean(axis=0)
+        normal = np.linalg.svd(nearest_points - centre)[2][1]
         return np.array([*normal, -normal @ centre])
 
     meeting = np.array(
         [
             np.cross(end(sides[i - 1], corner), end(sides[i], corner))
-            for i, corner in enumerate(coarse)
+            for i, corner in enumerate(approximate)
         ]
     )
     return meeting[:, :2] / meeting[:, 2:]
@@ -136,7 +136,7 @@ def _rounded(points: Any) -> list[list[float]]:
     return [[round(float(x), 2), round(float(y), 2)] for x, y in points]
 
 
-def _calibrate(task: Task, limits: JobLimits) -> Made:
+def _calibrate(task: Task, limits: JobLimits) -> Answered:
     options = {name: task.options[name] for name in CALIBRATION_OPTIONS if name in task.options}
     options["targets"] = _targets(task)
     drawn = task.options.get("outlines")
@@ -161,7 +161,7 @@ def _calibrate(task: Task, limits: JobLimits) -> Made:
     }, None
 
 
-def _predict(task: Task, limits: JobLimits) -> Made:
+def _predict(task: Task, limits: JobLimits) -> Answered:
     options = task.options
     if "image_size" not in options or "outlines" not in options:
         raise ValueError('a prediction needs "image_size" and "outlines"')
@@ -181,20 +181,20 @@ def _guidance(
 
     if not isinstance(outlines, list):
         raise TypeError('"outlines" must be a list')
-    squares, others = [], []
+    squares, unusable = [], []
     for number, outline in enumerate(outlines):
         members = _object(outline, f"outlines[{number}]")
         kind = members.get("kind", "square")
         if kind not in ("square", "frame", "tag"):
-            others.append(str(kind))  # its outline is not enough for a prediction
+            unusable.append(str(kind))  # its outline is not enough for a prediction
             continue
-        where = f"outlines[{number}]"
+        path = f"outlines[{number}]"
         inner, sides = members.get("inner"), members.get("sides")
         squares.append(
             OutlinedSquare(
-                real_array(members.get("corners"), f"{where}.corners", (4, 2)),
-                None if inner is None else real_array(inner, f"{where}.inner", (4, 2)),
-                None if sides is None else [real_array(side, where, (None, 2)) for side in sides],
+                real_array(members.get("corners"), f"{path}.corners", (4, 2)),
+                None if inner is None else real_array(inner, f"{path}.inner", (4, 2)),
+                None if sides is None else [real_array(side, path, (None, 2)) for side in sides],
             )
         )
     options = options or {}
@@ -205,8 +205,8 @@ def _guidance(
         camera = centred_pinhole(real_number(options["focal"], "focal"), size)
     sigma = real_number(options.get("sigma", SIGMA), "sigma")
     guidance = guide(squares, size, camera, sigma=sigma)
-    if others and guidance.std is None:
-        advice = f"A {others[0]} is found. What it tells is not predicted: calibrate to see."
+    if unusable and guidance.std is None:
+        advice = f"A {unusable[0]} is found. What it tells is not predicted: calibrate to see."
         guidance = replace(guidance, advice=advice)
     return asdict(guidance)
 
@@ -216,7 +216,7 @@ def _camera_of_members(members: Mapping[str, Any]) -> Any:
     return camera_of(known_camera("camera.json"))
 
 
-def _overlay(task: Task, limits: JobLimits) -> Made:
+def _overlay(task: Task, limits: JobLimits) -> Answered:
     index = task.options.get("index", 0)
     if not isinstance(index, int) or isinstance(index, bool) or index < 0:
         raise ValueError(f"index must be a whole number from 0 on, not {index!r}")
@@ -226,7 +226,7 @@ def _overlay(task: Task, limits: JobLimits) -> Made:
     return _jpeg(draw_overlay(picture, calibration, index=index))
 
 
-def _undistort(task: Task, limits: JobLimits) -> Made:
+def _undistort(task: Task, limits: JobLimits) -> Answered:
     picture = _picture(task, limits)
     camera = camera_of(known_camera(_file(task, "camera")))
     _check_size(picture, camera)
@@ -239,12 +239,12 @@ def _undistort(task: Task, limits: JobLimits) -> Made:
     return _content(encode_image(straight, f"undistorted{suffix}"), media, f"undistorted{suffix}")
 
 
-def _preview(task: Task, limits: JobLimits) -> Made:
+def _preview(task: Task, limits: JobLimits) -> Answered:
     """Return a picture that a browser cannot read in a form that it can show."""
     return _jpeg(_shown(_picture(task, limits)))
 
 
-def _frames(task: Task, limits: JobLimits) -> Made:
+def _frames(task: Task, limits: JobLimits) -> Answered:
     """Return frames of a video as a form, in the form in which `calibrate` accepts them."""
     count = whole_number(task.options.get("frames", FRAMES), "frames")
     if not 1 <= count <= MAX_PICTURES:
@@ -263,14 +263,14 @@ def _frames(task: Task, limits: JobLimits) -> Made:
     return _content(content, f"multipart/form-data; boundary={boundary}", "frames.form")
 
 
-def _report(task: Task, limits: JobLimits) -> Made:
+def _report(task: Task, limits: JobLimits) -> Answered:
     check_extra()
     photographs = Photographs(list(task.photographs), limits=limits.of_pictures)
     page = report_page(_calibration(task), photographs)
     return _content(page, "text/html", "report.html")
 
 
-def _convert(task: Task, limits: JobLimits) -> Made:
+def _convert(task: Task, limits: JobLimits) -> Answered:
     known = format_called(task.options["format"])
     camera = camera_of(known_camera(_file(task, "camera")))
     ending = known.file_names[0] if known.file_names else ""
@@ -282,7 +282,7 @@ def _convert(task: Task, limits: JobLimits) -> Made:
     return {**members, "lost": None if lost is None else str(lost)}, content
 
 
-def _compare(task: Task, limits: JobLimits) -> Made:
+def _compare(task: Task, limits: JobLimits) -> Answered:
     found = compare(known_camera(_file(task, "first")), known_camera(_file(task, "second")))
     return {
         "verdict": found.verdict,
@@ -331,10 +331,10 @@ def _calibration(task: Task) -> Any:
 
 def _check_size(picture: Any, camera: Any) -> None:
     if picture_size(picture) != camera.image_size:
-        own, other = (
+        camera_size, other = (
             "{} x {}".format(*size) for size in (camera.image_size, picture_size(picture))
         )
-        raise ValueError(f"the picture has {other} pixels, but the camera is for {own}")
+        raise ValueError(f"the picture has {other} pixels, but the camera is for {camera_size}")
 
 
 def _flag(task: Task, name: str) -> bool:
@@ -349,15 +349,15 @@ def _shown(picture: Any) -> Any:
     return shown_pixels(picture, linear=picture.dtype == "float32")
 
 
-def _jpeg(picture: Any) -> Made:
+def _jpeg(picture: Any) -> Answered:
     return _content(encode_image(picture, "shown.jpg"), SHOWN, "shown.jpg")
 
 
-def _content(content: bytes, media: str, name: str) -> Made:
+def _content(content: bytes, media: str, name: str) -> Answered:
     return {"media_type": media, "file_name": name}, content
 
 
-ANSWERS: Mapping[str, Callable[[Task, JobLimits], Made]] = {
+ANSWERS: Mapping[str, Callable[[Task, JobLimits], Answered]] = {
     "find": _find,
     "calibrate": _calibrate,
     "predict": _predict,

@@ -52,17 +52,17 @@ MORE_TILT = 12.0  # degrees
 MAX_TILT = 60.0
 """Maximum tilt, degrees: beyond it, a square is too foreshortened to be found."""
 
-LARGER = 1.25
-ENOUGH = 5e-4
+ENLARGEMENT = 1.25
+MAX_GOOD_STD = 5e-4
 """Standard deviation that is good enough, relative to focal length and picture width."""
 
 WORTHWHILE = 0.93
 """Ratio of the standard deviations after and before a change, above which it is not mentioned."""
 
-AWAY = {0.0: "lower", 90.0: "left", 180.0: "upper", 270.0: "right"}
+TILT_EDGES = {0.0: "lower", 90.0: "left", 180.0: "upper", 270.0: "right"}
 """Direction of a tilt, and the edge of the square that it moves away from the camera."""
 
-OFF_CENTRE = 0.12
+MIN_NAMED_OFFSET = 0.12
 """Distance from the centre, as a fraction of the picture's size, above which a position has the
 name of a side."""
 
@@ -132,34 +132,38 @@ def guide(
     TypeError, ValueError
         For bad arguments.
     """
-    guess, standing = _standing(squares, image_size, camera)
-    planes = [plane for _, plane in standing]
+    guess, posed_squares = _posed_squares(squares, image_size, camera)
+    planes = [plane for _, plane in posed_squares]
     missing = ENOUGH_SQUARES - len(planes)
     if missing > 0:
-        what = "no square is found" if not planes else f"{len(planes)} of 3 squares found"
-        more = "three squares" if missing == 3 else "one more" if missing == 1 else "two more"
-        advice = f"{what}: show {more}, tilted in different directions"
+        count_text = "no square is found" if not planes else f"{len(planes)} of 3 squares found"
+        request = "three squares" if missing == 3 else "one more" if missing == 1 else "two more"
+        advice = f"{count_text}: show {request}, tilted in different directions"
         return Guidance(None, guess.fx, advice[0].upper() + advice[1:] + ".", False)
     try:
-        found = predict(guess, planes, sigma, model=_estimated(guess))
+        prediction = predict(guess, planes, sigma, model=_estimated(guess))
     except (DegenerateGeometryError, NotEnoughPlanesError):
-        found = None
+        prediction = None
     except ValueError:  # a square is partly outside the guessed camera's picture
         return Guidance(None, guess.fx, "Show all squares wholly, with some margin.", False)
-    ratio, change = _best_change(guess, planes, [square.corners for square, _ in standing])
-    if found is None:
+    ratio, change = _best_change(guess, planes, [square.corners for square, _ in posed_squares])
+    if prediction is None:
         change = change or "Tilt the squares, each in another direction"
         return Guidance(None, guess.fx, f"{change}.", False)
-    std = {name: float(value) for name, value in found.std.items()}
+    std = {name: float(value) for name, value in prediction.std.items()}
     if ratio > WORTHWHILE:
         return Guidance(std, guess.fx, "Good: no single change would help much.", True)
-    better = f"{change}: the camera would be known {100 * (1 / ratio - 1):.0f} % better."
-    is_enough = std["fx"] < ENOUGH * guess.fx and std["cx"] < ENOUGH * image_size[0]
-    advice = f"Good; better still: {better[0].lower()}{better[1:]}" if is_enough else better
+    improvement = f"{change}: the camera would be known {100 * (1 / ratio - 1):.0f} % better."
+    is_enough = std["fx"] < MAX_GOOD_STD * guess.fx and std["cx"] < MAX_GOOD_STD * image_size[0]
+    advice = (
+        f"Good; better still: {improvement[0].lower()}{improvement[1:]}"
+        if is_enough
+        else improvement
+    )
     return Guidance(std, guess.fx, advice, is_enough)
 
 
-def _standing(
+def _posed_squares(
     squares: Sequence[OutlinedSquare], image_size: tuple[int, int], camera: Camera | None
 ) -> tuple[Camera, list[tuple[OutlinedSquare, PlannedSquare]]]:
     """Return a camera and the squares with their poses; those without a pose are left out."""
@@ -168,13 +172,13 @@ def _standing(
     figures = [_edges(square) for square in squares]
     if camera is None:
         are_curved = all(square.sides is not None for square in squares)
-        guess = _guessed(figures, are_curved, image_size)
+        guess = _guessed_calibration(figures, are_curved, image_size)
         if guess is not None:
             pairs = zip(squares, guess.planes, strict=True)
             return guess.camera, [(square, _planned(square, plane)) for square, plane in pairs]
         camera = centred_pinhole(GUESSED_FOCAL * image_size[0], image_size)
-    standing = []
-    held = ("focal", "principal_point", "distortion")
+    posed_squares = []
+    fixed = ("focal", "principal_point", "distortion")
     for square, figure in zip(squares, figures, strict=True):
         with suppress(TrisquareError):
             located = calibrate_edges(
@@ -182,24 +186,26 @@ def _standing(
                 image_size,
                 method=METHOD,
                 model=camera.model,
-                fix=held,
+                fix=fixed,
                 initial=camera,
             )
-            standing.append((square, _planned(square, located.planes[0])))
-    return camera, standing
+            posed_squares.append((square, _planned(square, located.planes[0])))
+    return camera, posed_squares
 
 
-def _guessed(
+def _guessed_calibration(
     figures: list[PlaneEdges], are_curved: bool, image_size: tuple[int, int]
 ) -> Calibration | None:
     """Return a calibration from the outlines, or None if they do not determine it."""
     width, _ = image_size
     for model in ("radial2", "none") if are_curved else ("none",):
-        held = ("aspect", "principal_point")
+        fixed = ("aspect", "principal_point")
         with suppress(TrisquareError, ValueError):
-            found = calibrate_edges(figures, image_size, method=METHOD, model=model, fix=held)
-            if FOCAL_RANGE[0] * width < found.camera.fx < FOCAL_RANGE[1] * width:
-                return found
+            calibration = calibrate_edges(
+                figures, image_size, method=METHOD, model=model, fix=fixed
+            )
+            if FOCAL_RANGE[0] * width < calibration.camera.fx < FOCAL_RANGE[1] * width:
+                return calibration
     return None
 
 
@@ -229,14 +235,14 @@ def _best_change(
     camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
 ) -> tuple[float, str | None]:
     """Return the ratio of the std of fx and cx after and before the best change, and its text."""
-    before = _spread(camera, planes)
-    if before is None:
+    spread_before = _spread(camera, planes)
+    if spread_before is None:
         return 1.0, None
     best: tuple[float, str | None] = (1.0, None)
-    for words, changed in _changes(camera, planes, corners):
-        after = _spread(camera, changed)
-        if after is not None and after / before < best[0]:
-            best = after / before, words
+    for text, changed in _changes(camera, planes, corners):
+        spread_after = _spread(camera, changed)
+        if spread_after is not None and spread_after / spread_before < best[0]:
+            best = spread_after / spread_before, text
     return best
 
 
@@ -259,36 +265,36 @@ def _changes(
     camera: Camera, planes: list[PlannedSquare], corners: Sequence[FloatArray]
 ) -> Iterator[tuple[str, list[PlannedSquare]]]:
     """Yield possible changes of the squares, as texts, and the changed poses."""
-    nearer = [PlannedSquare(p.rotation, p.translation / LARGER, p.inner) for p in planes]
-    yield "Come nearer, or show larger squares", nearer
+    enlarged = [PlannedSquare(p.rotation, p.translation / ENLARGEMENT, p.inner) for p in planes]
+    yield "Come nearer, or show larger squares", enlarged
     names = _names([quad.mean(axis=0) for quad in corners], camera.image_size)
     for number, (name, plane) in enumerate(zip(names, planes, strict=True)):
-        for direction, edge in AWAY.items():
+        for direction, edge in TILT_EDGES.items():
             rotation = tilted(MORE_TILT, direction, 0.0) @ plane.rotation
             if rotation[2, 2] < math.cos(math.radians(MAX_TILT)):
                 continue
             turned = PlannedSquare(rotation, plane.translation, plane.inner)
-            words = f"Tilt the {name} square: move its {edge} edge away from the camera"
-            yield words, [*planes[:number], turned, *planes[number + 1 :]]
+            text = f"Tilt the {name} square: move its {edge} edge away from the camera"
+            yield text, [*planes[:number], turned, *planes[number + 1 :]]
 
 
 def _names(centres: Sequence[FloatArray], image_size: tuple[int, int]) -> list[str]:
     """Return names of squares by their positions, with the fewest words that distinguish them."""
     size = np.array(image_size)
-    off = [(np.asarray(centre) - 0.5 * (size - 1)) / size for centre in centres]
+    offsets = [(np.asarray(centre) - 0.5 * (size - 1)) / size for centre in centres]
     words = [
         (
-            "upper" if y < -OFF_CENTRE else "lower" if y > OFF_CENTRE else "",
-            "left" if x < -OFF_CENTRE else "right" if x > OFF_CENTRE else "",
+            "upper" if y < -MIN_NAMED_OFFSET else "lower" if y > MIN_NAMED_OFFSET else "",
+            "left" if x < -MIN_NAMED_OFFSET else "right" if x > MIN_NAMED_OFFSET else "",
         )
-        for x, y in off
+        for x, y in offsets
     ]
     names = []
     for index, (vertical, horizontal) in enumerate(words):
-        others = words[:index] + words[index + 1 :]
-        if horizontal and all(other != horizontal for _, other in others):
+        other_words = words[:index] + words[index + 1 :]
+        if horizontal and all(word != horizontal for _, word in other_words):
             names.append(horizontal)
-        elif vertical and all(other != vertical for other, _ in others):
+        elif vertical and all(word != vertical for word, _ in other_words):
             names.append(vertical)
         else:
             names.append(" ".join(filter(None, (vertical, horizontal))) or "middle")

@@ -104,10 +104,10 @@ def cramer_rao_bound(
         sides = sample_sides(scene.camera, target, spacing)
         lengths = [len(side.plane) for side in sides]
         # A frame's hole comes after its outline.
-        of_hole = np.repeat(np.arange(len(sides)) >= 4, lengths) & (target.kind == "frame")
+        is_hole = np.repeat(np.arange(len(sides)) >= 4, lengths) & (target.kind == "frame")
         plane = np.concatenate([side.plane for side in sides])
         normal = np.concatenate([side.normal for side in sides])
-        slopes = image_slopes(scene.camera, target, parameters, plane, of_hole)
+        slopes = image_slopes(scene.camera, target, parameters, plane, is_hole)
         rows = np.sum(slopes * normal[:, None], axis=2)
         along_plane = rows[:, len(free) + 3 : len(free) + 6] @ target.rotation[:, :2]
         if any_aspect or any_offsets:
@@ -132,17 +132,17 @@ def cramer_rao_bound(
         information[: len(free), : len(free)] += further
     if orthogonal:
         ties = np.zeros((len(orthogonal), size))
-        for tie, (one, other) in zip(ties, orthogonal, strict=True):
+        for tie, (first_plane, second_plane) in zip(ties, orthogonal, strict=True):
             first_normal, second_normal = (
-                scene.targets[plane].rotation[:, 2] for plane in (one, other)
+                scene.targets[plane].rotation[:, 2] for plane in (first_plane, second_plane)
             )
-            tie[turns[one]] = np.cross(first_normal, second_normal)
-            tie[turns[other]] = -tie[turns[one]]
+            tie[turns[first_plane]] = np.cross(first_normal, second_normal)
+            tie[turns[second_plane]] = -tie[turns[first_plane]]
         # The directions that the ties leave free; they do not involve the camera.
-        left = np.linalg.svd(ties[:, len(free) :])[2][len(ties) :]
+        free_directions = np.linalg.svd(ties[:, len(free) :])[2][len(ties) :]
         basis = np.zeros((size, size - len(ties)))
         basis[: len(free), : len(free)] = np.eye(len(free))
-        basis[len(free) :, len(free) :] = left.T
+        basis[len(free) :, len(free) :] = free_directions.T
         information = basis.T @ information @ basis
     return standard_deviations(information, free)
 
@@ -156,9 +156,9 @@ def _offset_slopes(target: Target, lengths: Sequence[int], along_plane: Array) -
     """
     columns, rows = target.inner_corners
     number = np.repeat(np.arange(rows + columns), lengths)
-    further = [*range(1, rows - 1), *range(rows + 1, rows + columns - 1)]
-    slopes = [along_plane[:, int(line < rows)] * (number == line) for line in further]
-    return np.reshape(slopes, (len(further), len(number))).T
+    inner_lines = [*range(1, rows - 1), *range(rows + 1, rows + columns - 1)]
+    slopes = [along_plane[:, int(line < rows)] * (number == line) for line in inner_lines]
+    return np.reshape(slopes, (len(inner_lines), len(number))).T
 
 
 def standard_deviations(

@@ -157,8 +157,8 @@ def image_circle(scene: Scene, margin: float = 2.0) -> Callable[[Array], Array]:
     width, height = camera.image_size
     y = ((np.arange(height) - camera.cy) / camera.fy)[:, None]
     x = (np.arange(width) - camera.cx - camera.skew * y) / camera.fx
-    inside = np.clip(0.5 + camera.fx * (rim - np.hypot(x, y)), 0.0, 1.0)[..., None]
-    return lambda light: light * inside
+    coverage = np.clip(0.5 + camera.fx * (rim - np.hypot(x, y)), 0.0, 1.0)[..., None]
+    return lambda light: light * coverage
 
 
 def wide_scene(
@@ -239,8 +239,8 @@ def meet(camera: TrueFisheye, targets: list[Target]) -> bool:
         points = target.to_camera(_outline(sheet))
         if not np.all(camera.sees(points)):
             return True
-        own = np.zeros_like(drawn)
+        overlap = np.zeros_like(drawn)
         outline = np.rint(camera.project(points) / _COARSENESS).astype(np.int32)
-        cv2.fillPoly(own, [outline], 1)
-        drawn += own
+        cv2.fillPoly(overlap, [outline], 1)
+        drawn += overlap
     return bool(drawn.max() > 1)

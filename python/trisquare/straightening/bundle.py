@@ -49,7 +49,7 @@ class Bundle:
     starts : ndarray of int, shape (L,)
         Index of each curve's first point.
     weights : ndarray, shape (P,)
-        Weight of each point; those of a curve add up to at most `most`.
+        Weight of each point; those of a curve add up to at most `max_points`.
     radius : float
         ``S``, half the diagonal, pixels.
     """
@@ -60,10 +60,10 @@ class Bundle:
     radius: float
 
     @classmethod
-    def of(cls, curves: Sequence[FloatArray], radius: float, most: int) -> Bundle:
+    def of(cls, curves: Sequence[FloatArray], radius: float, max_points: int) -> Bundle:
         """Concatenate curves."""
         counts = np.array([len(curve) for curve in curves])
-        weights = np.repeat(np.minimum(1.0, most / counts), counts)
+        weights = np.repeat(np.minimum(1.0, max_points / counts), counts)
         starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
         return cls(np.concatenate(curves), starts, weights, radius)
 
@@ -71,7 +71,7 @@ class Bundle:
         """Sum over the points of each curve."""
         return np.asarray(np.add.reduceat(values, self.starts, axis=0))
 
-    def spread(self, values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
+    def per_point(self, values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
         """Repeat a curve's value for each of its points."""
         counts = np.diff(np.append(self.starts, len(self.points)))
         return np.asarray(np.repeat(values, counts, axis=0))
@@ -85,11 +85,11 @@ class Bundle:
         weights = self.weights
         for _ in range(REWEIGHTINGS):
             lines, _ = fit_lines(self.sums(weights[:, None, None] * _outer(rows)))
-            spread = self.spread(lines)
-            gradients = spread[:, :2] + (2 * slope * spread[:, 2])[:, None] * q
+            point_lines = self.per_point(lines)
+            gradients = point_lines[:, :2] + (2 * slope * point_lines[:, 2])[:, None] * q
             norms = np.maximum(np.hypot(gradients[:, 0], gradients[:, 1]), TINY)
             weights = self.weights / norms**2
-        residuals = self.radius * np.einsum("ij,ij->i", rows, spread) / norms
+        residuals = self.radius * np.einsum("ij,ij->i", rows, point_lines) / norms
         rms = np.sqrt(self.sums(self.weights * residuals**2) / self.sums(self.weights))
         return Straightness(self, lines, rows, by_coefficients, norms, gradients, residuals, rms)
 
@@ -132,19 +132,19 @@ class Straightness:
         Kaufman, BIT 15 (1975) 49-57). Changes of the norms are neglected: the residuals are small.
         """
         bundle = self.bundle
-        lines = bundle.spread(self.lines)
+        lines = bundle.per_point(self.lines)
         scaled = bundle.radius / self.norms[:, None]
         columns = np.hstack(
             [scaled * lines[:, 2:] * self.by_coefficients, -self.gradients / self.norms[:, None]]
         )
-        turned = lines[:, 1] * self.rows[:, 0] - lines[:, 0] * self.rows[:, 1]
-        own = scaled * np.column_stack([turned, self.rows[:, 2]])
-        weighted = bundle.weights[:, None] * own
-        information = bundle.sums(weighted[:, :, None] * own[:, None, :])
+        angle_derivative = lines[:, 1] * self.rows[:, 0] - lines[:, 0] * self.rows[:, 1]
+        line_columns = scaled * np.column_stack([angle_derivative, self.rows[:, 2]])
+        weighted = bundle.weights[:, None] * line_columns
+        information = bundle.sums(weighted[:, :, None] * line_columns[:, None, :])
         information += TINY * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         mixed = bundle.sums(weighted[:, :, None] * columns[:, None, :])
-        followed = bundle.spread(np.linalg.solve(information, mixed))
-        return np.asarray(columns - np.einsum("pi,pij->pj", own, followed))
+        line_response = bundle.per_point(np.linalg.solve(information, mixed))
+        return np.asarray(columns - np.einsum("pi,pij->pj", line_columns, line_response))
 
     def moments(self) -> FloatArray:
         """Return ``row row^T / |gradient|^2`` summed, (L, 3, 3); those of joined curves add up."""

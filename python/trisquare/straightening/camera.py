@@ -205,8 +205,10 @@ class UnscaledCamera(RebuiltByConstructor):
         radii = np.hypot(q[:, 0], q[:, 1])
         _check_within(radii, self.largest_ideal_radius())
         ratio = np.ones_like(radii)
-        inside = radii > 0
-        ratio[inside] = self.radial.observed_radius(radii[inside]) / radii[inside]
+        is_off_centre = radii > 0
+        ratio[is_off_centre] = (
+            self.radial.observed_radius(radii[is_off_centre]) / radii[is_off_centre]
+        )
         return np.asarray(self.centre + self.radius * q * ratio[:, None])
 
     def largest_ideal_radius(self) -> float:
@@ -247,8 +249,8 @@ class UnscaledCamera(RebuiltByConstructor):
         step = checked_spacing(self.image_size, step)
         axes = [np.linspace(0, side - 1, 2 + int((side - 1) / step)) for side in self.image_size]
         points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-        off = np.linalg.norm(points - self.centre, axis=1)
-        points = points[off < self.radial.largest_radius() * self.radius]
+        distances = np.linalg.norm(points - self.centre, axis=1)
+        points = points[distances < self.radial.largest_radius() * self.radius]
         displacement = points - self.undistort_points(points)
         jacobian = self._jacobian(points)
         variances = np.einsum("pij,jk,pik->pi", jacobian, self.covariance, jacobian)
@@ -310,11 +312,13 @@ class UnscaledCamera(RebuiltByConstructor):
         ideal = self.radial.ideal_radius(observed) / unit
         seen = observed / unit
         candidates = [
-            _fitted(model, radii, seen) for model, radii in _radii_of_models(ideal).items()
+            _fitted(model, radii, seen) for model, radii in _polynomial_radii(ideal).items()
         ]
-        errors = [np.abs(off) * focal for _, _, off in candidates]
-        close = [i for i, error in enumerate(errors) if error.max() <= MAX_MODEL_ERROR]
-        best = close[0] if close else int(np.argmin([error.max() for error in errors]))
+        errors = [np.abs(residuals) * focal for _, _, residuals in candidates]
+        close_indices = [i for i, error in enumerate(errors) if error.max() <= MAX_MODEL_ERROR]
+        best = (
+            close_indices[0] if close_indices else int(np.argmin([error.max() for error in errors]))
+        )
         model, k, _ = candidates[best]
         distortion = k if model == "fisheye" else np.array([k[0], k[1], 0, 0, k[2]])
         nearest = Camera(K, distortion, self.image_size, model)
@@ -336,7 +340,7 @@ class UnscaledCamera(RebuiltByConstructor):
         return f"<UnscaledCamera {width} x {height}, {self.family}: {numbers}>"
 
 
-def _radii_of_models(ideal: FloatArray) -> dict[LensModel, FloatArray]:
+def _polynomial_radii(ideal: FloatArray) -> dict[LensModel, FloatArray]:
     """Return the radius in which each model's distortion is a polynomial."""
     return {"radial3": ideal, "fisheye": np.arctan(ideal)}  # the first that is close is taken
 

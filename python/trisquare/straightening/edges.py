@@ -78,12 +78,12 @@ def find_arcs(picture: Image) -> Arcs:
     if size != (width, height):
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SMOOTHING)
-    weak = max(WEAKEST, NOISE_FACTOR * _gradient_noise(grey))
+    min_gradient = max(WEAKEST, NOISE_FACTOR * _gradient_noise(grey))
     half_diagonal = 0.5 * float(np.hypot(*size))
     arcs = _core.find_arcs(
         np.ascontiguousarray(smooth),
-        weak,
-        max(STRONGEST, 1.5 * weak),
+        min_gradient,
+        max(STRONGEST, 1.5 * min_gradient),
         TOLERANCE,
         max(SHORTEST, round(SHORTEST_PART * half_diagonal)),
         SMALLEST_RADIUS * half_diagonal,
@@ -97,8 +97,8 @@ def find_arcs(picture: Image) -> Arcs:
 
 def _is_along_border(arc: FloatArray, size: tuple[int, int]) -> bool:
     margin = BORDER * max(size)
-    near = (arc <= margin).all(axis=0) | (arc >= np.array(size) - 1 - margin).all(axis=0)
-    return bool(near.any())
+    is_near_border = (arc <= margin).all(axis=0) | (arc >= np.array(size) - 1 - margin).all(axis=0)
+    return bool(is_near_border.any())
 
 
 def binned(arc: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from trisquare.straightening.bundle import Bundle, CentredLens, Straightness
 from trisquare.straightening.merging import joined, merged
 from trisquare.straightening.radial import RadialLens
 
-SEARCHED = np.linspace(0.4, -1.9, 70)
+SEARCHED_COEFFICIENTS = np.linspace(0.4, -1.9, 70)
 """First coefficients of the search: from a pincushion lens to a circular fisheye."""
 
 SEARCH_SCALE = 0.8
@@ -33,7 +33,7 @@ FREE_PRIORS = (5.0, 0.3, 0.1, 0.08, 0.08)
 """The same with the third coefficient free: of such a lens the second is less known in advance."""
 CENTRE = (3, 4)
 """Indices of the centre's coordinates among them."""
-FIRST_SPREAD = 1.0
+INITIAL_PRIOR_SPREAD = 1.0
 """Residual with the weight of a prior's standard deviation, working pixels, in the first fit."""
 SHARED_ERRORS = 40.0
 """The same over a point's error, in later fits: the 40 points of a line have common errors, and so
@@ -44,7 +44,7 @@ MIN_RMS = 0.02
 SHARED_POINTS = 12.0
 """Minimum number of points with a common error, of the rms of all: lines of one plane bend alike,
 which the scatter between lines does not show."""
-CLEARLY_BETTER = 4.0
+MIN_COST_GAIN = 4.0
 """Cost, in units of `shared_error`, by which the division model has to be better than the
 polynomial: if the lines hardly distinguish them, chance would decide, and most lenses are described
 by the polynomial."""
@@ -78,10 +78,10 @@ class Fit:
     def lines(self) -> list[FloatArray]:
         """Return the points of each line in their order along it, pixels."""
         bundle, rows = self.straightness.bundle, self.straightness.rows
-        normals = bundle.spread(self.straightness.lines[:, :2])
+        normals = bundle.per_point(self.straightness.lines[:, :2])
         divisor = np.maximum(rows[:, 2], 1e-3)
         along = (normals[:, 0] * rows[:, 1] - normals[:, 1] * rows[:, 0]) / divisor
-        line = bundle.spread(np.arange(len(bundle.starts)))
+        line = bundle.per_point(np.arange(len(bundle.starts)))
         ordered = bundle.points[np.lexsort((along, line))]
         return np.split(ordered, bundle.starts[1:])
 
@@ -102,8 +102,8 @@ def fit_lens(problem: Problem) -> Fit:
         costs = [lines_cost(bundle.measure(lens), scale) for lens, bundle in pairs]
         return sum(costs) / len(costs)
 
-    better = cost(polynomial) - cost(division)
-    return division if better > CLEARLY_BETTER * shared_error(problem, first) else polynomial
+    cost_gain = cost(polynomial) - cost(division)
+    return division if cost_gain > MIN_COST_GAIN * shared_error(problem, first) else polynomial
 
 
 def shared_error(problem: Problem, fit: Fit) -> float:
@@ -126,18 +126,18 @@ def _point_error(problem: Problem, fit: Fit) -> float:
     return max(error, MIN_RMS * problem.pixel)
 
 
-def with_third_free(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+def refit_third_coefficient(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Fit the same family again with three coefficients; return the problem as well."""
     problem = replace(with_shared_errors(problem, fit), priors=FREE_PRIORS)
     return problem, alternate(problem, fit.lens, ROUND_SCALES[-3:])
 
 
-def with_centre_held(problem: Problem, fit: Fit) -> Fit:
+def refit_held_centre(problem: Problem, fit: Fit) -> Fit:
     """Fit the same family again with the centre in the picture's middle."""
     priors = (*problem.priors[: CENTRE[0]], HELD_STD, HELD_STD)
-    held = replace(with_shared_errors(problem, fit), priors=priors)
+    held_problem = replace(with_shared_errors(problem, fit), priors=priors)
     lens = CentredLens(fit.lens.radial, problem.middle)
-    return alternate(held, lens, ROUND_SCALES[-3:])
+    return alternate(held_problem, lens, ROUND_SCALES[-3:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class Problem:
     radius: float
     pixel: float
     priors: tuple[float, ...] = PRIORS
-    prior_spread: float = FIRST_SPREAD
+    prior_spread: float = INITIAL_PRIOR_SPREAD
 
     def bundle(self, groups: Sequence[Sequence[int]]) -> Bundle:
         """Return the bundle of the lines that groups of curves make."""
@@ -195,12 +195,12 @@ def as_polynomial(lens: CentredLens) -> CentredLens:
     radii = np.linspace(0.0, min(1.0, 0.9 * lens.radial.largest_radius()), 50)[1:]
     ideal = lens.radial.ideal_radius(radii)
     design = np.column_stack([ideal**3, ideal**5])
-    found, *_ = np.linalg.lstsq(design / radii[:, None], (radii - ideal) / radii, rcond=None)
-    return CentredLens(RadialLens("polynomial", np.append(found, 0.0)), lens.centre)
+    solution, *_ = np.linalg.lstsq(design / radii[:, None], (radii - ideal) / radii, rcond=None)
+    return CentredLens(RadialLens("polynomial", np.append(solution, 0.0)), lens.centre)
 
 
 def search(problem: Problem) -> CentredLens:
-    """Return the best lens of `SEARCHED`, by the squared lengths of the curves that are straight.
+    """Return the best lens of the search, by the squared lengths of the curves that are straight.
 
     The deviation of a curve from a straight line grows with its length squared, and so does its
     information.
@@ -212,8 +212,11 @@ def search(problem: Problem) -> CentredLens:
     def score(lens: CentredLens) -> float:
         return float(lengths**2 @ line_weights(bundle.measure(lens), scale))
 
-    coefficients = [np.array([first, 0.0, 0.0]) for first in SEARCHED]
-    lenses = [CentredLens(RadialLens("division", each), problem.middle) for each in coefficients]
+    candidates = [np.array([first, 0.0, 0.0]) for first in SEARCHED_COEFFICIENTS]
+    lenses = [
+        CentredLens(RadialLens("division", coefficients), problem.middle)
+        for coefficients in candidates
+    ]
     return max(lenses, key=score)
 
 
@@ -240,16 +243,16 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, scale: float) ->
         while damping < MAX_DAMPING:
             damped = information + damping * np.diag(np.diag(information))
             step = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
-            moved = lens.moved(step)
-            trial = bundle.measure(moved)
-            trial_cost = problem.cost(moved, trial, scale)
+            trial_lens = lens.moved(step)
+            trial_straightness = bundle.measure(trial_lens)
+            trial_cost = problem.cost(trial_lens, trial_straightness, scale)
             if trial_cost <= cost:
                 break
             damping *= 10
         else:
             return lens
         decrease = cost - trial_cost
-        lens, straightness, cost = moved, trial, trial_cost
+        lens, straightness, cost = trial_lens, trial_straightness, trial_cost
         damping = max(damping / 10, 1e-9)
         if decrease <= LAST_DECREASE * cost:
             break
@@ -259,7 +262,7 @@ def refine(problem: Problem, bundle: Bundle, lens: CentredLens, scale: float) ->
 def normal_equations(straightness: Straightness, scale: float) -> tuple[FloatArray, FloatArray]:
     """Return information and gradient of the weighted squares, by ``a1, a2, a3, cx, cy``."""
     bundle = straightness.bundle
-    weights = bundle.weights * bundle.spread(line_weights(straightness, scale))
+    weights = bundle.weights * bundle.per_point(line_weights(straightness, scale))
     jacobian = straightness.jacobian()
     weighted = weights[:, None] * jacobian
     return weighted.T @ jacobian, weighted.T @ straightness.residuals

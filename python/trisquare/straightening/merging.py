@@ -13,11 +13,11 @@ from trisquare.straightening.bundle import CentredLens, Straightness, fit_lines
 LARGEST_GAP = 3.0
 """Maximum gap between two arcs of a line, over the shorter one's length."""
 
-STRAY = 0.6
+MAX_LINE_RMS = 0.6
 """Maximum RMS distance of each arc from the joint line, working pixels: an arc that crosses the
 line or lies beside it is farther away."""
 
-NEAR = 3.0
+MAX_END_DISTANCE = 3.0
 """Maximum distance of an arc's ends from the other one's line, working pixels; as much again for
 each length of that line in the width of the gap."""
 
@@ -40,7 +40,7 @@ def merged(
         Size of a working pixel.
     """
     bundle = straightness.bundle
-    groups = _Groups(straightness, STRAY * pixel)
+    groups = _Groups(straightness, MAX_LINE_RMS * pixel)
     ends = _ideal_ends(curves, lens, bundle.radius)
     for first, second in _near_pairs(straightness, ends, lens, pixel):
         groups.join(int(first), int(second))
@@ -65,27 +65,31 @@ def _near_pairs(
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     # The ends of every second curve relative to every first one: along its line, and across.
     along = np.einsum("ik,jek->ije", tangents, ends)
-    own = np.einsum("ik,iek->ie", tangents, ends)
-    low, high = own.min(axis=1), own.max(axis=1)
+    line_ends = np.einsum("ik,iek->ie", tangents, ends)
+    low, high = line_ends.min(axis=1), line_ends.max(axis=1)
     gap = np.maximum(along.min(axis=2) - high[:, None], low[:, None] - along.max(axis=2))
     across = np.einsum("ik,jek->ije", lines[:, :2], ends) + lines[:, 2][:, None, None]
     # In the picture a distance is shorter, approximately by the divisor.
     q = np.linalg.norm(ends, axis=2)
-    scale = straightness.bundle.radius * _seen_scale(q, lens)
+    scale = straightness.bundle.radius * _image_scale(q, lens)
     distance = (np.abs(across) * scale[None]).max(axis=2)
-    shorter = np.minimum(lengths[:, None], lengths[None])
-    reach = NEAR * pixel * (1 + np.maximum(gap, 0) / lengths[:, None])
+    shorter_lengths = np.minimum(lengths[:, None], lengths[None])
+    reach = MAX_END_DISTANCE * pixel * (1 + np.maximum(gap, 0) / lengths[:, None])
     # A line beside the first one overlaps it: an echo of the same edge, not a part of the line.
     with np.errstate(invalid="ignore"):
-        near = (gap <= LARGEST_GAP * shorter) & (gap > -0.2 * shorter) & (distance <= reach)
-    near &= lengths[:, None] >= lengths[None]
-    np.fill_diagonal(near, False)
-    first, second = np.nonzero(near)
-    order = np.argsort(gap[first, second] / shorter[first, second], kind="stable")
+        is_near = (
+            (gap <= LARGEST_GAP * shorter_lengths)
+            & (gap > -0.2 * shorter_lengths)
+            & (distance <= reach)
+        )
+    is_near &= lengths[:, None] >= lengths[None]
+    np.fill_diagonal(is_near, False)
+    first, second = np.nonzero(is_near)
+    order = np.argsort(gap[first, second] / shorter_lengths[first, second], kind="stable")
     return np.asarray(np.column_stack([first, second])[order])
 
 
-def _seen_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:
+def _image_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:
     """Return the approximate length in the picture of a tangential unit at an ideal radius."""
     first = lens.radial.coefficients[0]
     with np.errstate(invalid="ignore"):
@@ -96,10 +100,10 @@ def _seen_scale(ideal_radius: FloatArray, lens: CentredLens) -> FloatArray:
 class _Groups:
     """Curves joined so far; the moments of a group are the sums of its curves'."""
 
-    def __init__(self, straightness: Straightness, stray: float) -> None:
+    def __init__(self, straightness: Straightness, max_rms: float) -> None:
         self._moments = straightness.moments()
         self._counts = straightness.bundle.sums(straightness.bundle.weights)
-        self._limit = (stray / straightness.bundle.radius) ** 2
+        self._limit = (max_rms / straightness.bundle.radius) ** 2
         self._members = [[i] for i in range(len(self._counts))]
         self._group = list(range(len(self._counts)))
 
@@ -111,8 +115,8 @@ class _Groups:
         members = self._members[a] + self._members[b]
         moments = self._moments[members]
         line, _ = fit_lines(moments.sum(axis=0)[None])
-        off = np.einsum("i,lij,j->l", line[0], moments, line[0]) / self._counts[members]
-        if off.max() > self._limit:
+        mean_squares = np.einsum("i,lij,j->l", line[0], moments, line[0]) / self._counts[members]
+        if mean_squares.max() > self._limit:
             return
         self._members[a], self._members[b] = members, []
         for member in members:

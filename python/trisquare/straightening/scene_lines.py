@@ -17,7 +17,7 @@ from trisquare.straightening.straighten import LONG, MIN_LINES
 MAX_LINES = 60
 """Maximum number of lines, the longest ones: the core's time grows with the square of this."""
 
-ECHO = 0.015
+ECHO_DISTANCE = 0.015
 """Distance, in half diagonals, within which most of a line runs beside a longer one: the two sides
 of one edge bend together, and would count twice."""
 
@@ -29,7 +29,7 @@ MAX_INSIDE = 0.1
 """Maximum fraction of an arc within such a region."""
 
 
-def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdges]:
+def background_lines(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdges]:
     """Return the long edges of a picture that belong to none of its measured figures.
 
     They may be images of straight lines or not; the calibration decides which are.
@@ -44,15 +44,15 @@ def lines_beside(picture: Image, figures: Sequence[PlaneEdges]) -> list[PlaneEdg
     radius = 0.5 * float(np.hypot(width, height))
     arcs = find_arcs(picture)
     hulls = [_hull(figure) for figure in figures]
-    curves = tuple(curve for curve in arcs.curves if not _belongs(curve, hulls))
+    curves = tuple(curve for curve in arcs.curves if not _is_in_figure(curve, hulls))
     lines = list(curves)
     if len(curves) >= MIN_LINES:
         middle = 0.5 * (np.array(size, dtype=np.float64) - 1)
         lines = fit_lens(Problem(curves, middle, radius, arcs.pixel)).lines()
-    long = [line for line in lines if _length(line) >= LONG * radius]
+    long_lines = [line for line in lines if _length(line) >= LONG * radius]
     kept: list[FloatArray] = []
-    for line in sorted(long, key=_length, reverse=True):
-        if not any(_is_echo(line, longer, ECHO * radius) for longer in kept):
+    for line in sorted(long_lines, key=_length, reverse=True):
+        if not any(_is_echo(line, longer, ECHO_DISTANCE * radius) for longer in kept):
             kept.append(line)
     return [PlaneEdges.line(line) for line in kept[:MAX_LINES]]
 
@@ -67,8 +67,8 @@ def _is_echo(line: FloatArray, longer: FloatArray, distance: float) -> bool:
     offsets = line[:, None] - start
     lengths = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
     places = np.clip(np.einsum("pij,ij->pi", offsets, along) / lengths, 0.0, 1.0)
-    apart = np.linalg.norm(offsets - places[..., None] * along, axis=2).min(axis=1)
-    return bool(np.median(apart) <= distance)
+    distances = np.linalg.norm(offsets - places[..., None] * along, axis=2).min(axis=1)
+    return bool(np.median(distances) <= distance)
 
 
 def _hull(figure: PlaneEdges) -> FloatArray:
@@ -80,10 +80,10 @@ def _hull(figure: PlaneEdges) -> FloatArray:
     return np.asarray(cv2.convexHull(grown.astype(np.float32))[:, 0])
 
 
-def _belongs(curve: FloatArray, hulls: Sequence[FloatArray]) -> bool:
+def _is_in_figure(curve: FloatArray, hulls: Sequence[FloatArray]) -> bool:
     """Return whether more than a few points of a curve lie in one of the hulls."""
     for hull in hulls:
-        inside = [cv2.pointPolygonTest(hull, point, False) >= 0 for point in curve.tolist()]
-        if np.mean(inside) > MAX_INSIDE:
+        is_inside = [cv2.pointPolygonTest(hull, point, False) >= 0 for point in curve.tolist()]
+        if np.mean(is_inside) > MAX_INSIDE:
             return True
     return False

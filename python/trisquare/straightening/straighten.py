@@ -12,7 +12,13 @@ from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
 from trisquare.straightening.camera import UnscaledCamera
-from trisquare.straightening.fit import Fit, Problem, fit_lens, with_centre_held, with_third_free
+from trisquare.straightening.fit import (
+    Fit,
+    Problem,
+    fit_lens,
+    refit_held_centre,
+    refit_third_coefficient,
+)
 from trisquare.straightening.uncertainty import uncertainty
 from trisquare.undistortion.undistort import Interpolation
 
@@ -183,31 +189,40 @@ def straighten(image: ImageSource) -> Straightened:
     fit = fit_lens(problem)
     _check_count(_seen_lengths(fit, lengths), "edges")
     _check_curves(problem, fit)
-    free, with_third = with_third_free(problem, fit)
-    known = uncertainty(free, with_third)
-    third, its_std = with_third.lens.radial.coefficients[2], np.sqrt(known.covariance[2, 2])
-    third_free = abs(third) > CLEARLY_OFF * its_std
-    if third_free:
-        problem, fit = free, with_third
+    free_problem, free_fit = refit_third_coefficient(problem, fit)
+    lens_uncertainty = uncertainty(free_problem, free_fit)
+    third_coefficient, third_std = (
+        free_fit.lens.radial.coefficients[2],
+        np.sqrt(lens_uncertainty.covariance[2, 2]),
+    )
+    is_third_free = abs(third_coefficient) > CLEARLY_OFF * third_std
+    if is_third_free:
+        problem, fit = free_problem, free_fit
     else:
         # A held parameter is not known: the covariance is that with it free.
-        known = uncertainty(free, fit)
-    off = np.abs(fit.lens.centre - middle) / known.centre_std
-    std = float(known.centre_std.max()) / radius
-    centre_held = std > (UNKNOWN_CENTRE_STD if off.max() > CLEARLY_OFF else KNOWN_CENTRE_STD)
+        lens_uncertainty = uncertainty(free_problem, fit)
+    centre_offsets = np.abs(fit.lens.centre - middle) / lens_uncertainty.centre_std
+    std = float(lens_uncertainty.centre_std.max()) / radius
+    centre_held = std > (
+        UNKNOWN_CENTRE_STD if centre_offsets.max() > CLEARLY_OFF else KNOWN_CENTRE_STD
+    )
     if centre_held:
-        fit = with_centre_held(problem, fit)
-        known = uncertainty(free, fit)
+        fit = refit_held_centre(problem, fit)
+        lens_uncertainty = uncertainty(free_problem, fit)
     radial = fit.lens.radial
-    coefficients = radial.coefficients * [1, 1, third_free]
-    camera = UnscaledCamera(size, radial.family, coefficients, fit.lens.centre, known.covariance)
+    coefficients = radial.coefficients * [1, 1, is_third_free]
+    camera = UnscaledCamera(
+        size, radial.family, coefficients, fit.lens.centre, lens_uncertainty.covariance
+    )
     lines = fit.lines()
     is_used = are_straight(problem, fit)
-    used = tuple(line for line, use in zip(lines, is_used, strict=True) if use)
-    rejected = tuple(line for line, use in zip(lines, is_used, strict=True) if not use)
+    used = tuple(line for line, is_line_used in zip(lines, is_used, strict=True) if is_line_used)
+    rejected = tuple(
+        line for line, is_line_used in zip(lines, is_used, strict=True) if not is_line_used
+    )
     _check_count(_seen_lengths(fit, lengths)[is_used], "straight lines")
-    _check_known(camera)
-    squares = fit.straightness.residuals[fit.straightness.bundle.spread(is_used)] ** 2
+    _check_precision(camera)
+    squares = fit.straightness.residuals[fit.straightness.bundle.per_point(is_used)] ** 2
     return Straightened(camera, used, rejected, float(np.sqrt(squares.mean())), centre_held)
 
 
@@ -229,37 +244,37 @@ def _seen_lengths(fit: Fit, lengths: FloatArray) -> FloatArray:
     return np.array([lengths[group].sum() for group in fit.groups])
 
 
-def _check_count(lengths: FloatArray, what: str) -> None:
-    long = int((lengths >= LONG).sum())
-    if long < MIN_LINES:
+def _check_count(lengths: FloatArray, kind: str) -> None:
+    long_count = int((lengths >= LONG).sum())
+    if long_count < MIN_LINES:
         raise NotEnoughDataError(
-            f"{long} long {what} in the picture, but {MIN_LINES} are needed, of {LONG:.0%} of "
-            "half the diagonal or more, and curved no more than a lens bends a straight line: take "
-            "a picture with long straight edges, near its border too"
+            f"{long_count} long {kind} in the picture, but {MIN_LINES} are needed, of {LONG:.0%} "
+            "of half the diagonal or more, and curved no more than a lens bends a straight line: "
+            "take a picture with long straight edges, near its border too"
         )
 
 
 def _check_curves(problem: Problem, fit: Fit) -> None:
     """Refuse a picture of curved edges, even if some of them are straight under some lens."""
-    straight, least = _straight_part(problem, fit), MIN_STRAIGHT
-    if least <= straight < CLEARLY_STRAIGHT:
-        least = MIN_STRAIGHT_HELD
-        straight = _straight_part(problem, with_centre_held(problem, fit))
-    if straight < least:
+    straight_share, min_share = _straight_share(problem, fit), MIN_STRAIGHT
+    if min_share <= straight_share < CLEARLY_STRAIGHT:
+        min_share = MIN_STRAIGHT_HELD
+        straight_share = _straight_share(problem, refit_held_centre(problem, fit))
+    if straight_share < min_share:
         raise DegenerateGeometryError(
-            f"only {straight:.0%} of the long edges can be images of straight lines at once: too "
-            "many are curved, or not sharp; take a picture whose edges are straight"
+            f"only {straight_share:.0%} of the long edges can be images of straight lines at once: "
+            "too many are curved, or not sharp; take a picture whose edges are straight"
         )
 
 
-def _straight_part(problem: Problem, fit: Fit) -> float:
+def _straight_share(problem: Problem, fit: Fit) -> float:
     """Return the fraction of the long edges' length that is straight."""
     lengths = _spans(fit.lines()) / problem.radius
     lengths = np.where(lengths >= LONG, lengths, 0.0)
     return float(lengths[are_straight(problem, fit)].sum() / max(lengths.sum(), 1e-12))
 
 
-def _check_known(camera: UnscaledCamera) -> None:
+def _check_precision(camera: UnscaledCamera) -> None:
     """Refuse a distortion that is not known near the corners."""
     square = np.array([JUDGED_RADIUS**2])
     divisor, _, by_coefficients = camera.radial.divisor(square)

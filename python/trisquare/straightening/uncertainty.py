@@ -35,9 +35,9 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     """
     straightness, bundle = fit.straightness, fit.straightness.bundle
     jacobian = straightness.jacobian()
-    weighted = (bundle.weights * bundle.spread(fit.weights))[:, None] * jacobian
-    of_lines = bundle.sums(weighted[:, :, None] * jacobian[:, None, :])
-    information = of_lines.sum(axis=0)
+    weighted = (bundle.weights * bundle.per_point(fit.weights))[:, None] * jacobian
+    line_information = bundle.sums(weighted[:, :, None] * jacobian[:, None, :])
+    information = line_information.sum(axis=0)
     gradients = bundle.sums(weighted * straightness.residuals[:, None])
     # In units of the priors' standard deviations, which make the parameters comparable.
     unit = problem.prior_std()
@@ -46,7 +46,7 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     ridge = (1e-12 * np.trace(information) / count + np.finfo(float).tiny) * np.eye(count)
     inverse = np.linalg.pinv(information + ridge, hermitian=True)
     scaled = gradients * unit
-    leverages = np.einsum("ij,lji->l", inverse, of_lines * unit[:, None] * unit)
+    leverages = np.einsum("ij,lji->l", inverse, line_information * unit[:, None] * unit)
     spread = float(np.einsum("li,ij,lj->", scaled, inverse, scaled)) / count
     effective = leverages.sum() ** 2 / max(float((leverages**2).sum()), 1e-300)
     spread *= effective / max(effective - count, 1.0)
@@ -55,7 +55,9 @@ def uncertainty(problem: Problem, fit: Fit) -> Uncertainty:
     # The fit weights the priors more than this does: the shift that they caused is an error as
     # well.
     priors = problem.prior() * unit[:, None] * unit
-    pulled = np.linalg.solve(information + priors, priors @ (problem.deviation(fit.lens) / unit))
-    covariance = (covariance + np.outer(pulled, pulled)) * unit[:, None] * unit
-    alone = np.diag(inverse)[-2:] * spread
-    return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(alone))
+    prior_shift = np.linalg.solve(
+        information + priors, priors @ (problem.deviation(fit.lens) / unit)
+    )
+    covariance = (covariance + np.outer(prior_shift, prior_shift)) * unit[:, None] * unit
+    centre_variances = np.diag(inverse)[-2:] * spread
+    return Uncertainty(0.5 * (covariance + covariance.T), unit[-2:] * np.sqrt(centre_variances))

@@ -43,7 +43,7 @@ def checked_interpolation(name: str) -> Interpolation:
     ValueError
         If there is no interpolation of this name.
     """
-    known = next((own for own in INTERPOLATIONS if own == name), None)
+    known = next((member for member in INTERPOLATIONS if member == name), None)
     if known is None:
         raise unknown("interpolation", str(name), INTERPOLATIONS)
     return known
@@ -197,8 +197,8 @@ class Undistorter:
     @cached_property
     def _nearest(self) -> npt.NDArray[np.int16]:
         """The map rounded to whole pixels: for this method OpenCV ignores the fractions."""
-        half, most = 1 << (PART_BITS - 1), (1 << PART_BITS) - 1
-        parts = np.stack([self._parts & most, self._parts >> PART_BITS], axis=-1)
+        half, max_part = 1 << (PART_BITS - 1), (1 << PART_BITS) - 1
+        parts = np.stack([self._parts & max_part, self._parts >> PART_BITS], axis=-1)
         return self._whole + (parts >= half)
 
     def __reduce__(self) -> tuple[Callable[..., Undistorter], tuple[Any, ...]]:
@@ -210,8 +210,8 @@ class Undistorter:
 
 def _check_view(view: Any, name: str, *types: type[Camera | Panorama]) -> None:
     if not isinstance(view, types):
-        wanted = " or ".join(f"a {it.__name__}" for it in types)
-        raise TypeError(f"{name} must be {wanted}, not {type(view).__name__}")
+        type_names = " or ".join(f"a {kind.__name__}" for kind in types)
+        raise TypeError(f"{name} must be {type_names}, not {type(view).__name__}")
     if max(view.image_size) > LARGEST_RESAMPLED:
         raise ValueError(
             f"{name}: pictures of more than {LARGEST_RESAMPLED} pixels a side cannot be resampled"

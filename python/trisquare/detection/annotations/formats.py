@@ -73,12 +73,12 @@ class AnnotatedPicture:
         ValueError
             If the picture's stated sizes differ.
         """
-        sizes = {own.size for own in (self, *others) if own.size is not None}
+        sizes = {picture.size for picture in (self, *others) if picture.size is not None}
         if len(sizes) > 1:
             stated = " and ".join(f"{width} x {height}" for width, height in sorted(sizes))
             name = "one picture" if self.name is None else repr(self.name)
             raise ValueError(f"{name} is drawn on at sizes of {stated} pixels")
-        added = [target for other in others for target in other.targets]
+        added = [target for picture in others for target in picture.targets]
         return replace(self, targets=(*self.targets, *added), size=next(iter(sizes), None))
 
     def check_size(self, image_size: tuple[int, int]) -> None:

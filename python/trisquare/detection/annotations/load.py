@@ -67,14 +67,16 @@ class Annotations:
         if names == [None] and len(drawn) == 1 and drawn[0].index is None:
             return cls((drawn[0],))  # an array has no name that could differ
         for picture in drawn:
-            for index in _places_of(picture, names):
+            for index in _picture_indices(picture, names):
                 found[index].append(picture)
         if not any(found):
             raise ValueError(
                 f"nothing is drawn on {_named(names)}: the outlines are for "
                 f"{_named([picture.name for picture in drawn])}"
             )
-        return cls(tuple(own[0].joined(own[1:]) if own else None for own in found))
+        return cls(
+            tuple(drawings[0].joined(drawings[1:]) if drawings else None for drawings in found)
+        )
 
     def on(self, index: int, image_size: tuple[int, int]) -> tuple[AnnotatedSquare, ...]:
         """Return the outlines drawn on a picture of this size, possibly none.
@@ -131,7 +133,7 @@ def _base_name(path: str | os.PathLike[str]) -> str:
     return PureWindowsPath(os.fspath(path)).name
 
 
-def _places_of(picture: AnnotatedPicture, names: Sequence[str | None]) -> list[int]:
+def _picture_indices(picture: AnnotatedPicture, names: Sequence[str | None]) -> list[int]:
     """Return the indices of the pictures that a drawing belongs to."""
     if picture.index is not None:
         if picture.index >= len(names):

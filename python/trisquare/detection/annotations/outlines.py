@@ -20,11 +20,11 @@ MAX_POINTS = 200
 with the square of their number; polygons of more are masks traced pixel by pixel, and lose nothing
 by being thinned."""
 
-JOINED = 10.0
+MAX_JOIN_GAP = 10.0
 """Maximum distance between the end of one drawn side and the start of the next, pixels: two ends
 that are each 5 px off."""
 
-OUTSIDE = 1.0
+MAX_OUTSIDE = 1.0
 """Maximum distance of a point outside the picture, pixels: programs that count from the corner of
 the first pixel, not its centre, reach half a pixel further."""
 
@@ -64,7 +64,7 @@ class AnnotatedOutline:
         if len(polygon) < 4:
             raise ValueError(f"{where} has {len(polygon)} points: a square needs its 4 corners")
         if len(polygon) > MAX_POINTS:
-            polygon = polygon[_spread(len(polygon))]
+            polygon = polygon[_thinned_indices(len(polygon))]
         _refuse_crossings(polygon, where)
         polygon = _clockwise(polygon, where)
         corners = np.arange(4) if len(polygon) == 4 else _corners_of(polygon)
@@ -94,7 +94,7 @@ class AnnotatedOutline:
         for i, line in enumerate(lines):
             if len(line) < 2:
                 raise ValueError(f"{where}[{i}] has {len(line)} points: a side needs 2 or more")
-        lines = _head_to_tail(lines, where)
+        lines = _chained_sides(lines, where)
         if _signed_area(np.concatenate(lines)) < 0:
             lines = [line[::-1] for line in lines[::-1]]
         return cls._checked(lines, where)
@@ -158,9 +158,9 @@ class AnnotatedSquare:
         """Raise ValueError if a point lies outside a picture of this width and height."""
         for outline in self.outlines:
             points = np.concatenate(outline.sides)
-            outside = (points < -OUTSIDE) | (points > np.array(image_size) - 1 + OUTSIDE)
-            if outside.any():
-                x, y = points[outside.any(axis=1).argmax()]
+            is_outside = (points < -MAX_OUTSIDE) | (points > np.array(image_size) - 1 + MAX_OUTSIDE)
+            if is_outside.any():
+                x, y = points[is_outside.any(axis=1).argmax()]
                 raise ValueError(
                     f"{outline.where}: the point ({x:g}, {y:g}) lies outside the picture of "
                     f"{image_size[0]} x {image_size[1]} pixels"
@@ -172,12 +172,12 @@ class AnnotatedSquare:
         return (self.outer,) if self.inner is None else (self.outer, self.inner)
 
 
-def _spread(count: int) -> NDArray[np.intp]:
+def _thinned_indices(count: int) -> NDArray[np.intp]:
     """Return `MAX_POINTS` evenly spread indices of `count` points."""
     return np.linspace(0, count, MAX_POINTS, endpoint=False).astype(np.intp)
 
 
-def _turned(values: FloatArray) -> FloatArray:
+def _next_values(values: FloatArray) -> FloatArray:
     """Return the value after each one, in a tenth of the time of `np.roll`."""
     return np.concatenate((values[1:], values[:1]))
 
@@ -185,7 +185,7 @@ def _turned(values: FloatArray) -> FloatArray:
 def _signed_area(polygon: FloatArray) -> float:
     """Return twice the area, positive if the polygon runs clockwise on the screen."""
     x, y = (polygon - polygon.mean(axis=0)).T
-    return float(x @ _turned(y) - y @ _turned(x))
+    return float(x @ _next_values(y) - y @ _next_values(x))
 
 
 def _clockwise(polygon: FloatArray, where: str) -> FloatArray:
@@ -205,7 +205,7 @@ def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
     centred = (polygon - polygon.mean(axis=0)).astype(np.float32)
     hull = np.sort(cv2.convexHull(centred, returnPoints=False).ravel())
     points = polygon[hull]
-    edges = _turned(points) - points
+    edges = _next_values(points) - points
     angles = np.maximum.accumulate(np.unwrap(np.arctan2(edges[:, 1], edges[:, 0])))
     start, end = np.triu_indices(len(hull), 2)
     diagonals = points[end] - points[start]
@@ -215,37 +215,42 @@ def _corners_of(polygon: FloatArray) -> NDArray[np.intp]:
     corners = [start, np.searchsorted(both_turns, along), end]
     corners.append(np.searchsorted(both_turns, along + np.pi))
     quads = np.stack(corners, axis=1) % len(hull)
-    others = points[quads[:, 3]] - points[quads[:, 1]]
-    areas = diagonals[:, 0] * others[:, 1] - diagonals[:, 1] * others[:, 0]
+    other_diagonals = points[quads[:, 3]] - points[quads[:, 1]]
+    areas = diagonals[:, 0] * other_diagonals[:, 1] - diagonals[:, 1] * other_diagonals[:, 0]
     return np.sort(hull[quads[areas.argmax()]])
 
 
-def _head_to_tail(lines: list[FloatArray], where: str) -> list[FloatArray]:
+def _chained_sides(lines: list[FloatArray], where: str) -> list[FloatArray]:
     """Reverse polylines so that each starts where the one before ends."""
 
     def gaps(ordered: list[FloatArray]) -> list[float]:
         following = [*ordered[1:], ordered[0]]
         return [
-            float(np.hypot(*(after[0] - before[-1])))
-            for before, after in zip(ordered, following, strict=True)
+            float(np.hypot(*(next_side[0] - side[-1])))
+            for side, next_side in zip(ordered, following, strict=True)
         ]
 
-    turned = []
-    for ways in np.ndindex(2, 2, 2, 2):
-        turned.append([line[::-1] if way else line for way, line in zip(ways, lines, strict=True)])
-    best = min(turned, key=lambda ordered: sum(gaps(ordered)))
-    wide = int(np.argmax(gaps(best)))
-    if gaps(best)[wide] > JOINED:
+    variants = []
+    for flips in np.ndindex(2, 2, 2, 2):
+        variants.append(
+            [
+                line[::-1] if is_flipped else line
+                for is_flipped, line in zip(flips, lines, strict=True)
+            ]
+        )
+    best = min(variants, key=lambda ordered: sum(gaps(ordered)))
+    widest = int(np.argmax(gaps(best)))
+    if gaps(best)[widest] > MAX_JOIN_GAP:
         raise ValueError(
-            f"{where}: sides {wide} and {(wide + 1) % 4} are {gaps(best)[wide]:.0f} px apart: give "
-            "the sides in order round the square, corner to corner"
+            f"{where}: sides {widest} and {(widest + 1) % 4} are {gaps(best)[widest]:.0f} px "
+            "apart: give the sides in order round the square, corner to corner"
         )
     return best
 
 
 def _refuse_crossings(polygon: FloatArray, where: str) -> None:
     """Raise ValueError if two edges of a closed polygon cross."""
-    start, end = polygon, _turned(polygon)
+    start, end = polygon, _next_values(polygon)
     direction = end - start
 
     def side_of(point: FloatArray) -> FloatArray:
@@ -257,6 +262,6 @@ def _refuse_crossings(polygon: FloatArray, where: str) -> None:
             )
         )
 
-    apart = side_of(start) * side_of(end) < 0
-    if (apart & apart.T).any():
+    is_separated = side_of(start) * side_of(end) < 0
+    if (is_separated & is_separated.T).any():
         raise ValueError(f"{where} crosses itself: give the points in order round the square")

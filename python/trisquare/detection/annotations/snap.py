@@ -26,21 +26,21 @@ REACH_SHARE = 1.0 / 400.0
 """The same over the picture's longer side: a large photograph is drawn on at reduced size, where
 the same hand movement is more of its pixels."""
 
-NARROW = 0.25
+MAX_SIDE_SHARE = 0.25
 """Maximum of the same over a side's length, so that the opposite side is out of reach."""
 
-BULGE = 0.05
+MAX_BULGE = 0.05
 """Maximum bend of a side from the drawn line, over its chord: strong lenses bend one by 4 %."""
 
 POSITIONS = 48
 """Number of positions along a side at which the picture is sampled across it."""
 
-FILTER = 4
+FILTER_WIDTH = 4
 """Number of pixels averaged on each side of an edge: wider than the blur of a fairly defocused
 picture, and narrow enough to separate the outlines of a frame."""
 
-ENDS = 17
-BULGES = 41
+END_TRIALS = 17
+BULGE_TRIALS = 41
 """Numbers of offsets tried for each end of a side, and for its sagitta: a pixel or two apart at
 first."""
 
@@ -48,7 +48,7 @@ REFINEMENTS = 2
 """Number of refinements, each of which tries the best path's neighbours at half the distance: half
 a pixel is finer than the filter resolves."""
 
-NEARER = 0.4
+DISTANCE_PENALTY = 0.4
 """Relative reduction of a step's score at the end of the reach: of two equally strong edges, the
 nearer to the drawn line is the one that was meant."""
 
@@ -63,7 +63,7 @@ FARTHEST_CORNER = 4.0
 """Maximum distance, in reaches, from a drawn corner to where the snapped sides meet: at an acute
 corner it is more than one."""
 
-ENDING = 6
+END_POSITIONS = 6
 """Number of positions over which a side's direction at its end is measured, an eighth of it."""
 
 MIN_SINE = 0.2
@@ -145,35 +145,41 @@ def _snapped_outline(picture: NDArray[np.uint8], annotated: AnnotatedOutline) ->
         side.points + path.offsets(side.along)[:, None] * side.outward
         for side, path in zip(sides, paths, strict=True)
     ]
-    corners = [_meet(curves[i - 1], curves[i]) for i in range(4)]
+    corners = [_intersection(curves[i - 1], curves[i]) for i in range(4)]
     for number, corner in enumerate(corners):
         farthest = FARTHEST_CORNER * sides[number].reach
         if corner is None or np.hypot(*(corner - annotated.corners[number])) > farthest:
             x, y = annotated.corners[number]
             return f"{annotated.where}: the edges do not meet near its corner ({x:.0f}, {y:.0f})"
-    closed = np.array(corners)
-    paths_through = [np.vstack([closed[i], curves[i], closed[(i + 1) % 4]]) for i in range(4)]
+    corner_points = np.array(corners)
+    paths_through = [
+        np.vstack([corner_points[i], curves[i], corner_points[(i + 1) % 4]]) for i in range(4)
+    ]
     shares = np.linspace(0.0, 1.0, PATH_POINTS)
-    return Outline.of(np.array([_at(path, shares) for path in paths_through]), bool(dark_inside))
+    return Outline.of(
+        np.array([_points_at(path, shares) for path in paths_through]), bool(dark_inside)
+    )
 
 
 def _read_side(picture: NDArray[np.uint8], polyline: FloatArray) -> _Side:
     """Read the steps across a drawn side; the picture is continued beyond its border."""
     length = float(np.hypot(*(polyline[-1] - polyline[0])))
     reach = max(REACH, REACH_SHARE * max(picture.shape))
-    reach = min(reach, NARROW * length)
+    reach = min(reach, MAX_SIDE_SHARE * length)
     # Near the ends, the steps of the neighbouring sides are in reach as well.
-    margin = min(reach / length, NARROW)
+    margin = min(reach / length, MAX_SIDE_SHARE)
     along = np.linspace(margin, 1.0 - margin, POSITIONS)
-    points = _at(polyline, along)
+    points = _points_at(polyline, along)
     chord = (polyline[-1] - polyline[0]) / length
     outward = np.array([chord[1], -chord[0]])
-    farthest = int(np.ceil(reach + BULGE * length))
-    read = np.arange(-farthest - FILTER, farthest + FILTER + 1, dtype=np.float64)
-    values = sample(picture, points[:, None] + read[:, None] * outward)
+    farthest = int(np.ceil(reach + MAX_BULGE * length))
+    pixels = np.arange(-farthest - FILTER_WIDTH, farthest + FILTER_WIDTH + 1, dtype=np.float64)
+    values = sample(picture, points[:, None] + pixels[:, None] * outward)
     sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
-    means = (sums[:, FILTER:] - sums[:, :-FILTER]) / FILTER  # of the pixels from each on
-    steps = means[:, FILTER + 1 :] - means[:, : -FILTER - 1]
+    means = (
+        sums[:, FILTER_WIDTH:] - sums[:, :-FILTER_WIDTH]
+    ) / FILTER_WIDTH  # of the pixels from each on
+    steps = means[:, FILTER_WIDTH + 1 :] - means[:, : -FILTER_WIDTH - 1]
     needed = max(MIN_STEP, MIN_STEP_NOISES * float(np.median(np.abs(steps))) / NORMAL_MEDIAN)
     return _Side(points, outward, along, steps, reach, needed)
 
@@ -185,10 +191,12 @@ def _best_path(side: _Side, sign: float) -> _Path:
     strongest = max(float(np.median(steps.max(axis=1))), 0.0)
     steps = np.clip(steps, -strongest, strongest)
     middle = side.steps.shape[1] // 2
-    bulge = middle - side.reach
+    max_bulge = middle - side.reach
     best = _Path(0.0, 0.0, 0.0, -np.inf, -np.inf)
-    spacing = np.array([2.0 * side.reach / (ENDS - 1)] * 2 + [2.0 * bulge / (BULGES - 1)])
-    counts = (ENDS // 2, ENDS // 2, BULGES // 2)
+    spacing = np.array(
+        [2.0 * side.reach / (END_TRIALS - 1)] * 2 + [2.0 * max_bulge / (BULGE_TRIALS - 1)]
+    )
+    counts = (END_TRIALS // 2, END_TRIALS // 2, BULGE_TRIALS // 2)
     for _ in range(1 + REFINEMENTS):
         ranges = [
             centre + step * np.arange(-count, count + 1)
@@ -197,37 +205,47 @@ def _best_path(side: _Side, sign: float) -> _Path:
             )
         ]
         first, last, sagitta = (grid.ravel() for grid in np.meshgrid(*ranges, indexing="ij"))
-        inside = (np.maximum(np.abs(first), np.abs(last)) <= side.reach) & (
-            np.abs(sagitta) <= bulge
+        is_in_reach = (np.maximum(np.abs(first), np.abs(last)) <= side.reach) & (
+            np.abs(sagitta) <= max_bulge
         )
-        first, last, sagitta = first[inside], last[inside], sagitta[inside]
+        first, last, sagitta = first[is_in_reach], last[is_in_reach], sagitta[is_in_reach]
         along = side.along[:, None]
         offsets = first * (1.0 - along) + last * along + 4.0 * sagitta * along * (1.0 - along)
         index = np.rint(offsets).astype(np.intp) + middle
         step = np.take_along_axis(steps, index, axis=1).mean(axis=0)
-        away = np.maximum(
-            np.maximum(np.abs(first), np.abs(last)) / side.reach, np.abs(sagitta) / bulge
+        relative_offset = np.maximum(
+            np.maximum(np.abs(first), np.abs(last)) / side.reach, np.abs(sagitta) / max_bulge
         )
-        score = step * (1.0 - NEARER * away)
-        top = int(score.argmax())
-        if score[top] > best.score:
-            best = _Path(*(float(value[top]) for value in (first, last, sagitta, step, score)))
+        score = step * (1.0 - DISTANCE_PENALTY * relative_offset)
+        best_index = int(score.argmax())
+        if score[best_index] > best.score:
+            best = _Path(
+                *(float(value[best_index]) for value in (first, last, sagitta, step, score))
+            )
         spacing, counts = 0.5 * spacing, (2, 2, 2)
     return best
 
 
-def _meet(before: FloatArray, after: FloatArray) -> FloatArray | None:
+def _intersection(before: FloatArray, after: FloatArray) -> FloatArray | None:
     """Return where the straight continuations of one side's end and the next one's start meet."""
-    there, here = before[-1] - before[-ENDING], after[0] - after[ENDING - 1]
-    cross = there[0] * here[1] - there[1] * here[0]
-    if abs(cross) < MIN_SINE * np.hypot(*there) * np.hypot(*here):
+    end_direction, start_direction = (
+        before[-1] - before[-END_POSITIONS],
+        after[0] - after[END_POSITIONS - 1],
+    )
+    cross = end_direction[0] * start_direction[1] - end_direction[1] * start_direction[0]
+    if abs(cross) < MIN_SINE * np.hypot(*end_direction) * np.hypot(*start_direction):
         return None
     gap = after[0] - before[-1]
-    return np.asarray(before[-1] + (gap[0] * here[1] - gap[1] * here[0]) / cross * there)
+    return np.asarray(
+        before[-1]
+        + (gap[0] * start_direction[1] - gap[1] * start_direction[0]) / cross * end_direction
+    )
 
 
-def _at(polyline: FloatArray, shares: FloatArray) -> FloatArray:
+def _points_at(polyline: FloatArray, shares: FloatArray) -> FloatArray:
     """Return points of a polyline at fractions of its length."""
-    travelled = np.append(0.0, np.cumsum(np.hypot(*np.diff(polyline, axis=0).T)))
-    places = shares * travelled[-1]
-    return np.stack([np.interp(places, travelled, polyline[:, axis]) for axis in range(2)], axis=1)
+    arc_lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(polyline, axis=0).T)))
+    places = shares * arc_lengths[-1]
+    return np.stack(
+        [np.interp(places, arc_lengths, polyline[:, axis]) for axis in range(2)], axis=1
+    )

@@ -17,12 +17,12 @@ import trisquare._core as _core
 from trisquare.detection.candidates import Lattice
 from trisquare.detection.grey import MIN_PICTURE
 
-FINEST = 1000
+MAX_FULL_SIZE = 1000
 """Longer side, in pixels, of a picture that is searched at full size; a larger one is halved once,
 which leaves its smallest cells (10 pixels) five pixels. If the halved picture shows crossings that
 make no lattice, as the rims of markers fade in it, the full picture is searched as well."""
 
-COARSEST = 100
+MIN_REDUCED_SIDE = 100
 """Minimum shorter side, in pixels, of a reduced picture: a board in it has cells of five pixels."""
 
 MIN_SHARE = 0.5
@@ -34,7 +34,7 @@ class LatticeSearch(NamedTuple):
     """Result of a search for lattices."""
 
     lattices: list[Lattice]  # from the one of most crossings to the one of fewest
-    crossings_beside: int
+    unlinked_crossings: int
     """Number of crossings of edges outside the lattices, in the reduced picture."""
 
 
@@ -57,8 +57,8 @@ def search_lattices(grey: NDArray[np.uint8]) -> LatticeSearch:
     """Find lattices as `find_lattices` does, and count the crossings outside them."""
     if min(grey.shape) < MIN_PICTURE:
         return LatticeSearch([], 0)
-    found, crossings_beside = _core.find_lattices(grey, _pictures(grey))
-    return LatticeSearch([_lattice(own.crossings) for own in found], crossings_beside)
+    found, unlinked_crossings = _core.find_lattices(grey, _pictures(grey))
+    return LatticeSearch([_lattice(lattice.crossings) for lattice in found], unlinked_crossings)
 
 
 def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list[Lattice]:
@@ -67,11 +67,11 @@ def chessboards_among(lattices: Iterable[Lattice], cols: int, rows: int) -> list
     At least half of each board's crossings are seen; the rows of a lattice as large as the board
     are the board's rows.
     """
-    boards = (_of_size(lattice, cols, rows) for lattice in lattices)
+    boards = (_board_of_size(lattice, cols, rows) for lattice in lattices)
     return [board for board in boards if board is not None]
 
 
-def _of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
+def _board_of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
     """Return a lattice as a board of `cols` x `rows` inner corners, or None if it is not one."""
     height, width = lattice.present.shape
     if np.count_nonzero(lattice.present) < MIN_SHARE * rows * cols:
@@ -86,10 +86,10 @@ def _of_size(lattice: Lattice, cols: int, rows: int) -> Lattice | None:
 def _pictures(grey: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     """Return the pictures to search, each twice as fine as the one before."""
     picture = grey
-    if max(grey.shape) > FINEST and min(grey.shape) > COARSEST:
+    if max(grey.shape) > MAX_FULL_SIZE and min(grey.shape) > MIN_REDUCED_SIDE:
         picture = np.asarray(cv2.pyrDown(grey), dtype=np.uint8)
     pictures = [picture]
-    while min(picture.shape) >= 2 * COARSEST:
+    while min(picture.shape) >= 2 * MIN_REDUCED_SIDE:
         picture = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
         pictures.append(picture)
     return pictures[::-1]

@@ -70,41 +70,41 @@ def find_sheets(grey: NDArray[np.uint8], layout: Layout) -> list[SheetMatch | Re
     """Find the sheets of a layout in a grey picture; sheets that do not fit are rejected."""
     if min(grey.shape) < MIN_PICTURE:
         return []
-    if layout.sheets[0].touching:
+    if layout.sheets[0].is_touching:
         grids = find_aprilgrids(grey, layout.dictionaries[0])
-        return [_of_layout(grid, layout) for grid in grids]
-    seen: dict[int, list[tuple[int, FloatArray]]] = {}
+        return [_match_layout(grid, layout) for grid in grids]
+    markers_of_sheets: dict[int, list[tuple[int, FloatArray]]] = {}
     markers = _markers(grey, layout)
     for marker in markers:
         place = layout.place(marker.number)
         if place is not None:
-            seen.setdefault(place[0], []).append((place[1], marker.corners))
+            markers_of_sheets.setdefault(place[0], []).append((place[1], marker.corners))
     found: list[SheetMatch | Rejected] = []
-    for index in sorted(seen):
+    for index in sorted(markers_of_sheets):
         sheet = layout.sheet(index)
-        places = np.array([place for place, _ in seen[index]])
-        corners = np.array([corners for _, corners in seen[index]])
+        places = np.array([place for place, _ in markers_of_sheets[index]])
+        corners = np.array([corners for _, corners in markers_of_sheets[index]])
         if len(places) >= min(MIN_MARKERS, len(sheet.arrangements[0].corners)):
             cells = np.zeros((len(places), 0, 0), bool)
             found.append(_fit(layout.text, sheet, places, corners, markers[0].border, cells))
     return found
 
 
-def _of_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
+def _match_layout(grid: AprilGrid, layout: Layout) -> SheetMatch | Rejected:
     """Match a grid that was found with the sheet of the layout that has most of its tags."""
     count = len(layout.sheets[0].arrangements[0].corners)
     index, _ = Counter(tag.number // count for tag in grid.tags).most_common(1)[0]
-    own = [tag.number // count == index for tag in grid.tags]
-    tags = [tag for tag, is_own in zip(grid.tags, own, strict=True) if is_own]
+    is_on_sheet = [tag.number // count == index for tag in grid.tags]
+    tags = [tag for tag, is_kept in zip(grid.tags, is_on_sheet, strict=True) if is_kept]
     sheet, corners = layout.sheet(index), np.array([tag.corners for tag in tags])
     model = sheet.arrangements[0].corners[[tag.number % count for tag in tags]]
     pitch = 1.0 + sheet.gap
-    steps = model.mean(axis=1) / pitch - [tag.place for tag in tags]
-    fits = (np.abs(steps - np.median(steps, axis=0)) < 0.5).all(axis=1)
-    against = _against(sheet, layout.text, corners, fits, lambda: pitch / (1.0 + grid.gap))
-    if against is not None:
-        return against
-    return _of_grid(grid, sheet, model[fits], corners[fits], grid.cells[own][fits])
+    offsets = model.mean(axis=1) / pitch - [tag.place for tag in tags]
+    fits = (np.abs(offsets - np.median(offsets, axis=0)) < 0.5).all(axis=1)
+    rejection = _rejection(sheet, layout.text, corners, fits, lambda: pitch / (1.0 + grid.gap))
+    if rejection is not None:
+        return rejection
+    return _match_grid(grid, sheet, model[fits], corners[fits], grid.cells[is_on_sheet][fits])
 
 
 def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch]:
@@ -117,15 +117,15 @@ def find_unknown_grids(grey: NDArray[np.uint8]) -> list[SheetMatch]:
             "sheet",
             (Arrangement(grid.model),),
             gap=grid.gap,
-            touching=True,
+            is_touching=True,
             is_stated=False,
         )
         corners = np.array([tag.corners for tag in grid.tags])
-        found.append(_of_grid(grid, sheet, grid.model, corners, grid.cells))
+        found.append(_match_grid(grid, sheet, grid.model, corners, grid.cells))
     return found
 
 
-def _of_grid(
+def _match_grid(
     grid: AprilGrid,
     sheet: PrintedSheet,
     model: FloatArray,
@@ -139,22 +139,22 @@ def _of_grid(
 def _markers(grey: NDArray[np.uint8], layout: Layout) -> list[Marker]:
     """Detect markers of the layout's dictionary, or of the one that most readings belong to."""
     names = layout.dictionaries
-    first, others = detect_markers(grey, names[0], BORDER)
+    markers, other_quads = detect_markers(grey, names[0], BORDER)
     if len(names) > 1:
-        quads = np.array([marker.corners for marker in first] + others).reshape(-1, 4, 2)
+        quads = np.array([marker.corners for marker in markers] + other_quads).reshape(-1, 4, 2)
         tags = decode_tags(grey, straight_sides(quads), np.zeros(len(quads)), TagSearch(names))
         votes = [tag.dictionary for tag in tags if tag is not None]
         if not votes:
             return []
-        chosen = max(sorted(set(votes)), key=votes.count)
-        if chosen != names[0]:
-            first, _ = detect_markers(grey, chosen, BORDER)
-        names = (chosen,)
+        name = max(sorted(set(votes)), key=votes.count)
+        if name != names[0]:
+            markers, _ = detect_markers(grey, name, BORDER)
+        names = (name,)
     if names[0] != WIDE_BORDERED:
-        return first
-    wide, _ = detect_markers(grey, names[0], WIDE_BORDER)
+        return markers
+    wide_markers, _ = detect_markers(grey, names[0], WIDE_BORDER)
     # If both find as many, the wide ones: a wide border's inner half may pass for a narrow border.
-    return max(wide, first, key=len)
+    return max(wide_markers, markers, key=len)
 
 
 class _Fit(NamedTuple):
@@ -177,8 +177,8 @@ class _Fit(NamedTuple):
         is_bent: bool,
     ) -> _Fit:
         """Compare each marker's corners with those expected; the farthest one counts."""
-        off = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
-        misfit = np.where(np.isfinite(off), off, np.inf) / _sides(corners)
+        errors = np.linalg.norm(expected.reshape(corners.shape) - corners, axis=-1).max(axis=1)
+        misfit = np.where(np.isfinite(errors), errors, np.inf) / _sides(corners)
         fits = misfit < MAX_MISFIT
         return cls(arrangement, model, fits, float(np.median(misfit)), is_bent)
 
@@ -192,18 +192,24 @@ def _fit(
     cells: NDArray[np.bool_],
 ) -> SheetMatch | Rejected:
     """Match markers with a sheet, or return the reason why they are not on it."""
-    ways = [
+    hypotheses = [
         (arrangement, np.roll(arrangement.corners[places], turns, axis=1))
         for arrangement in sheet.arrangements
         for turns in range(4)  # allows for codes that are all turned alike
     ]
-    best = min((_by_homography(*way, corners) for way in ways), key=lambda fit: fit.error)
+    best = min(
+        (_fit_homography(*hypothesis, corners) for hypothesis in hypotheses),
+        key=lambda fit: fit.error,
+    )
     if best.fits.mean() < MIN_SHARE and 4 * len(places) >= MIN_POINTS:
-        best = min((_on_smooth_surface(*way, corners) for way in ways), key=lambda fit: fit.error)
+        best = min(
+            (_fit_surface(*hypothesis, corners) for hypothesis in hypotheses),
+            key=lambda fit: fit.error,
+        )
     kept = best.fits
-    against = _against(sheet, text, corners, kept, lambda: _size_seen(best, corners))
-    if against is not None:
-        return against
+    rejection = _rejection(sheet, text, corners, kept, lambda: _size_ratio(best, corners))
+    if rejection is not None:
+        return rejection
     return SheetMatch(
         sheet,
         best.arrangement,
@@ -214,30 +220,30 @@ def _fit(
     )
 
 
-def _against(
+def _rejection(
     sheet: PrintedSheet,
     text: str,
     corners: FloatArray,
     fits: NDArray[np.bool_],
-    size: Callable[[], float],
+    size_ratio: Callable[[], float],
 ) -> Rejected | None:
     """Return a rejection if markers are not those of a stated sheet.
 
-    `fits` marks those that are in their stated places, `size` returns their apparent side over the
-    stated one.
+    `fits` marks those that are in their stated places, `size_ratio` returns their apparent side
+    over the stated one.
     """
     if fits.mean() < MIN_SHARE:
         reason = f"its {len(corners)} markers are not where {text} has them"
         return Rejected(sheet.kind, 0, box_around(corners), reason)
     shortest = float(np.median([shortest_side(marker) for marker in corners]))
-    seen = size()
-    if abs(seen - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
-        reason = f"its markers are {seen:.2f} times as large as {text} says"
+    ratio = size_ratio()
+    if abs(ratio - 1.0) > MAX_SIZE_ERROR + MAX_SIZE_ERROR_PIXELS / shortest:
+        reason = f"its markers are {ratio:.2f} times as large as {text} says"
         return Rejected(sheet.kind, 0, box_around(corners), reason)
     return None
 
 
-def _by_homography(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
+def _fit_homography(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
     tolerance = MAX_MISFIT * float(np.median(_sides(corners)))
     points, seen = model.reshape(-1, 2), corners.reshape(-1, 2)
     homography, _ = cv2.findHomography(points, seen, cv2.RANSAC, tolerance)
@@ -247,22 +253,24 @@ def _by_homography(arrangement: Arrangement, model: FloatArray, corners: FloatAr
     return _Fit.of(arrangement, model, corners, expected, is_bent=False)
 
 
-def _on_smooth_surface(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
+def _fit_surface(arrangement: Arrangement, model: FloatArray, corners: FloatArray) -> _Fit:
     points = model.reshape(-1, 2)
     expected = SmoothSurface.of(points, corners.reshape(-1, 2)).at(points)
     return _Fit.of(arrangement, model, corners, expected, is_bent=True)
 
 
-def _size_seen(fit: _Fit, corners: FloatArray) -> float:
+def _size_ratio(fit: _Fit, corners: FloatArray) -> float:
     """Return the markers' sides over those stated, from their middles alone if those suffice."""
     model, seen = fit.model[fit.fits], corners[fit.fits]
     middles, image_middles = model.mean(axis=1), _middles(seen)
     if fit.is_bent and len(middles) >= MIN_POINTS:
         expected = SmoothSurface.of(middles, image_middles).at(model)
         return float(np.median(_sides(seen) / _sides(expected)))
-    from_middles = len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2
+    can_use_middles = (
+        len(middles) >= 4 and np.linalg.matrix_rank(middles - middles[0], tol=1e-3) == 2
+    )
     pairs = (
-        (middles, image_middles) if from_middles else (model.reshape(-1, 2), seen.reshape(-1, 2))
+        (middles, image_middles) if can_use_middles else (model.reshape(-1, 2), seen.reshape(-1, 2))
     )
     sheet_from_image, _ = cv2.findHomography(*pairs[::-1])
     if sheet_from_image is None:

@@ -50,7 +50,7 @@ GRID_GAPS = (0.1, 1.0)
 
 MAX_FILE_BYTES = 10_000_000
 
-OF_KIND = {
+KIND_DICTIONARIES = {
     "charuco": LARGEST,
     "aruco": ARUCO,
     "apriltag": APRILTAG,
@@ -93,7 +93,7 @@ class PrintedSheet:
         For a chessboard, the white between a square's edges and its marker, over the square's side.
     gap : float
         White round a marker before the next thing, over the marker's side.
-    touching : bool
+    is_touching : bool
         Whether the markers' borders are two cells wide, and dark squares touch their corners.
     is_stated : bool
         Whether the layout was given, rather than seen in the picture.
@@ -104,7 +104,7 @@ class PrintedSheet:
     squares: tuple[int, int] | None = None
     rim: float = 0.0
     gap: float = math.inf
-    touching: bool = False
+    is_touching: bool = False
     is_stated: bool = True
 
 
@@ -163,29 +163,30 @@ def parse_layout(text: str) -> Layout:
     if match is None or not any(character.isdigit() for character in match[4]):
         raise ValueError(f"unknown board {text!r}: give {GRAMMAR}")
     kind, cols, rows, size = match[1], int(match[2]), int(match[3]), float(match[4])
-    least = MIN_SQUARES if kind == "charuco" else 1
-    if not (least <= cols <= MAX_ACROSS and least <= rows <= MAX_ACROSS):
+    min_count = MIN_SQUARES if kind == "charuco" else 1
+    if not (min_count <= cols <= MAX_ACROSS and min_count <= rows <= MAX_ACROSS):
         raise ValueError(
-            f"a board of {cols} x {rows} in {text!r}: give from {least} to {MAX_ACROSS} each way"
+            f"a board of {cols} x {rows} in {text!r}: give from {min_count} to {MAX_ACROSS} each "
+            "way"
         )
     if kind == "charuco":
-        what, (low, high) = "marker over square", RATIOS
+        quantity, (low, high) = "marker over square", RATIOS
     else:
-        what, (low, high) = "gap", GRID_GAPS if kind == "aprilgrid" else GAPS
+        quantity, (low, high) = "gap", GRID_GAPS if kind == "aprilgrid" else GAPS
     if not low <= size <= high:
-        raise ValueError(f"{what} {size:g} in {text!r}: give from {low:g} to {high:g}")
+        raise ValueError(f"{quantity} {size:g} in {text!r}: give from {low:g} to {high:g}")
     if kind == "charuco":
         sheet = _charuco(cols, rows, size)
     else:
-        sheet = _grid(cols, rows, size, touching=kind == "aprilgrid")
+        sheet = _grid(cols, rows, size, is_touching=kind == "aprilgrid")
     count = len(sheet.arrangements[0].corners)
-    names: tuple[str, ...] = tuple(name for name in LARGEST if name in OF_KIND[kind])
+    names: tuple[str, ...] = tuple(name for name in LARGEST if name in KIND_DICTIONARIES[kind])
     if match[5] is not None:
         names = (dictionary_name(match[5]),)
-    enough = tuple(name for name in names if SIZES[name] >= count)
-    if not enough:
+    large_enough = tuple(name for name in names if SIZES[name] >= count)
+    if not large_enough:
         raise ValueError(f"{text!r} needs {count} markers, more than {', '.join(names)} have")
-    return Layout(text, enough, (sheet,))
+    return Layout(text, large_enough, (sheet,))
 
 
 def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
@@ -206,18 +207,18 @@ def _charuco(cols: int, rows: int, ratio: float) -> PrintedSheet:
     return PrintedSheet("charuco", tuple(arrangements), (cols, rows), rim, rim / ratio)
 
 
-def _grid(cols: int, rows: int, gap: float, *, touching: bool) -> PrintedSheet:
+def _grid(cols: int, rows: int, gap: float, *, is_touching: bool) -> PrintedSheet:
     """Return markers row by row, from the top as in OpenCV, or from the bottom as in Kalibr."""
     x, y = np.meshgrid(np.arange(cols), np.arange(rows))
     cells = np.stack([x.ravel(), y.ravel()], axis=1) * (1.0 + gap)
     corners = UNIT_SQUARE + cells[:, None] - 0.5 * (cells[-1] + 1.0)
     from_bottom = corners.reshape(rows, cols, 4, 2)[::-1].reshape(-1, 4, 2)
-    ways = (
+    arrangements = (
         (Arrangement(from_bottom),)
-        if touching
+        if is_touching
         else (Arrangement(corners), Arrangement(from_bottom))
     )
-    return PrintedSheet("sheet", ways, gap=gap, touching=touching)
+    return PrintedSheet("sheet", arrangements, gap=gap, is_touching=is_touching)
 
 
 def _from_file(path: Path) -> Layout:
@@ -237,12 +238,12 @@ def _from_file(path: Path) -> Layout:
         raise ValueError(f"{path}: sheets must be a list of at least one")
     sheets: list[PrintedSheet] = []
     numbers: list[dict[int, int]] = []
-    known: set[int] = set()
+    seen_numbers: set[int] = set()
     for index, member in enumerate(given):
         sheet, places = _file_sheet(path, index, member)
-        if twice := sorted(known.intersection(places)):
-            raise ValueError(f"{path}: marker {twice[0]} is on two sheets")
-        known.update(places)
+        if repeated := sorted(seen_numbers.intersection(places)):
+            raise ValueError(f"{path}: marker {repeated[0]} is on two sheets")
+        seen_numbers.update(places)
         sheets.append(sheet)
         numbers.append(places)
     name = content.get("dictionary")

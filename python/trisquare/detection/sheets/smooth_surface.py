@@ -36,8 +36,8 @@ class SmoothSurface(NamedTuple):
         for _ in range(ROUNDS):
             scaled = weights[:, None]
             terms = np.linalg.lstsq(powers * scaled, seen * scaled, rcond=None)[0]
-            off = np.linalg.norm(powers @ terms - seen, axis=1)
-            weights = 1.0 / np.hypot(1.0, off / max(2.0 * float(np.median(off)), MIN_SCALE))
+            errors = np.linalg.norm(powers @ terms - seen, axis=1)
+            weights = 1.0 / np.hypot(1.0, errors / max(2.0 * float(np.median(errors)), MIN_SCALE))
         return cls(middle, extent, np.asarray(terms, np.float64))
 
     def at(self, points: FloatArray) -> FloatArray:

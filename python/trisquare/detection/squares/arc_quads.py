@@ -73,7 +73,7 @@ class _Edges:
     ends: FloatArray  # (S, 2)
     leaving: FloatArray  # (S, 2), unit tangent at the start
     arriving: FloatArray  # (S, 2), unit tangent at the end
-    covered: FloatArray  # (S,), length of the arcs
+    arc_lengths: FloatArray  # (S,), length of the arcs
 
     @classmethod
     def of(cls, arcs: list[FloatArray]) -> _Edges:
@@ -81,23 +81,23 @@ class _Edges:
         tangents = np.array([_tangents(arc) for arc in arcs]).reshape(-1, 2, 2)
         starts = np.array([arc[0] for arc in arcs]).reshape(-1, 2)
         ends = np.array([arc[-1] for arc in arcs]).reshape(-1, 2)
-        covered = np.linalg.norm(ends - starts, axis=1)
-        return cls(arcs, starts, ends, tangents[:, 0], tangents[:, 1], covered)
+        arc_lengths = np.linalg.norm(ends - starts, axis=1)
+        return cls(arcs, starts, ends, tangents[:, 0], tangents[:, 1], arc_lengths)
 
     def joined(self) -> _Edges:
         """Return all runs of edges in which each is the nearest that continues the one before."""
         gaps = self.starts[None] - self.ends[:, None]  # (S, S, 2), from one to the next
         distances = np.linalg.norm(gaps, axis=-1)
-        most = JOINED_OFFSET[0] + JOINED_OFFSET[1] * distances
+        max_offsets = JOINED_OFFSET[0] + JOINED_OFFSET[1] * distances
         turns = np.abs(_cross(self.arriving[:, None], self.leaving[None]))
-        ahead = np.einsum("ij,ikj->ik", self.arriving, gaps) > -OVERRUN
-        ahead &= np.einsum("ij,kj->ik", self.arriving, self.leaving) > 0.0
+        is_ahead = np.einsum("ij,ikj->ik", self.arriving, gaps) > -OVERRUN
+        is_ahead &= np.einsum("ij,kj->ik", self.arriving, self.leaving) > 0.0
         continues = (
-            ahead
+            is_ahead
             & (turns <= JOINED_TURN)
-            & (np.abs(_cross(self.arriving[:, None], gaps)) <= most)
-            & (np.abs(_cross(self.leaving[None], gaps)) <= most)
-            & (distances <= MAX_GAP * (self.covered[:, None] + self.covered[None]))
+            & (np.abs(_cross(self.arriving[:, None], gaps)) <= max_offsets)
+            & (np.abs(_cross(self.leaving[None], gaps)) <= max_offsets)
+            & (distances <= MAX_GAP * (self.arc_lengths[:, None] + self.arc_lengths[None]))
         )
         np.fill_diagonal(continues, False)
         distances[~continues] = np.inf
@@ -106,8 +106,8 @@ class _Edges:
         for number in range(len(self.points)):
             run = [number]
             runs.append(run)
-            while len(run) < MAX_JOINED and (after := following[run[-1]]) not in (-1, *run):
-                run = [*run, after]
+            while len(run) < MAX_JOINED and (next_edge := following[run[-1]]) not in (-1, *run):
+                run = [*run, next_edge]
                 runs.append(run)
         first = np.array([run[0] for run in runs], np.intp)
         last = np.array([run[-1] for run in runs], np.intp)
@@ -117,22 +117,22 @@ class _Edges:
             self.ends[last],
             self.leaving[first],
             self.arriving[last],
-            np.array([self.covered[run].sum() for run in runs]),
+            np.array([self.arc_lengths[run].sum() for run in runs]),
         )
 
     def corners(self) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return where each edge's end meets each other's start, (S, S, 2), and if it does."""
         sines = _cross(self.arriving[:, None], self.leaving[None])
-        meet = sines >= MIN_CORNER_SINE
+        is_corner = sines >= MIN_CORNER_SINE
         gaps = self.starts[None] - self.ends[:, None]
-        safe = np.where(meet, sines, 1.0)
-        beyond = _cross(gaps, self.leaving[None]) / safe
-        before = _cross(self.arriving[:, None], gaps) / safe
-        reach = MAX_GAP * self.covered + OVERRUN
-        meet &= (beyond >= -OVERRUN) & (beyond <= reach[:, None])
-        meet &= (before >= -OVERRUN) & (before <= reach[None])
-        places = self.ends[:, None] + beyond[..., None] * self.arriving[:, None]
-        return places, meet
+        safe_sines = np.where(is_corner, sines, 1.0)
+        end_extensions = _cross(gaps, self.leaving[None]) / safe_sines
+        start_extensions = _cross(self.arriving[:, None], gaps) / safe_sines
+        reach = MAX_GAP * self.arc_lengths + OVERRUN
+        is_corner &= (end_extensions >= -OVERRUN) & (end_extensions <= reach[:, None])
+        is_corner &= (start_extensions >= -OVERRUN) & (start_extensions <= reach[None])
+        places = self.ends[:, None] + end_extensions[..., None] * self.arriving[:, None]
+        return places, is_corner
 
 
 def find_arc_quads(smooth: NDArray[np.float32]) -> Quads:
@@ -179,18 +179,18 @@ def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     if len(arcs) < 4:
         return np.empty((0, 4, POINTS_PER_SIDE, 2))
     edges = _Edges.of(arcs).joined()
-    places, meet = edges.corners()
+    places, is_corner = edges.corners()
     size = np.array(shape[::-1])
-    meet &= ((places >= BORDER) & (places < size - BORDER)).all(axis=-1)
+    is_corner &= ((places >= BORDER) & (places < size - BORDER)).all(axis=-1)
     # Sides between two corners: (before, itself, after).
     sides: dict[tuple[int, int], list[int]] = {}
     for side in range(len(edges.points)):
-        before, after = np.flatnonzero(meet[:, side]), np.flatnonzero(meet[side])
+        before, after = np.flatnonzero(is_corner[:, side]), np.flatnonzero(is_corner[side])
         chords = places[side, after][None] - places[before, side][:, None]
         lengths = np.linalg.norm(chords, axis=-1)
-        whole = (lengths >= MIN_SIDE) & (edges.covered[side] >= MIN_COVERED * lengths)
-        whole &= chords @ (edges.ends[side] - edges.starts[side]) > 0.0
-        for i, k in np.argwhere(whole).tolist():
+        is_covered = (lengths >= MIN_SIDE) & (edges.arc_lengths[side] >= MIN_COVERED * lengths)
+        is_covered &= chords @ (edges.ends[side] - edges.starts[side]) > 0.0
+        for i, k in np.argwhere(is_covered).tolist():
             sides.setdefault((int(before[i]), int(after[k])), []).append(side)
     is_side = {(a, b, c) for (a, c), middle in sides.items() for b in middle}
     found = [
@@ -203,14 +203,18 @@ def _four_sided(arcs: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     ]
     quads = np.array(found, np.intp).reshape(-1, 4)
     corners = places[np.roll(quads, 1, axis=1), quads]
-    around = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1).sum(axis=1)
-    order = np.argsort(-edges.covered[quads].sum(axis=1) / around, kind="stable")[:MAX_QUADS]
+    perimeters = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1).sum(axis=1)
+    order = np.argsort(-edges.arc_lengths[quads].sum(axis=1) / perimeters, kind="stable")[
+        :MAX_QUADS
+    ]
     sampled = [
         [
             _sampled(edges.points[edge], start, end)
-            for edge, start, end in zip(quad, four, np.roll(four, -1, axis=0), strict=True)
+            for edge, start, end in zip(
+                quad, quad_corners, np.roll(quad_corners, -1, axis=0), strict=True
+            )
         ]
-        for quad, four in zip(quads[order], corners[order], strict=True)
+        for quad, quad_corners in zip(quads[order], corners[order], strict=True)
     ]
     return np.array(sampled).reshape(-1, 4, POINTS_PER_SIDE, 2)
 
@@ -221,10 +225,10 @@ def _sampled(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArr
     length = np.hypot(*chord)
     outward = np.array([chord[1], -chord[0]]) / length
     along = (points - start) @ chord / length**2
-    inner = (along > 0.0) & (along < 1.0)
-    order = np.argsort(along[inner])
-    places = np.concatenate([[0.0], along[inner][order], [1.0]])
-    offsets = np.concatenate([[0.0], ((points - start) @ outward)[inner][order], [0.0]])
+    is_between = (along > 0.0) & (along < 1.0)
+    order = np.argsort(along[is_between])
+    places = np.concatenate([[0.0], along[is_between][order], [1.0]])
+    offsets = np.concatenate([[0.0], ((points - start) @ outward)[is_between][order], [0.0]])
     return np.asarray(
         start
         + FRACTIONS[:, None] * chord

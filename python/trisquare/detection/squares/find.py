@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trisquare._support.arrays import FloatArray
 from trisquare._support.convex_quads import quad_areas
-from trisquare.detection.candidates import ENOUGH, Outline, SquareOutline, Tag
+from trisquare.detection.candidates import SQUARES_NEEDED, Outline, SquareOutline, Tag
 from trisquare.detection.grey import MIN_PICTURE, grey_bytes, working_picture
 from trisquare.detection.sampling import straight_sides
 from trisquare.detection.squares.arc_quads import find_arc_quads
@@ -26,7 +26,7 @@ from trisquare.detection.squares.framed import (
 )
 from trisquare.detection.squares.plain_rectangles import (
     MIN_INLIERS,
-    best_at_corners,
+    best_per_corner,
     find_rectangles,
     turns_to_longer_side,
 )
@@ -37,7 +37,7 @@ from trisquare.detection.squares.side_curves import fit_sides
 from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
-from trisquare.detection.tags.small import dictionaries_of_small_tags, settled
+from trisquare.detection.tags.small import dictionaries_of_small_tags, refined_corners
 
 WIDEST_BAR = 14.0
 """Width in pixels up to which the second edge of a bar blurs the pixels that the fit to the first
@@ -47,7 +47,7 @@ one reads."""
 def find_squares(
     image: NDArray[np.generic],
     tag_search: TagSearch | None = None,
-    enough: int = ENOUGH,
+    enough: int = SQUARES_NEEDED,
     is_known: Callable[[FloatArray], bool] = lambda corners: False,
 ) -> list[SquareOutline]:
     """Find dark squares on a lighter ground and light ones on a darker, solid or framed; and tags.
@@ -76,18 +76,24 @@ def find_squares(
     squares, unread = _squares_of(grey, picture, scale, tag_search)
     if len(squares) < enough and min(picture.shape) >= 2 * MIN_PICTURE:
         coarser = np.asarray(cv2.pyrDown(picture), dtype=np.uint8)
-        others, _ = _squares_of(grey, coarser, 2 * scale, tag_search)
+        coarser_squares, _ = _squares_of(grey, coarser, 2 * scale, tag_search)
         known = _corners(squares)
-        squares += [other for other in others if not is_among(other.outer.corners, known)]
+        squares += [
+            square for square in coarser_squares if not is_among(square.outer.corners, known)
+        ]
     names = {square.tag.dictionary for square in squares if square.tag is not None}
     if tag_search is not None and (unknown := [quad for quad in unread if not is_known(quad)]):
         names |= dictionaries_of_small_tags(grey, unknown, tag_search)
-    further = _further_tags(grey, squares, names)
+    small_tags = _find_small_tags(grey, squares, names)
     # A square within a tag is one of its cells; one that contains a tag is the sheet.
-    if further:
-        within = are_among(_corners(squares), _corners(further)).tolist()
-        squares = [it for it, is_cell in zip(squares, within, strict=True) if it.tag or not is_cell]
-        squares += further
+    if small_tags:
+        within = are_among(_corners(squares), _corners(small_tags)).tolist()
+        squares = [
+            square
+            for square, is_cell in zip(squares, within, strict=True)
+            if square.tag or not is_cell
+        ]
+        squares += small_tags
     return sorted(squares, key=lambda square: -float(quad_areas(square.outer.corners)))
 
 
@@ -104,7 +110,7 @@ def find_plain_rectangles(image: NDArray[np.generic], shape: RectangleShape) -> 
     size = (picture.shape[1], picture.shape[0])
     rough = find_arc_quads(smooth).followed_by(find_quads(picture, smooth))
     quads = views_of_rectangles(fit_sides(picture, rough, MIN_INLIERS), size, shape.aspect)
-    quads = best_at_corners(smooth, quads)
+    quads = best_per_corner(smooth, quads)
     quads = quads.subset(find_rectangles(smooth, quads, shape.aspect))
     if not len(quads):
         return []
@@ -137,20 +143,20 @@ def _squares_of(
     # pyrDown keeps every second pixel's centre, so that coordinates only need the factor.
     sides = scale * quads.sides
 
-    def aligned(other: int | None, outer: int) -> Outline | None:
-        if other is None:
+    def aligned(index: int | None, outer: int) -> Outline | None:
+        if index is None:
             return None
-        places = alignment(quads.corners[other], quads.corners[outer])
-        return Outline.of(sides[other], bool(quads.dark_inside[other]), places)
+        places = alignment(quads.corners[index], quads.corners[outer])
+        return Outline.of(sides[index], bool(quads.dark_inside[index]), places)
 
     squares = []
     for figure in find_framed_squares(smooth, quads, None if tag_search is None else read_tags):
         turns = figure.tag.turns if figure.tag else 0
         outer = Outline.of(sides[figure.outer], bool(quads.dark_inside[figure.outer]), turns)
-        inner, beside = (aligned(one, figure.outer) for one in (figure.inner, figure.beside))
-        if beside is not None and _width_between(outer, beside) > WIDEST_BAR:
-            beside = None
-        squares.append(SquareOutline(outer, inner, figure.tag, beside=beside))
+        inner, adjacent = (aligned(quad, figure.outer) for quad in (figure.inner, figure.adjacent))
+        if adjacent is not None and _width_between(outer, adjacent) > WIDEST_BAR:
+            adjacent = None
+        squares.append(SquareOutline(outer, inner, figure.tag, adjacent=adjacent))
     known, corners = _corners(squares), scale * coarse.corners
     unread = np.flatnonzero(coarse.dark_inside)
     unread = unread[~are_among(corners[unread], known)]
@@ -159,35 +165,37 @@ def _squares_of(
     return squares, corners[unread]
 
 
-def _further_tags(
+def _find_small_tags(
     grey: NDArray[np.uint8], found: list[SquareOutline], names: set[str]
 ) -> list[SquareOutline]:
     """Find tags too small for the working picture, of the dictionaries that are present.
 
     OpenCV's detector needs the name of a dictionary, which other tags have given.
     """
-    further: list[SquareOutline] = []
+    small_tags: list[SquareOutline] = []
     tagged = [square for square in found if square.tag is not None]
     for name in sorted(names):
         markers, _ = detect_markers(grey, name)
-        corners = settled(grey, np.array([marker.corners for marker in markers]))
+        corners = refined_corners(grey, np.array([marker.corners for marker in markers]))
         search = TagSearch((name,), stated=True)
         tags = decode_tags(grey, straight_sides(corners), np.zeros(len(corners)), search)
         for quad, tag in zip(corners, tags, strict=True):
-            if tag is not None and not is_among(quad, _corners([*tagged, *further])):
-                own = np.roll(quad, tag.turns, axis=0)
-                (ends,) = straight_sides(own[None])
-                further.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
-    if not further:
+            if tag is not None and not is_among(quad, _corners([*tagged, *small_tags])):
+                tag_corners = np.roll(quad, tag.turns, axis=0)
+                (ends,) = straight_sides(tag_corners[None])
+                small_tags.append(SquareOutline(Outline.of(ends, dark_inside=True), None, tag))
+    if not small_tags:
         return []
-    sizes = sorted(_side(square.outer) for square in (*found, *further))
+    sizes = sorted(_side(square.outer) for square in (*found, *small_tags))
     smallest = MIN_RELATIVE_SIDE * sizes[-3] if len(sizes) > 3 else 0.0
-    return [square for square in further if _side(square.outer) >= smallest]
+    return [square for square in small_tags if _side(square.outer) >= smallest]
 
 
 def _width_between(outer: Outline, inner: Outline) -> float:
     """Width of the narrowest bar of a frame, pixels."""
-    middles = [np.array([side.mean(axis=0) for side in one.sides]) for one in (outer, inner)]
+    middles = [
+        np.array([side.mean(axis=0) for side in outline.sides]) for outline in (outer, inner)
+    ]
     return float(np.linalg.norm(middles[0] - middles[1], axis=1).min())
 
 

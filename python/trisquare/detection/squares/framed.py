@@ -88,14 +88,14 @@ hand and is not part of the figure."""
 class FramedSquare:
     """Indices of a square's outlines among the quads; `inner` is a frame's inner outline.
 
-    `beside` is another outline right beside the square's, if there is one: of a thin frame or of
+    `adjacent` is another outline right beside the square's, if there is one: of a thin frame or of
     the sheet.
     """
 
     outer: int
     inner: int | None
     tag: Tag | None = None
-    beside: int | None = None
+    adjacent: int | None = None
 
 
 def find_framed_squares(
@@ -115,41 +115,41 @@ def find_framed_squares(
         return []
     ground, figure = _levels_beside_sides(picture, quads)
     on_ground = _on_ground(quads, ground, figure)
-    standing_alone = _standing_alone(picture, quads, ground, figure, on_ground)
-    uniform = are_uniform(picture, quads)
-    solid = standing_alone & uniform
+    is_isolated = _are_isolated(picture, quads, ground, figure, on_ground)
+    is_uniform = are_uniform(picture, quads)
+    is_solid = is_isolated & is_uniform
     # Something that covers a frame's ring may end at a corner of the hole.
-    hole = uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
+    is_hole = is_uniform & (on_ground.mean(axis=(1, 2)) >= MIN_RING_SHARE)
     areas = quads.areas
     middles = quads.corners.mean(axis=1)
     frames = [
         FramedSquare(outer, inner)
-        for outer in np.flatnonzero(standing_alone & ~uniform).tolist()
+        for outer in np.flatnonzero(is_isolated & ~is_uniform).tolist()
         for inner in np.flatnonzero(
-            hole
+            is_hole
             & (quads.dark_inside != quads.dark_inside[outer])
             & (areas < areas[outer])
             & in_box(quads.corners[outer], middles)
         ).tolist()
         if _is_hole(_concentric_size(quads, outer, inner))
-        and _same_ground(ground[outer], figure[inner], quads.contrasts[outer])
+        and _is_same_ground(ground[outer], figure[inner], quads.contrasts[outer])
     ]
     inners = {frame.inner for frame in frames}
     solids = [
-        FramedSquare(i, None, beside=_outline_beside(quads, areas, middles, i))
-        for i in np.flatnonzero(solid).tolist()
+        FramedSquare(i, None, adjacent=_adjacent_outline(quads, areas, middles, i))
+        for i in np.flatnonzero(is_solid).tolist()
         if i not in inners
     ]
     tags: list[FramedSquare] = []
     if read_tags is not None:
-        candidates = np.flatnonzero(standing_alone & ~uniform & quads.dark_inside)
+        candidates = np.flatnonzero(is_isolated & ~is_uniform & quads.dark_inside)
         read = zip(candidates.tolist(), read_tags(candidates), strict=True)
         tags = [FramedSquare(i, None, tag) for i, tag in read if tag is not None]
     # Cells of a tag are not squares of their own.
     figures = solids + frames
-    cells = _held_by(quads, tags, figures)
+    cells = _figures_within(quads, tags, figures)
     figures = _innermost(quads, areas, tags, [f for f in figures if f.outer not in cells])
-    kept = of_comparable_size(quads, [figure.outer for figure in figures])
+    kept = comparable_quads(quads, [figure.outer for figure in figures])
     return [figure for figure in figures if figure.outer in kept]
 
 
@@ -165,9 +165,9 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
     if len(quads) == 0:
         return []
     ground, figure = _levels_beside_sides(picture, quads)
-    alone = _standing_alone(picture, quads, ground, figure, _on_ground(quads, ground, figure))
+    is_isolated = _are_isolated(picture, quads, ground, figure, _on_ground(quads, ground, figure))
     reasons = np.where(
-        ~alone,
+        ~is_isolated,
         "something else touches its sides or corners",
         np.where(
             ~are_uniform(picture, quads),
@@ -179,7 +179,7 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
     return [str(reason) for reason in reasons]
 
 
-def _standing_alone(
+def _are_isolated(
     picture: NDArray[np.float32],
     quads: Quads,
     ground: FloatArray,
@@ -187,8 +187,8 @@ def _standing_alone(
     on_ground: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
     """Return whether the ground surrounds each quad, except for what may lie over one side."""
-    beyond_corners = _ground_beyond_corners(picture, quads, ground, figure)
-    return _but_for_one_run(on_ground) & beyond_corners
+    is_ground_at_corners = _ground_beyond_corners(picture, quads, ground, figure)
+    return _are_mostly_ground(on_ground) & is_ground_at_corners
 
 
 def _levels_beside_sides(
@@ -232,18 +232,18 @@ def _ground_beyond_corners(
     return np.asarray((sign * (values - at_corner) > GROUND_LEVEL * contrast).all(axis=1))
 
 
-def _but_for_one_run(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _are_mostly_ground(on_ground: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return whether points (Q, 4, N) are on the ground, except a few and one run on one side."""
     shares = on_ground.mean(axis=2)
-    spoilt = np.take_along_axis(on_ground, shares.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    weakest_side = np.take_along_axis(on_ground, shares.argmin(axis=1)[:, None, None], axis=1)[:, 0]
     count = on_ground.shape[2]
-    off = ~spoilt
-    first = np.where(off.any(axis=1), off.argmax(axis=1), count)
-    last = np.where(off.any(axis=1), count - off[:, ::-1].argmax(axis=1), count)
-    one_run = last - first <= MAX_HIDDEN * count
-    without_run = (on_ground.sum(axis=(1, 2)) + off.sum(axis=1)) / (4 * count)
-    enough = np.where(one_run, without_run, shares.mean(axis=1)) >= MIN_GROUND_SHARE
-    return np.asarray(enough)
+    is_off_ground = ~weakest_side
+    first = np.where(is_off_ground.any(axis=1), is_off_ground.argmax(axis=1), count)
+    last = np.where(is_off_ground.any(axis=1), count - is_off_ground[:, ::-1].argmax(axis=1), count)
+    is_short_run = last - first <= MAX_HIDDEN * count
+    share_without_run = (on_ground.sum(axis=(1, 2)) + is_off_ground.sum(axis=1)) / (4 * count)
+    is_enough = np.where(is_short_run, share_without_run, shares.mean(axis=1)) >= MIN_GROUND_SHARE
+    return np.asarray(is_enough)
 
 
 def _interior_grid() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -264,15 +264,15 @@ def are_uniform(picture: NDArray[np.float32], quads: Quads) -> NDArray[np.bool_]
     values -= (values @ _FIT_OF_PLANE) @ _PLANES
     values -= np.median(values, axis=1, keepdims=True)
     step = quads.contrasts.mean(axis=1, keepdims=True)
-    uneven = np.abs(values) > MAX_UNEVENNESS * step
+    is_uneven = np.abs(values) > MAX_UNEVENNESS * step
     hidden = 1.0 - quads.seen.mean(axis=2).min(axis=1)
-    return np.asarray(uneven.mean(axis=1) <= MAX_UNEVEN_SHARE + UNEVEN_PER_HIDDEN * hidden)
+    return np.asarray(is_uneven.mean(axis=1) <= MAX_UNEVEN_SHARE + UNEVEN_PER_HIDDEN * hidden)
 
 
 def _concentric_size(quads: Quads, outer: int, inner: int) -> float | None:
     """Return a quad's size over another's, if both are concentric, parallel squares."""
     corners = quads.corners[outer]
-    mapped = seen_in_square(quads.corners[inner], corners)
+    mapped = map_to_square(quads.corners[inner], corners)
     mapped = np.roll(mapped, alignment(mapped, SQUARE), axis=0)
     size = float((mapped * SQUARE).mean())
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).min()
@@ -284,13 +284,15 @@ def _is_hole(size: float | None) -> bool:
     return size is not None and FRAME_SIZES[0] < size < FRAME_SIZES[1]
 
 
-def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index: int) -> int | None:
+def _adjacent_outline(
+    quads: Quads, areas: FloatArray, middles: FloatArray, index: int
+) -> int | None:
     """Return the other outline of a bar that begins at a quad's outline, around or within it."""
     ratios = areas / areas[index]
-    near = (ratios > MIN_RATIO) & (ratios < 1.0 / MIN_RATIO)
-    near &= quads.dark_inside != quads.dark_inside[index]
+    is_near = (ratios > MIN_RATIO) & (ratios < 1.0 / MIN_RATIO)
+    is_near &= quads.dark_inside != quads.dark_inside[index]
     sizes = {}
-    for other in np.flatnonzero(near & in_box(quads.corners[index], middles)).tolist():
+    for other in np.flatnonzero(is_near & in_box(quads.corners[index], middles)).tolist():
         outer, inner = (other, index) if ratios[other] > 1.0 else (index, other)
         size = _concentric_size(quads, outer, inner)
         if size is not None and size >= FRAME_SIZES[1]:
@@ -298,7 +300,7 @@ def _outline_beside(quads: Quads, areas: FloatArray, middles: FloatArray, index:
     return max(sizes, key=sizes.__getitem__, default=None)
 
 
-def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
+def map_to_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
     """Map corners, shape (4, 2), by the homography from the quad `outer`, (4, 2), to `SQUARE`."""
     square_from_image = cv2.getPerspectiveTransform(
         outer.astype(np.float32), SQUARE.astype(np.float32)
@@ -306,7 +308,7 @@ def seen_in_square(corners: FloatArray, outer: FloatArray) -> FloatArray:
     return np.asarray(cv2.perspectiveTransform(corners[None], square_from_image)[0])
 
 
-def _same_ground(around: FloatArray, within: FloatArray, contrasts: FloatArray) -> bool:
+def _is_same_ground(around: FloatArray, within: FloatArray, contrasts: FloatArray) -> bool:
     """Return whether the ground is the same around a frame and within it, sides averaged."""
     difference = np.median(around, axis=1).mean() - np.median(within, axis=1).mean()
     return bool(abs(difference) < MAX_LEVEL_DIFFERENCE * contrasts.mean())
@@ -327,27 +329,27 @@ def _innermost(
     is_kept = np.zeros(len(quads), dtype=bool)
     is_kept[[tag.outer for tag in tags]] = True
     for figure in sorted(figures, key=lambda figure: areas[figure.outer]):
-        if not _holds_any(quads, figure, middles[is_kept]):
+        if not _contains_any(quads, figure, middles[is_kept]):
             kept.append(figure)
             is_kept[figure.outer] = True
     return kept
 
 
-def _held_by(
-    quads: Quads, holders: Sequence[FramedSquare], figures: Sequence[FramedSquare]
+def _figures_within(
+    quads: Quads, containers: Sequence[FramedSquare], figures: Sequence[FramedSquare]
 ) -> set[int]:
     """Return the outer outlines of the figures whose middle lies in one of the holders."""
     middles = quads.corners.mean(axis=1)
     outers = [figure.outer for figure in figures]
     return {
         outer
-        for holder in holders
-        for outer in np.array(outers)[in_box(_outline(quads, holder), middles[outers])].tolist()
-        if _holds_any(quads, holder, middles[[outer]])
+        for container in containers
+        for outer in np.array(outers)[in_box(_outline(quads, container), middles[outers])].tolist()
+        if _contains_any(quads, container, middles[[outer]])
     }
 
 
-def _holds_any(quads: Quads, figure: FramedSquare, points: FloatArray) -> bool:
+def _contains_any(quads: Quads, figure: FramedSquare, points: FloatArray) -> bool:
     """Return whether any of some points, shape (N, 2), lies in a figure."""
     outline = _outline(quads, figure)
     near = points[in_box(outline, points)].tolist()
@@ -359,7 +361,7 @@ def _outline(quads: Quads, figure: FramedSquare) -> NDArray[np.float32]:
     return np.asarray(quads.sides[figure.outer].reshape(-1, 2), dtype=np.float32)
 
 
-def of_comparable_size(quads: Quads, indices: Sequence[int]) -> list[int]:
+def comparable_quads(quads: Quads, indices: Sequence[int]) -> list[int]:
     """Drop quads far smaller than the three largest of those with the given indices."""
     if len(indices) <= 3:
         return list(indices)

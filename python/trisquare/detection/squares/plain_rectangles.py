@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from trisquare._support.arrays import FloatArray
 from trisquare.detection.squares.arc_quads import edge_shares
 from trisquare.detection.squares.framed import (
+    comparable_quads,
     find_framed_squares,
-    of_comparable_size,
-    seen_in_square,
+    map_to_square,
 )
 from trisquare.detection.squares.quads import (
     SAME_QUAD_FRACTION,
@@ -23,7 +23,7 @@ from trisquare.detection.squares.quads import (
     is_among,
 )
 from trisquare.detection.squares.rectangle_shape import RectangleShape
-from trisquare.detection.squares.rectified import seen_together
+from trisquare.detection.squares.rectified import rectangle_deviations
 
 MIN_INLIERS = (0.55, 0.4)
 """Minimum fraction of a side's points on its curve, and that of the weakest side: what lies beside
@@ -39,11 +39,11 @@ CORNER_ERROR = 2.0
 MIN_DRAWING = 0.25
 """Minimum area of a drawing over its sheet's. A smaller one is a picture printed on the sheet."""
 
-MIDDLE = 0.08
+MAX_MIDDLE_OFFSET = 0.08
 """Maximum distance of a drawing's middle from its sheet's, over half the sheet."""
 
 
-def best_at_corners(picture: NDArray[np.float32], quads: Quads) -> Quads:
+def best_per_corner(picture: NDArray[np.float32], quads: Quads) -> Quads:
     """Keep, of quads that share a corner, the one with the most edge.
 
     A corner belongs to one rectangle only, but three sides of a sheet and a piece of something else
@@ -81,7 +81,7 @@ def find_rectangles(
         order = [*solid, *np.argsort(-quads.areas, kind="stable").tolist()]
     else:
         size = (picture.shape[1], picture.shape[0])
-        deviations, _ = seen_together(quads.corners, size, aspect)
+        deviations, _ = rectangle_deviations(quads.corners, size, aspect)
         deviations += CORNER_ERROR / np.sqrt(quads.areas)
         drawings = [i for i in solid if _is_drawing(quads, i)]
         deviations[drawings] -= DRAWING_BONUS
@@ -90,7 +90,7 @@ def find_rectangles(
     for i in order:
         if not is_among(quads.corners[i], quads.corners[kept]):
             kept.append(i)
-    return np.array(of_comparable_size(quads, kept), dtype=np.intp)
+    return np.array(comparable_quads(quads, kept), dtype=np.intp)
 
 
 def _is_drawing(quads: Quads, inner: int) -> bool:
@@ -103,14 +103,14 @@ def _is_drawing(quads: Quads, inner: int) -> bool:
 
 def _is_in_the_middle(inner: FloatArray, outer: FloatArray) -> bool:
     """Return whether the diagonals of one quad, corners (4, 2), have the middle of another's."""
-    mapped = seen_in_square(inner, outer)
+    mapped = map_to_square(inner, outer)
     middles = 0.5 * (mapped[:2] + mapped[2:])
-    return bool(np.abs(mapped).max() < 1.0 and np.abs(middles).max() < MIDDLE)
+    return bool(np.abs(mapped).max() < 1.0 and np.abs(middles).max() < MAX_MIDDLE_OFFSET)
 
 
 def turns_to_longer_side(
     corners: FloatArray, image_size: tuple[int, int], shape: RectangleShape
 ) -> NDArray[np.intp]:
     """Return how far to roll the sides of quads, corners (Q, 4, 2), to start with the longer."""
-    _, longer = seen_together(corners, image_size, shape.aspect)
-    return np.where(longer, 0, -1)
+    _, is_longer = rectangle_deviations(corners, image_size, shape.aspect)
+    return np.where(is_longer, 0, -1)

@@ -148,8 +148,8 @@ def find_quads(picture: NDArray[np.uint8], smooth: NDArray[np.float32]) -> Quads
         Of both polarities, nested ones included, none touching the border; up to about a pixel
         and a half off the edges.
     """
-    found = _core.find_four_sided(picture, _levels(picture), MIN_SIDE, BORDER)
-    sides, levels, dark_inside = found
+    contours = _core.find_four_sided(picture, _levels(picture), MIN_SIDE, BORDER)
+    sides, levels, dark_inside = contours
     return _with_edges(smooth, Quads.rough(sides, dark_inside), levels.astype(np.float64))
 
 
@@ -159,12 +159,14 @@ def without_repeats(quads: Quads) -> Quads:
     measures = np.column_stack([quads.corners.mean(axis=1), sizes]).T
     dark = quads.dark_inside
     is_repeat = np.zeros(len(quads), dtype=np.bool_)
-    for best, size in enumerate(sizes.tolist()):
-        if is_repeat[best]:
+    for index, size in enumerate(sizes.tolist()):
+        if is_repeat[index]:
             continue
-        own, others = measures[:, best, None], measures[:, best + 1 :]
-        near = np.abs(others - own) < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * size
-        is_repeat[best + 1 :] |= near[0] & near[1] & near[2] & (dark[best + 1 :] == dark[best])
+        measure, later_measures = measures[:, index, None], measures[:, index + 1 :]
+        is_near = np.abs(later_measures - measure) < SAME_QUAD_PIXELS + SAME_QUAD_FRACTION * size
+        is_repeat[index + 1 :] |= (
+            is_near[0] & is_near[1] & is_near[2] & (dark[index + 1 :] == dark[index])
+        )
     return quads.subset(~is_repeat)
 
 
@@ -244,8 +246,8 @@ def _spread(run: NDArray[np.intp]) -> NDArray[np.intp]:
 def _with_edges(smooth: NDArray[np.float32], quads: Quads, levels: FloatArray) -> Quads:
     """Keep quads with an edge of their own sign on all sides, each from its best level."""
     lengths = np.linalg.norm(quads.sides[:, :, -1] - quads.sides[:, :, 0], axis=-1)
-    long_enough = lengths.min(axis=1, initial=np.inf) >= MIN_SIDE
-    quads, levels = quads.subset(long_enough), levels[long_enough]
+    is_long_enough = lengths.min(axis=1, initial=np.inf) >= MIN_SIDE
+    quads, levels = quads.subset(is_long_enough), levels[is_long_enough]
     step = CLEARANCE * quads.normals[:, :, None]
     points = quads.sides[:, :, POINTS_PER_SIDE // 8 :: POINTS_PER_SIDE // 4]
     outside, inside = sample(smooth, points + step), sample(smooth, points - step)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-NAMED = {
+NAMED_ASPECTS = {
     "a4": 2.0**0.5,
     "letter": 11.0 / 8.5,
     "card": 85.60 / 53.98,
@@ -13,10 +13,10 @@ NAMED = {
 }
 """Aspects by name: ISO 216, ANSI/ASME Y14.1, ISO/IEC 7810 ID-1, ITU-R BT.709."""
 
-MIN_TOLD = 1.2
+MIN_ASPECT = 1.2
 """Minimum aspect other than 1: below it, which way up a rectangle is cannot be seen."""
 
-MOST = 10.0
+MAX_ASPECT = 10.0
 """Maximum aspect: a longer strip gives next to no information across."""
 
 
@@ -37,8 +37,8 @@ class RectangleShape:
         ValueError
             For an invalid aspect.
         """
-        if text in NAMED:
-            return cls(NAMED[text])
+        if text in NAMED_ASPECTS:
+            return cls(NAMED_ASPECTS[text])
         if text == "rectangle":
             return cls(None)
         if not text.startswith("rectangle:"):
@@ -49,11 +49,11 @@ class RectangleShape:
         if min(width, height) <= 0.0:
             raise ValueError(f"{text!r}: the aspect must be a number such as 1.4142, or 16:9")
         aspect = max(width, height) / min(width, height)
-        if 1.0 < aspect < MIN_TOLD:
+        if 1.0 < aspect < MIN_ASPECT:
             raise ValueError(
                 f"{text!r}: which way up a rectangle is cannot be seen below an aspect of "
-                f"{MIN_TOLD:g}: give PlaneEdges.rectangle with its sides"
+                f"{MIN_ASPECT:g}: give PlaneEdges.rectangle with its sides"
             )
-        if aspect > MOST:
-            raise ValueError(f"{text!r}: the aspect may be {MOST:g} at most")
+        if aspect > MAX_ASPECT:
+            raise ValueError(f"{text!r}: the aspect may be {MAX_ASPECT:g} at most")
         return cls(aspect)

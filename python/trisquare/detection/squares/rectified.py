@@ -17,9 +17,9 @@ from trisquare._support.arrays import FloatArray
 from trisquare.detection.square_views import (
     FISHEYE_FOCAL_LENGTHS,
     bends,
-    bends_left,
     centred,
     fisheye_rays,
+    residual_bends,
     square_columns,
 )
 from trisquare.detection.squares.quads import Quads
@@ -37,7 +37,7 @@ MAX_BEND = 0.07
 """Maximum bend of a side under a distorted pinhole, over its chord: the strongest lens bends a long
 side by 4 %; a quarter circle is bent by 21 %."""
 
-MAX_BEND_LEFT = 0.025
+MAX_RESIDUAL_BEND = 0.025
 """Maximum remaining bend of a side, over its chord, under a fisheye lens of another projection than
 the assumed one."""
 
@@ -56,17 +56,19 @@ def views_of_rectangles(
         The longer side over the shorter; None for any.
     """
     sides = centred(quads.sides, image_size)
-    views = bends(quads.sides) <= MAX_BEND
-    views[views] = _are_seen(_pinhole_rays(sides[views][:, :, 0]), aspect).any(axis=0)
-    if not views.all():
-        others = np.flatnonzero(~views)
-        rays = fisheye_rays(sides[others], FISHEYE_FOCAL_LENGTHS)
-        straight = bends_left(rays, sides[others], FISHEYE_FOCAL_LENGTHS) <= MAX_BEND_LEFT
-        views[others] = (_are_seen(rays[..., 0, :], aspect) & straight).any(axis=0)
-    return quads.subset(views)
+    is_view = bends(quads.sides) <= MAX_BEND
+    is_view[is_view] = _are_rectangle_rays(_pinhole_rays(sides[is_view][:, :, 0]), aspect).any(
+        axis=0
+    )
+    if not is_view.all():
+        bent = np.flatnonzero(~is_view)
+        rays = fisheye_rays(sides[bent], FISHEYE_FOCAL_LENGTHS)
+        is_straight = residual_bends(rays, sides[bent], FISHEYE_FOCAL_LENGTHS) <= MAX_RESIDUAL_BEND
+        is_view[bent] = (_are_rectangle_rays(rays[..., 0, :], aspect) & is_straight).any(axis=0)
+    return quads.subset(is_view)
 
 
-def seen_together(
+def rectangle_deviations(
     corners: FloatArray, image_size: tuple[int, int], aspect: float | None
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Compare quads, corners (Q, 4, 2), with rectangles, with the one focal length that fits most.
@@ -96,7 +98,7 @@ def _pinhole_rays(points: FloatArray) -> FloatArray:
     return rays
 
 
-def _are_seen(rays: FloatArray, aspect: float | None) -> NDArray[np.bool_]:
+def _are_rectangle_rays(rays: FloatArray, aspect: float | None) -> NDArray[np.bool_]:
     """Return whether rays through four corners, (F, Q, 4, 3), are a rectangle's, shape (F, Q)."""
     return np.asarray(_deviations(*_shapes(rays), aspect) < MAX_DEVIATION)
 
@@ -116,9 +118,9 @@ def _shapes(rays: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     The cosine is infinite where corners are not in front of the camera.
     """
-    columns, ahead = square_columns(rays)
+    columns, is_ahead = square_columns(rays)
     h1, h2 = columns[..., 0], columns[..., 1]
     lengths = np.linalg.norm(h1, axis=-1), np.linalg.norm(h2, axis=-1)
     cosines = np.abs((h1 * h2).sum(axis=-1)) / (lengths[0] * lengths[1])
-    cosines[~ahead] = np.inf
+    cosines[~is_ahead] = np.inf
     return cosines, np.log(lengths[0] / lengths[1])

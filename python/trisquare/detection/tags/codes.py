@@ -119,7 +119,7 @@ def largest_products(
     numbers = np.empty(len(rows), np.intp)
     largest = np.empty_like(rows, shape=len(rows))
     for first in range(0, len(rows), BLOCK):
-        some = slice(first, first + BLOCK)
-        products = (rows[some] @ blocks).swapaxes(0, 1).reshape(-1, len(blocks) * BLOCK)
-        numbers[some], largest[some] = products.argmax(axis=1), products.max(axis=1)
+        batch = slice(first, first + BLOCK)
+        products = (rows[batch] @ blocks).swapaxes(0, 1).reshape(-1, len(blocks) * BLOCK)
+        numbers[batch], largest[batch] = products.argmax(axis=1), products.max(axis=1)
     return numbers, largest

@@ -45,7 +45,7 @@ MIN_DARK_SHARE = 0.9
 MIN_RELATIVE_STEP = 0.5
 """Minimum step from black to white inside, over the step across the outline."""
 
-AT_ONCE = 256
+QUADS_AT_ONCE = 256
 """Number of quads whose shades are sampled together: the positions of each take some 20 kB."""
 
 MAX_FALSE_ALARMS = 1e-2
@@ -73,43 +73,43 @@ def decode_tags(
     found: list[Tag | None] = [None] * len(sides)
     if len(sides) == 0:
         return found
-    books = [dictionary(name) for name in search.names]
+    codebooks = [dictionary(name) for name in search.names]
     views = SquareViews.of(sides, _size(grey))
-    readings = {key: _Reading.of(grey, views, steps, *key) for key in sorted(_grids(books))}
-    open_quads = np.ones(len(sides), bool)
+    readings = {key: _Reading.of(grey, views, steps, *key) for key in sorted(_grids(codebooks))}
+    is_unread = np.ones(len(sides), bool)
     while True:
         best = min(
             (
-                _Hits.of(book, readings[book.side, border], open_quads)
-                for book in books
-                for border in _borders(book)
+                _Hits.of(codebook, readings[codebook.side, border], is_unread)
+                for codebook in codebooks
+                for border in _borders(codebook)
             ),
             key=lambda hits: hits.log_chance,
             default=None,
         )
         if best is None or not best.tags:
             return found
-        if not search.stated and best.log_chance + math.log(len(books)) > math.log(
+        if not search.stated and best.log_chance + math.log(len(codebooks)) > math.log(
             MAX_FALSE_ALARMS
         ):
             return found
         for quad, tag in best.tags.items():
-            found[quad], open_quads[quad] = tag, False
+            found[quad], is_unread[quad] = tag, False
 
 
-def _borders(book: Dictionary) -> Sequence[int]:
-    return (BORDER, WIDE_BORDER) if book.name == WIDE_BORDERED else (BORDER,)
+def _borders(codebook: Dictionary) -> Sequence[int]:
+    return (BORDER, WIDE_BORDER) if codebook.name == WIDE_BORDERED else (BORDER,)
 
 
-def _grids(books: Iterable[Dictionary]) -> set[tuple[int, int]]:
-    return {(book.side, border) for book in books for border in _borders(book)}
+def _grids(codebooks: Iterable[Dictionary]) -> set[tuple[int, int]]:
+    return {(codebook.side, border) for codebook in codebooks for border in _borders(codebook)}
 
 
 class _Reading(NamedTuple):
     """Bits of quads read as codes of one size, and which quads look like such a code at all."""
 
     bits: Bits  # (Q, n, n)
-    clear: Bits  # (Q,)
+    is_clear: Bits  # (Q,)
 
     @classmethod
     def of(
@@ -121,20 +121,22 @@ class _Reading(NamedTuple):
         border: int,
     ) -> _Reading:
         cells = _cell_shades(grey, views, side + 2 * border)
-        inner = np.zeros(cells.shape[1:], bool)
-        inner[border:-border, border:-border] = True
-        dark = np.median(cells[:, ~inner], axis=1)[:, None, None]
-        brightest = cells[:, inner].max(axis=1)[:, None, None]
-        lit = inner & (cells > 0.5 * (dark + brightest))
-        count = np.maximum(lit.sum(axis=(1, 2), keepdims=True), 1)
-        light = np.where(lit, cells, 0.0).sum(axis=(1, 2), keepdims=True) / count
+        is_inner = np.zeros(cells.shape[1:], bool)
+        is_inner[border:-border, border:-border] = True
+        dark = np.median(cells[:, ~is_inner], axis=1)[:, None, None]
+        brightest = cells[:, is_inner].max(axis=1)[:, None, None]
+        is_lit = is_inner & (cells > 0.5 * (dark + brightest))
+        count = np.maximum(is_lit.sum(axis=(1, 2), keepdims=True), 1)
+        light = np.where(is_lit, cells, 0.0).sum(axis=(1, 2), keepdims=True) / count
         step = light - dark
-        usable = np.maximum(step, 1.0)
-        above = (cells - 0.5 * (dark + light)) / usable
-        clear = (np.abs(above[:, inner]) >= MIN_CLEARANCE).mean(axis=1) >= MIN_CLEAR_SHARE
-        clear &= (above[:, ~inner] <= -MIN_CLEARANCE).mean(axis=1) >= MIN_DARK_SHARE
-        clear &= step[:, 0, 0] >= np.maximum(MIN_CONTRAST, MIN_RELATIVE_STEP * steps)
-        return cls(above[:, border:-border, border:-border] > 0.0, clear)
+        safe_step = np.maximum(step, 1.0)
+        relative_levels = (cells - 0.5 * (dark + light)) / safe_step
+        is_clear = (np.abs(relative_levels[:, is_inner]) >= MIN_CLEARANCE).mean(
+            axis=1
+        ) >= MIN_CLEAR_SHARE
+        is_clear &= (relative_levels[:, ~is_inner] <= -MIN_CLEARANCE).mean(axis=1) >= MIN_DARK_SHARE
+        is_clear &= step[:, 0, 0] >= np.maximum(MIN_CONTRAST, MIN_RELATIVE_STEP * steps)
+        return cls(relative_levels[:, border:-border, border:-border] > 0.0, is_clear)
 
 
 class Agreement(NamedTuple):
@@ -157,15 +159,15 @@ def agreement(
     Cells are not thresholded to bits: the single cells of a small tag are too blurred for that,
     while all of them together still determine its code.
     """
-    book = dictionary(name)
+    codebook = dictionary(name)
     views = SquareViews.of(straight_sides(corners), _size(grey))
-    cells = _cell_shades(grey, views, book.side + 2 * border)
+    cells = _cell_shades(grey, views, codebook.side + 2 * border)
     shades = _normalised(cells[:, border:-border, border:-border])
     if expected is not None:
-        codes = _normalised(book.codes[expected])
+        codes = _normalised(codebook.codes[expected])
         return Agreement(expected, np.zeros_like(expected), (shades * codes).sum(axis=1))
     best, correlation = largest_products(shades, _normalised_codes(name))
-    turns, numbers = np.divmod(best, len(book.codes))
+    turns, numbers = np.divmod(best, len(codebook.codes))
     return Agreement(numbers, turns, correlation)
 
 
@@ -190,17 +192,17 @@ class _Hits(NamedTuple):
     log_chance: float
 
     @classmethod
-    def of(cls, book: Dictionary, reading: _Reading, open_quads: Bits) -> _Hits:
-        quads = np.flatnonzero(reading.clear & open_quads)
+    def of(cls, codebook: Dictionary, reading: _Reading, is_unread: Bits) -> _Hits:
+        quads = np.flatnonzero(reading.is_clear & is_unread)
         if not len(quads):
             return cls({}, 0.0)
-        codes = book.look_up(reading.bits[quads])
+        codes = codebook.look_up(reading.bits[quads])
         tags = {
-            int(quad): Tag(book.name, *code)
+            int(quad): Tag(codebook.name, *code)
             for quad, code in zip(quads, codes, strict=True)
             if code is not None
         }
-        return cls(tags, _log_binomial_tail(len(quads), len(tags), book.chance))
+        return cls(tags, _log_binomial_tail(len(quads), len(tags), codebook.chance))
 
 
 def _log_binomial_tail(trials: int, hits: int, chance: float) -> float:
@@ -227,10 +229,10 @@ def _cell_shades(grey: NDArray[np.uint8], views: SquareViews, cells: int) -> Flo
     u, v = np.meshgrid(places, places)
     probes = np.stack([u.ravel(), v.ravel()], axis=1)
     shades = np.empty((len(views), cells, cells))
-    for first in range(0, len(views), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, len(views), QUADS_AT_ONCE):
+        batch = slice(first, first + QUADS_AT_ONCE)
         # A row of samples for every quad: rows of cells, probes, columns of cells, probes.
-        grid = sample(grey, views.subset(some).points(probes))
+        grid = sample(grey, views.subset(batch).points(probes))
         grid = grid.reshape(-1, cells, len(PROBES), cells, len(PROBES))
-        shades[some] = grid.mean(axis=(2, 4))
+        shades[batch] = grid.mean(axis=(2, 4))
     return shades

@@ -22,7 +22,7 @@ from trisquare.detection.tags.decode import decode_tags
 from trisquare.detection.tags.families import TagSearch
 from trisquare.detection.tags.find import detect_markers
 
-AROUND = 16
+MARGIN = 16
 """Pixels of the photograph around a quad: the error of its outline, and the window of the
 detector's thresholds."""
 
@@ -30,11 +30,11 @@ MAX_IN_PARTS = 0.25
 """Maximum fraction of the photograph that is searched in parts; beyond, the whole takes no
 longer."""
 
-SETTLING_REACH = 2
+REFINEMENT_REACH = 2
 """Reach on either side of a corner, pixels: the size of the cells of the smallest tags that are
 read."""
 
-SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
+REFINEMENT_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 10, 0.05)
 """Maximum number of iterations of the corner refinement, and step in pixels at which it stops."""
 
 Box: TypeAlias = tuple[int, int, int, int]
@@ -54,20 +54,20 @@ def dictionaries_of_small_tags(
     if area <= MAX_IN_PARTS * grey.size:
         stated = replace(search, stated=True)
         corners = np.array([quad for box in boxes for quad in _quads(grey, search, box)])
-        if not any(_read(grey, settled(grey, corners), stated)):
+        if not any(_read(grey, refined_corners(grey, corners), stated)):
             return set()
     height, width = grey.shape
-    corners = settled(grey, np.array(_quads(grey, search, (0, 0, width, height))))
+    corners = refined_corners(grey, np.array(_quads(grey, search, (0, 0, width, height))))
     return {tag.dictionary for tag in _read(grey, corners, search) if tag is not None}
 
 
-def settled(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
+def refined_corners(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
     """Move corners found by a threshold, if any, onto the nearest image corners, (Q, 4, 2)."""
     if not len(quads):
         return np.zeros((0, 4, 2))
     corners = quads.astype(np.float32).reshape(-1, 1, 2)
-    window = (SETTLING_REACH, SETTLING_REACH)
-    moved = cv2.cornerSubPix(grey, corners, window, (-1, -1), SETTLED)
+    window = (REFINEMENT_REACH, REFINEMENT_REACH)
+    moved = cv2.cornerSubPix(grey, corners, window, (-1, -1), REFINEMENT_STOP)
     return np.asarray(moved, dtype=np.float64).reshape(-1, 4, 2)
 
 
@@ -90,12 +90,12 @@ def _boxes_around(quads: Sequence[FloatArray], shape: tuple[int, ...]) -> list[B
     height, width = shape
     boxes: list[Box] = []
     for quad in quads:
-        low = np.floor(quad.min(axis=0)).astype(int) - AROUND
-        high = np.ceil(quad.max(axis=0)).astype(int) + AROUND + 1
+        low = np.floor(quad.min(axis=0)).astype(int) - MARGIN
+        high = np.ceil(quad.max(axis=0)).astype(int) + MARGIN + 1
         box = (max(low[0], 0), max(low[1], 0), min(high[0], width), min(high[1], height))
-        while met := [other for other in boxes if _overlap(box, other)]:
-            boxes = [other for other in boxes if other not in met]
-            lefts, tops, rights, bottoms = zip(box, *met, strict=True)
+        while overlapping := [other for other in boxes if _overlap(box, other)]:
+            boxes = [other for other in boxes if other not in overlapping]
+            lefts, tops, rights, bottoms = zip(box, *overlapping, strict=True)
             box = (min(lefts), min(tops), max(rights), max(bottoms))
         boxes.append(box)
     return boxes

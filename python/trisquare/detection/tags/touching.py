@@ -29,7 +29,7 @@ MIN_REACH = 15
 longest side, and its minimum in pixels. A tag seven times as large still has white within this
 distance of its border."""
 
-COARSE = 3
+REDUCTION = 3
 """Reduction of the pictures of darkest and lightest: the threshold need not be finer."""
 
 LARGEST_SEARCHED = 2000
@@ -37,7 +37,7 @@ LARGEST_SEARCHED = 2000
 is reduced, in which a photograph's grain has fewer outlines. Corners are located in the picture
 itself."""
 
-SAME = 3.0
+MAX_REPEAT_DISTANCE = 3.0
 """Maximum distance between the middles of a tag that is found twice, pixels."""
 
 
@@ -45,8 +45,8 @@ class Parting(NamedTuple):
     """A way to separate dark corners that touch: a low threshold, and erosion of dark pixels."""
 
     level: float  # threshold, as a fraction of the way from the darkest to the lightest around
-    eroded: int  # pixels
-    moved: float  # pixels by which both together move corners inward
+    erosion: int  # pixels
+    inset: float  # pixels by which both together move corners inward
 
 
 PARTINGS = (Parting(0.25, 0, 0.7), Parting(0.4, 1, 1.8))
@@ -88,14 +88,19 @@ def find_touching_tags(grey: NDArray[np.uint8], name: str) -> tuple[list[int], F
         # Cells of a tag with the usual border may also agree well enough with a code.
         usual = agreement(grey, quads[read], name, BORDER).correlation
         read = read[correlation[read] >= usual]
-        own = [np.roll(quads[index], turns[index], axis=0) for index in read]
+        upright = [np.roll(quads[index], turns[index], axis=0) for index in read]
         # A tag that both ways find is kept once.
-        new = [
-            not any(np.abs(quad.mean(axis=0) - one.mean(axis=0)).max() < SAME for one in corners)
-            for quad in own
+        is_new_quad = [
+            not any(
+                np.abs(quad.mean(axis=0) - known_quad.mean(axis=0)).max() < MAX_REPEAT_DISTANCE
+                for known_quad in corners
+            )
+            for quad in upright
         ]
-        found += [int(number) for number, is_new in zip(numbers[read], new, strict=True) if is_new]
-        corners += [quad for quad, is_new in zip(own, new, strict=True) if is_new]
+        found += [
+            int(number) for number, is_new in zip(numbers[read], is_new_quad, strict=True) if is_new
+        ]
+        corners += [quad for quad, is_new in zip(upright, is_new_quad, strict=True) if is_new]
         if not found:
             break
     return found, np.array(corners).reshape(-1, 4, 2)
@@ -110,13 +115,13 @@ def on_saddles(grey: NDArray[np.uint8], quads: FloatArray) -> FloatArray:
     is_inside = ((quads >= 0.0) & (quads <= limits)).all(axis=(1, 2))
     # A call of OpenCV's function takes as long as one corner: call it once per window.
     for window in np.unique(windows[is_inside]).tolist():
-        own = np.flatnonzero(is_inside & (windows == window))
-        corners = quads[own].reshape(-1, 1, 2).astype(np.float32)
-        found = cv2.cornerSubPix(grey, corners, (window, window), (-1, -1), SADDLE_STOP)
-        found = found.reshape(-1, 4, 2)
-        distances = np.linalg.norm(found - quads[own], axis=2)
-        near = distances < MAX_CORNER_STEP * shortest[own, None]
-        moved[own] = np.where(near[..., None], found, quads[own])
+        indices = np.flatnonzero(is_inside & (windows == window))
+        corners = quads[indices].reshape(-1, 1, 2).astype(np.float32)
+        refined = cv2.cornerSubPix(grey, corners, (window, window), (-1, -1), SADDLE_STOP)
+        refined = refined.reshape(-1, 4, 2)
+        distances = np.linalg.norm(refined - quads[indices], axis=2)
+        is_near = distances < MAX_CORNER_STEP * shortest[indices, None]
+        moved[indices] = np.where(is_near[..., None], refined, quads[indices])
     return moved
 
 
@@ -131,24 +136,26 @@ def _dark_quads(
     level[cv2.subtract(highest, lowest) < MIN_CONTRAST] = 0
     threshold = cv2.resize(level, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
     dark = cv2.compare(grey, threshold, cv2.CMP_LT)
-    if parting.eroded:
-        dark = cv2.erode(dark, np.ones((2 * parting.eroded + 1,) * 2, np.uint8))
+    if parting.erosion:
+        dark = cv2.erode(dark, np.ones((2 * parting.erosion + 1,) * 2, np.uint8))
     corners = _core.find_four_cornered(np.asarray(dark, np.uint8), int(SMALLEST_SIDE))
     outward = corners - corners.mean(axis=1, keepdims=True)
     outward /= np.linalg.norm(outward, axis=2, keepdims=True)
-    return np.asarray(corners + parting.moved * outward)
+    return np.asarray(corners + parting.inset * outward)
 
 
 def _extremes(grey: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return the darkest and the lightest level around, reduced by `COARSE`."""
-    reach = max(MIN_REACH, round(REACH * max(grey.shape))) // COARSE
-    around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    """Return the darkest and the lightest level around, reduced by `REDUCTION`."""
+    reach = max(MIN_REACH, round(REACH * max(grey.shape))) // REDUCTION
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     # Averaged, so that the noise of a plain ground does not look like contrast; the means at all
     # pixels take less time than OpenCV needs for those at every third one.
-    height, width = (side // COARSE for side in grey.shape)
-    middle = slice(COARSE // 2, None, COARSE)
-    small = np.ascontiguousarray(cv2.blur(grey, (COARSE, COARSE))[middle, middle][:height, :width])
-    lowest, highest = cv2.erode(small, around), cv2.dilate(small, around)
+    height, width = (side // REDUCTION for side in grey.shape)
+    middle = slice(REDUCTION // 2, None, REDUCTION)
+    small = np.ascontiguousarray(
+        cv2.blur(grey, (REDUCTION, REDUCTION))[middle, middle][:height, :width]
+    )
+    lowest, highest = cv2.erode(small, kernel), cv2.dilate(small, kernel)
     return np.asarray(lowest, dtype=np.uint8), np.asarray(highest, dtype=np.uint8)
 
 
