@@ -222,6 +222,8 @@ def _disagreeing_pictures(
     planes: Sequence[Plane], gathered: Gathered, coherence: ResidualCorrelation
 ) -> list[CalibrationWarning]:
     """Warn of pictures of another camera, a possible cause of other warnings."""
+    if any(warning.code == "pictures_disagree" for warning in gathered.warnings):
+        return []
     unexplained = unexplained_pictures(planes, gathered.rejected, coherence.displacements)
     if not unexplained:
         return []

@@ -8,18 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-import trisquare._core as _core
 from trisquare._support.arrays import size_of_image
 from trisquare._support.lengths import length_in
 from trisquare._support.log import LOG
 from trisquare._support.suggestions import advising
 from trisquare._support.threads import thread_count
 from trisquare.calibration.assemble import assemble
+from trisquare.calibration.differing_pictures import differing_pictures
 from trisquare.calibration.explain_failure import add_reasons, rejected_shapes
 from trisquare.calibration.gather import Gathered, gather
 from trisquare.calibration.measured_photograph import SearchSettings
 from trisquare.calibration.missed_squares import has_few_squares, missed_squares
 from trisquare.calibration.select import chosen_planes
+from trisquare.calibration.solve import solve
 from trisquare.camera.camera import Camera
 from trisquare.camera.settings import AnyModel, Method, PlanePair, Settings
 from trisquare.detection.kinds import TargetKinds, nothing_found
@@ -265,7 +266,8 @@ def calibrate_photographs(
         choosing = (kinds.squares or kinds.has_rectangles_of_known_shape) and not by_hand
         edges = gathered.edges
         LOG.info("fitting a %s camera to %d figures", settings.model, len(gathered.figures))
-        outcome = _ask_core(edges, gathered, settings, choosing, threads)
+        outcome = solve(edges, gathered, settings, choosing, threads)
+        candidates = gathered.figures
         if outcome.verdicts:
             gathered.figures, dropped, remarks = chosen_planes(
                 outcome, gathered.figures, gathered.quads
@@ -273,9 +275,10 @@ def calibrate_photographs(
             gathered.rejected += dropped
             gathered.warnings += remarks
         gathered.warnings += _side_warnings(side)
-        calibration = assemble(
-            outcome.solution(), gathered, settings, length, photographs.file_names
-        )
+        solution = outcome.solution()
+        fitted = replace(settings, model=solution.model)
+        gathered.warnings += differing_pictures(candidates, gathered, fitted, choosing)
+        calibration = assemble(solution, gathered, settings, length, photographs.file_names)
     except TrisquareError as error:
         add_reasons(error, gathered)
         raise
@@ -361,7 +364,7 @@ def calibrate_edges(
         for figure in figures
     ]
     gathered = Gathered(size_of_image(image_size), figures, warnings=_side_warnings(side))
-    outcome = _ask_core(renumbered, gathered, settings, choosing=False)
+    outcome = solve(renumbered, gathered, settings, choosing=False)
     return assemble(outcome.solution(), gathered, settings, length)
 
 
@@ -373,32 +376,3 @@ def _side_warnings(side: str | float | None) -> list[CalibrationWarning]:
         f'side={side:g} is {side:g} m, as a number is in metres: for millimetres say "{side:g}mm"'
     )
     return [CalibrationWarning(text, "large_side", "medium")]
-
-
-def _ask_core(
-    figures: Sequence[PlaneEdges],
-    gathered: Gathered,
-    settings: Settings,
-    choosing: bool,
-    threads: int = 1,
-) -> _core.Outcome:
-    picture_numbers = {image: count for count, image in enumerate(gathered.images)}
-    if any(image != count for image, count in picture_numbers.items()):
-        # The core numbers only the pictures that are used.
-        figures = [changed_edges(figure, image=picture_numbers[figure.image]) for figure in figures]
-    return _core.calibrate(
-        figures,
-        gathered.image_size,
-        choosing=choosing,
-        method=settings.method,
-        model=settings.model,
-        fixed=settings.fixed,
-        initial=settings.initial_camera(gathered.image_size),
-        pictures=gathered.pictures or None,
-        tones=[tone.curve for tone in gathered.tones],
-        threads=threads,
-        side_errors=[(faults.side_error, faults.line_error) for faults in gathered.faults],
-        orthogonal=settings.orthogonal,
-        parallel=settings.parallel,
-        free=settings.free,
-    )
