@@ -43,7 +43,7 @@ impl SideChart {
     #[inline(never)] // inlined, it is not vectorised
     fn distances(&self, pixels: &PixelLanes) -> [f64; LANES] {
         let terms = polynomials::<NODES>(&self.image.places(pixels));
-        let beside = self.image.beside(pixels, &terms);
+        let beside = self.image.distances(pixels, &terms);
         let mut sums = [[0.0; LANES]; 2];
         for (coefficients, term) in self.slopes.iter().zip(&terms) {
             for (sum, coefficient) in sums.iter_mut().zip(coefficients) {

@@ -92,7 +92,7 @@ impl SideCurve {
             let places = image.places(&pixels);
             let mut own = Samples {
                 places,
-                beside: image.beside(&pixels, &polynomials::<NODES>(&places)),
+                beside: image.distances(&pixels, &polynomials::<NODES>(&places)),
                 weights: [0.0; LANES],
             };
             for (weight, sample) in own.weights.iter_mut().zip(chunk) {
