@@ -23,11 +23,13 @@ pub(super) fn with_weights_held<L: Lens>(
     let mut held = planes.to_vec();
     for (plane, residuals) in held.iter_mut().zip(&optimum.residuals) {
         let samples = plane.sides_mut().flat_map(|side| {
-            let trust = side.trust();
-            side.samples.iter_mut().map(move |sample| (sample, trust))
+            let weight_factor = side.weight_factor();
+            side.samples
+                .iter_mut()
+                .map(move |sample| (sample, weight_factor))
         });
-        for ((sample, trust), residual) in samples.zip(residuals) {
-            let to_noise = sample.weight * trust / optimum.scale;
+        for ((sample, weight_factor), residual) in samples.zip(residuals) {
+            let to_noise = sample.weight * weight_factor / optimum.scale;
             let (_, weight) = Loss::Tukey.cost_and_weight(residual.distance * to_noise);
             sample.weight *= weight.sqrt();
         }

@@ -40,8 +40,8 @@ pub(crate) fn account_for_drift<L: Lens>(
     let mut view = refined.view.advanced(free, &step);
     // If the samples hardly determine the distortion, it may step to a lens that does not see the
     // picture.
-    if !free.is_seen_by(&view.lens) {
-        step = step_of(&system, judged, &free.of_matrix())?;
+    if !free.is_reach_met(&view.lens) {
+        step = step_of(&system, judged, &free.camera_matrix_positions())?;
         view = refined.view.advanced(free, &step);
     }
     let mut planes = planes.to_vec();
@@ -196,7 +196,7 @@ fn add_drift<L: Lens>(
                 }
                 None => 0.0,
             };
-            let to_noise = side.trust() * sample.weight / scale;
+            let to_noise = side.weight_factor() * sample.weight / scale;
             let (_, weight) = LOSS.cost_and_weight(distance.value * to_noise);
             let mut shared = DVector::zeros(judged.len());
             judged.gather(&distance.wrt_lens, shared.as_mut_slice());

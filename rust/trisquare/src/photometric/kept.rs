@@ -32,9 +32,9 @@ fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
     let mut path = Vec::with_capacity(figure.sample_count() + 4);
     for i in 0..4 {
         let (side, before, after) = (&sides[i], &sides[(i + 3) % 4], &sides[(i + 1) % 4]);
-        path.extend(half_toward(side, before)?.rev());
-        path.extend(half_toward(side, after)?);
-        let [own, next] = [half_toward(side, after)?, half_toward(after, side)?];
+        path.extend(nearer_half(side, before)?.rev());
+        path.extend(nearer_half(side, after)?);
+        let [own, next] = [nearer_half(side, after)?, nearer_half(after, side)?];
         let [own, next] = [own, next].map(|half| Line::fit(half.map(|point| (*point, 1.0))));
         path.extend(
             own.zip(next)
@@ -46,7 +46,7 @@ fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
 
 /// The half of a side's samples that is nearer to another side, ordered towards it; `None` if there
 /// are no samples.
-fn half_toward<'a>(
+fn nearer_half<'a>(
     side: &'a [Vector2<f64>],
     other: &[Vector2<f64>],
 ) -> Option<impl DoubleEndedIterator<Item = &'a Vector2<f64>> + Clone> {

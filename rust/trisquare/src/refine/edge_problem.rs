@@ -59,13 +59,13 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        (samples, trust): (&[Sample], f64),
+        (samples, weight_factor): (&[Sample], f64),
     ) -> Option<LineSums<N>> {
         let mut sums = LineSums {
             cost: 0.0,
             products: [[0.0; N]; N],
         };
-        let to_scale = trust / self.scale;
+        let to_scale = weight_factor / self.scale;
         for sample in samples {
             let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
             let row = self.row(lens, &pixel_ray, line);
@@ -83,15 +83,15 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
+        (samples, weight_factor, curve): (&[Sample], f64, Option<&SideCurve>),
         block: &mut Block,
     ) -> Option<OnLine> {
         let sums = match curve {
             Some(curve) => {
                 let row = |ray: &L::PixelRay| self.row(lens, ray, line);
-                curve.sums::<L, N>((lens, line), (self.loss, trust / self.scale), row)
+                curve.sums::<L, N>((lens, line), (self.loss, weight_factor / self.scale), row)
             }
-            None => self.sum_samples::<N>(lens, line, (samples, trust)),
+            None => self.sum_samples::<N>(lens, line, (samples, weight_factor)),
         }?;
         Some(sums.split(self.free.len(), block))
     }
@@ -147,7 +147,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             let curve = self.curves.and_then(|curves| curves.get(p, s));
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
-                let samples = (&side.samples[range], side.trust(), curve);
+                let samples = (&side.samples[range], side.weight_factor(), curve);
                 cost += self.add_samples(view, (p, f, &model), samples, &mut block)?;
             }
         }

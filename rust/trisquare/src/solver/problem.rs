@@ -99,7 +99,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// scale of the coefficients' priors.
     pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {
         let (model, known) = (self.options.model, (&poorer.view.lens, self.size));
-        let free = self.free.clone().held_like(model, known, &poorer.free);
+        let free = self.free.clone().with_priors(model, known, &poorer.free);
         Self {
             beginning: Some(poorer),
             ..self.with_free(free)

@@ -47,7 +47,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             if self.work.is_spent() || reaches_corners(&view.lens, size) {
                 break;
             }
-            let free = self.free.clone().seeing_all_of(size, short);
+            let free = self.free.clone().with_reach(size, short);
             let problem = Self::new(size, self.options).within(&self.work);
             let problem = problem.with_free(free);
             let found = Starts::optimum_near(&problem, planes, view);

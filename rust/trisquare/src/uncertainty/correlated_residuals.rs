@@ -132,7 +132,7 @@ pub(crate) fn weighed_by_noise(
     differs.then(|| {
         let mut weighed = planes.to_vec();
         for (plane, own) in weighed.iter_mut().zip(&noise.planes) {
-            plane.weigh(noise.scale / own.scale);
+            plane.scale_weights(noise.scale / own.scale);
         }
         weighed
     })

@@ -42,7 +42,7 @@ pub(crate) fn check_plane_equations(
 ) -> Result<(), Error> {
     check_plane_count(planes.len(), free)?;
     let names = free_of_matrix(free);
-    let equations: usize = planes.iter().map(ObservedPlane::equations).sum();
+    let equations: usize = planes.iter().map(ObservedPlane::equation_count).sum();
     let related = planes.iter().any(|plane| !plane.relations.is_empty());
     if equations >= names.len() || related {
         return Ok(());

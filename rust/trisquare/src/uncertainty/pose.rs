@@ -196,7 +196,7 @@ fn gradients_of_sides<L: Lens>(
     let none = Columns::of(std::iter::empty());
     let mut gradients = Vec::new();
     for (f, side) in plane.sides_by_figure() {
-        let to_scale = side.trust() / refined.scale;
+        let to_scale = side.weight_factor() / refined.scale;
         let mut gradient = DVector::zeros(state.parameter_count());
         for found in state.model_lines(lens, f, side) {
             let (model, range) = found?;

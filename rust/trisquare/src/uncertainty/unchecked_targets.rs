@@ -41,7 +41,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     found: &Calibration<L>,
     focal: impl Fn(&[PlaneEdges]) -> Option<f64>,
 ) -> Option<Warning> {
-    let equations = |plane: &usize| planes[*plane].equations();
+    let equation_count = |plane: &usize| planes[*plane].equation_count();
     let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
     let unknowns = found.parameters.iter().filter(is_of_matrix).count();
     let is_used = |plane: &usize| !planes[*plane].is_outlier();
@@ -50,15 +50,15 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let shows = |plane: &&usize| shape_std(&found.planes[**plane], neighbours) < STRETCH / CLEARLY;
     let clear: Vec<usize> = used.iter().filter(shows).copied().collect();
     let count = used.len();
-    let used = match clear.iter().map(equations).sum::<usize>() >= unknowns {
+    let used = match clear.iter().map(equation_count).sum::<usize>() >= unknowns {
         true => clear,
         false => used,
     };
     let mut telling = used.clone();
-    telling.sort_by_key(|plane| Reverse(equations(plane)));
-    let alike = alike_within(unknowns, &telling, equations, &found.planes)?;
+    telling.sort_by_key(|plane| Reverse(equation_count(plane)));
+    let alike = alike_within(unknowns, &telling, equation_count, &found.planes)?;
     let std = found.std_of("fx")?;
-    let are_angles = used.iter().all(|plane| equations(plane) == 1);
+    let are_angles = used.iter().all(|plane| equation_count(plane) == 1);
     if !are_angles && edges.iter().any(|own| !own.relations.is_empty()) {
         return None;
     }
@@ -68,7 +68,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
     let mut square = 0.0;
     for group in &alike {
         // A free extent absorbs all of a stretch.
-        let is_changed = |plane: &&usize| are_angles || equations(plane) > 1;
+        let is_changed = |plane: &&usize| are_angles || equation_count(plane) > 1;
         let changed = group.iter().filter(is_changed).map(|plane| &planes[*plane]);
         square += (focal(&untrue(&thinned, changed, are_angles))? - before).powi(2);
     }
@@ -90,7 +90,7 @@ pub(crate) fn unchecked_targets<L: Lens>(
 fn alike_within(
     most: usize,
     telling: &[usize],
-    equations: impl Fn(&usize) -> usize,
+    equation_count: impl Fn(&usize) -> usize,
     found: &[Plane],
 ) -> Option<Vec<Vec<usize>>> {
     let mut alike: Vec<Vec<usize>> = Vec::new();
@@ -102,7 +102,7 @@ fn alike_within(
             Some(group) => group.push(plane),
             None => {
                 alike.push(vec![plane]);
-                count += equations(&plane);
+                count += equation_count(&plane);
             }
         }
         if count > most {
