@@ -244,8 +244,8 @@ impl<'a, L: Lens> Inside<'a, L> {
         (best, best_clearance)
     }
 
-    /// Moves a place as near to `target` as its distance from the outline allows, one axis after the
-    /// other: between two opposite sides of the outline it is free to slide along them.
+    /// Moves a place as near to `target` as its distance from the outline allows, one axis after
+    /// the other: between two opposite sides of the outline it is free to slide along them.
     fn recentred(
         &self,
         target: Vector2<f64>,
@@ -319,8 +319,8 @@ struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns the pixels along the border of a new picture in ideal pixels and, for `min_points` points
-    /// a side, points between them.
+    /// Returns the pixels along the border of a new picture in ideal pixels and, for `min_points`
+    /// points a side, points between them.
     fn border(self, size: ImageSize, min_points: u32) -> impl Iterator<Item = Vector2<f64>> {
         let extent = size.centre() * 2.0;
         let along = move |length: u32| {

@@ -404,8 +404,8 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
 /// or a tilt. Each estimate is therefore shrunk by the ratio of its variance to the variance
 /// between the lines. That one is chosen such that the median of the squared estimates, in units of
 /// both variances together, is that of chance (R. C. Paule & J. Mandel, J. Res. NBS 87 (1982)
-/// 377-385), and does not exceed `max_variance`. An estimate that evidently differs from zero is used
-/// whatever the others are.
+/// 377-385), and does not exceed `max_variance`. An estimate that evidently differs from zero is
+/// used whatever the others are.
 fn shrunk_estimates(estimates: &[Option<(f64, f64)>], max_variance: f64) -> Vec<f64> {
     let known = || estimates.iter().flatten();
     let largest = known().fold(0.0, |largest: f64, (value, _)| largest.max(value.powi(2)));

@@ -88,8 +88,8 @@ impl FreeParameters {
         self
     }
 
-    /// Returns the same parameters for a lens that has to see all of a picture, to within `shortfall`
-    /// pixels (a standard deviation).
+    /// Returns the same parameters for a lens that has to see all of a picture, to within
+    /// `shortfall` pixels (a standard deviation).
     pub fn with_reach(self, size: ImageSize, shortfall: f64) -> Self {
         Self {
             reach: Some((size, shortfall)),

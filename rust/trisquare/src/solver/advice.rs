@@ -67,7 +67,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let trial = JointProblem::new(self.size, &options).within(&self.work);
         let found = trial.sound_optimum(planes)?;
         let conditioning = trial.conditioning(planes, &found);
-        Some(conditioning.of_contradicted(parameter, fixed, remedy))
+        Some(conditioning.held_refusal(parameter, fixed, remedy))
     }
 
     /// Whether the planes determine the camera with a margin if `fixed` is held, for any principal

@@ -31,7 +31,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let verdict = beyond_lens(&solution.planes, (&self.free, fields), refined, noise);
         match (verdict, &self.contradicted) {
             (
-                None | Some(LensVerdict::Held | LensVerdict::Unclear { asked: false }),
+                None | Some(LensVerdict::Held | LensVerdict::Unclear { is_evident: false }),
                 Some(change),
             ) => Some(LensVerdict::Beyond(change.clone())),
             (verdict, _) => verdict,
@@ -78,10 +78,12 @@ impl<L: Lens> JointProblem<'_, L> {
         verdict: &LensVerdict,
     ) -> Option<LensDoubt> {
         let mut change = match verdict {
-            LensVerdict::Held | LensVerdict::NotFlat | LensVerdict::Unclear { asked: false } => {
+            LensVerdict::Held
+            | LensVerdict::NotFlat
+            | LensVerdict::Unclear { is_evident: false } => {
                 return None;
             }
-            LensVerdict::Unclear { asked: true } => None,
+            LensVerdict::Unclear { is_evident: true } => None,
             LensVerdict::NoSquares(found) => Some(found.lens.clone()?),
             LensVerdict::Beyond(change) | LensVerdict::Likely(change) => Some(change.clone()),
         };

@@ -14,7 +14,7 @@ use crate::observations::{FreeParameters, Method, ObservedPlane, View};
 use crate::refine::{Refined, Search, finish, search};
 use crate::result::ResidualCorrelation;
 use crate::uncertainty::{
-    Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
+    Correlated, correlated_covariance, covariance, disagreement, weighted_by_noise,
 };
 
 /// Approximate number of evaluations of the last steps with all samples.
@@ -134,7 +134,7 @@ impl<L: Lens> JointProblem<'_, L> {
         }
         let mut noise = noise.unwrap_or_else(|| Noise::of_optimum(planes, &refined));
         let mut planes = planes.to_vec();
-        if let Some(weighed) = weighed_by_noise(&planes, &noise)
+        if let Some(weighed) = weighted_by_noise(&planes, &noise)
             && let Some(again) = self.again(&weighed, &refined)
         {
             noise = Noise::of_optimum(&weighed, &again);
