@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observed_line::{LinePart, SmoothLine};
-use crate::noise::variance_of;
+use crate::noise::displacement_variance;
 
 /// Root mean square bends (px) tried for straight lines, in descending order.
 const BENDS: [f64; 10] = [0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.003, 0.0];
@@ -62,7 +62,7 @@ pub(super) fn sorted(
     lines: &[SmoothLine],
     known: (&DMatrix<f64>, &DVector<f64>),
 ) -> Option<Mixture> {
-    let curved = variance_of(CURVED);
+    let curved = displacement_variance(CURVED);
     let of_curved = |line: &SmoothLine| {
         let log_determinant = line.part(curved)?.log_determinant;
         Some(log_determinant + line.freedom() + CURVED_PENALTY)
@@ -71,7 +71,7 @@ pub(super) fn sorted(
     let parts = |bend: f64| -> Option<Vec<LinePart>> {
         lines
             .iter()
-            .map(|line| line.part(variance_of(bend)))
+            .map(|line| line.part(displacement_variance(bend)))
             .collect()
     };
     let all: Vec<Vec<LinePart>> = BENDS

@@ -23,7 +23,7 @@ use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
 use crate::image::{KurtosisRole, PictureState, PictureTone, Tone};
 use crate::lens::Lens;
-use crate::noise::drifted_to;
+use crate::noise::corrected_for_drift;
 use crate::numeric::{Loss, each};
 use crate::observations::{FreeParameters, PlaneEdges, View};
 use crate::refine::{Refined, residuals};
@@ -336,7 +336,7 @@ fn answer<L: Lens>(
         largest_growth(&total, &own)
     });
     // The samples were measured with a less certain tone curve.
-    let planes = drifted_to(planes, &state.view)?;
+    let planes = corrected_for_drift(planes, &state.view)?;
     let fitted = Solution {
         correlated: Correlated {
             covariance: total,

@@ -462,7 +462,10 @@ fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     let lens = &solution.refined.view.lens;
     let curvature = |noise: &Noise, side: &Side| {
         let residuals = straightness_residuals(lens, side)?;
-        let misfit = Misfit::of_sums(&SideMoments::of(side, &residuals, noise.summed_at), noise);
+        let misfit = Misfit::of_moments(
+            &SideMoments::of(side, &residuals, noise.moment_scale),
+            noise,
+        );
         Some(misfit.curved / misfit.curved_freedom.max(1.0))
     };
     let sides = solution.planes[plane].sides();

@@ -148,7 +148,7 @@ impl<L: Lens> JointProblem<'_, L> {
             noise = Noise::of_optimum(&planes, &refined);
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
-        noise.set_strays_aside(&planes, &mut refined.residuals);
+        noise.exclude_strays(&planes, &mut refined.residuals);
         Ok(Solution {
             correlated: correlated.ok_or_else(|| self.singular(&planes, &refined))?,
             planes,

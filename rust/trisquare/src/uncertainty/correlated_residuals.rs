@@ -10,7 +10,7 @@ use super::disagreement::disagreement;
 use super::plane_spread::spread_of_planes;
 use crate::lens::Lens;
 use crate::noise::{
-    Misfit, Noise, SideErrors, Strength, rms_displacement, variance_of, white_variance,
+    Misfit, Noise, SideErrors, Strength, displacement_variance, rms_displacement, white_variance,
 };
 use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
@@ -177,7 +177,7 @@ fn tone_drift_covariance<L: Lens>(
         plane.remove_tone_drift(SMALL_DRIFT);
     }
     let errors = residuals(&displaced, &refined.view)?;
-    let drifted_noise = Noise::of(&displaced, &errors, noise.summed_at);
+    let drifted_noise = Noise::of(&displaced, &errors, noise.moment_scale);
     let errors = SideErrors::gather(
         &displaced,
         (free, None),
@@ -244,7 +244,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let mut known = DMatrix::zeros(free.len(), free.len());
     for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
         stated += unit * *variance;
-        known += unit * (variance_of(plane.side_error) - variance).max(0.0);
+        known += unit * (displacement_variance(plane.side_error) - variance).max(0.0);
     }
     stated += &known;
     let fitted = match generalised {
@@ -262,7 +262,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
         _ => group_variance_ratio.max(between_plane_variance_ratio),
     };
     let total = stated * variance_factor;
-    let displacements = strength.if_any().into_iter();
+    let displacements = strength.mean_if_any().into_iter();
     let residual_correlation = ResidualCorrelation {
         between_plane_variance_ratio,
         line_displacement: misfit.displacement(),

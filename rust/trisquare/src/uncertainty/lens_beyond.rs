@@ -86,7 +86,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     let deviations = [false, true].map(|any| PictureFields::deviations(free, any));
     let mut flat = gather(planes)?;
     if !flat.has_board_relief() {
-        flat.hold_fields(&deviations[1]);
+        flat.set_field_priors(&deviations[1]);
         let system = flat.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.gain_of_last(FIELDS)?;
         if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
@@ -175,8 +175,8 @@ impl Explanation {
                 |a: &(f64, (f64, f64)), b: &(f64, (f64, f64))| a.1.1.total_cmp(&b.1.1);
             let (relief, common) = criteria.min_by(by_criterion)?;
             let fields = fields[index];
-            errors.hold_fields(&fields);
-            errors.set_relief(relief);
+            errors.set_field_priors(&fields);
+            errors.set_relief_variance(relief);
             let (variances, criterion) = errors.likeliest(common)?;
             Some(Self {
                 fields,
@@ -197,12 +197,12 @@ impl Explanation {
             fields: &fields,
         };
         let tried = LINES.iter().filter_map(|line_variance| {
-            errors.set_lines(*line_variance).then_some(())?;
+            errors.set_line_variance(*line_variance).then_some(())?;
             let (variance, criterion) = errors.likeliest_under(&[flat], None)[0]?;
             Some((*line_variance, variance, criterion + prior_norm(&fields)))
         });
         let tried: Vec<(f64, f64, f64)> = tried.collect();
-        errors.set_lines(0.0);
+        errors.set_line_variance(0.0);
         let by_criterion = |a: &usize, b: &usize| tried[*a].2.total_cmp(&tried[*b].2);
         let likeliest = (0..tried.len()).min_by(by_criterion)?;
         let (best_variance, variance, criterion) = tried[likeliest];
@@ -239,9 +239,9 @@ impl Explanation {
 
     /// Returns the normal equations under this explanation.
     fn system(&self, errors: &mut SideErrors) -> Option<ArrowSystem> {
-        errors.hold_fields(&self.fields);
-        errors.set_relief(self.relief);
-        errors.set_lines(self.line_variance);
+        errors.set_field_priors(&self.fields);
+        errors.set_relief_variance(self.relief);
+        errors.set_line_variance(self.line_variance);
         errors.marginal(&self.variances)
     }
 }
