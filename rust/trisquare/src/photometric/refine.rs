@@ -360,7 +360,7 @@ fn answer<L: Lens>(
         noise: None,
     };
     let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
-    better.state_poses(&fitted);
+    better.set_pose_uncertainties(&fitted);
     better.tones = tones;
     better.tone_growth = tone_growth;
     Some((better, fitted))

@@ -132,7 +132,7 @@ impl<L: Lens> Chooser<'_, L> {
         let refined = if step > 1 {
             let subset: Vec<usize> = all.iter().copied().step_by(step).collect();
             let planes: Vec<_> = subset.iter().map(|i| self.0.planes[*i].clone()).collect();
-            let subset_fit = self.0.problem.sketched(&planes)?;
+            let subset_fit = self.0.problem.subset_optimum(&planes)?;
             let subset_fit = self.0.evaluated(&subset, &planes, subset_fit);
             if !self.0.agrees(&subset_fit) {
                 return None;

@@ -36,8 +36,8 @@ pub(crate) struct JointFit<L> {
 }
 
 impl<L: Lens> JointFit<L> {
-    /// Whether its sides are in place and straight, up to the noise and to the curvature
-    /// `curvature` that no lens removes.
+    /// Whether its sides are in place and straight, up to the noise and to the mean
+    /// square `curvature` that no lens removes.
     pub fn agrees(&self, curvature: f64) -> bool {
         let is_within = |sum: f64, freedom: f64| {
             let limit = AGREED.max(1.0 + CHANCE * (2.0 / freedom).sqrt());
