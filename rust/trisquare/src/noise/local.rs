@@ -113,7 +113,7 @@ impl Noise {
             let mut first = 0;
             for (side, moments) in plane.sides().zip(moments) {
                 for stray in &moments.strays {
-                    residuals[first + stray].counts = false;
+                    residuals[first + stray].is_counted = false;
                 }
                 first += side.samples.len();
             }

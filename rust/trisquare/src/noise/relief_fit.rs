@@ -111,7 +111,7 @@ pub(crate) fn account_for_relief<L: Lens>(
         let scale = robust_scale(&residuals, unknowns);
         let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
         let iterations = found.iterations + 1;
-        found = Refined::around((view, residuals, system), scale, unknowns, iterations);
+        found = Refined::with_spread((view, residuals, system), scale, unknowns, iterations);
         if step.predicted_decrease < LAST_DECREASE {
             return Some((planes, found));
         }

@@ -97,7 +97,7 @@ pub(crate) fn corrected_for_drift<L: Lens>(
         let counted = before
             .iter()
             .zip(after)
-            .filter(|(residual, _)| residual.counts);
+            .filter(|(residual, _)| residual.is_counted);
         for (before, after) in counted {
             let drift = after.distance - before.distance;
             let weight = before.weight * before.weight;

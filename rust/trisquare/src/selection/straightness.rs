@@ -156,7 +156,7 @@ fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec
         distance: line.distance(pixel),
         normal: line.normal(),
         weight: sample.weight,
-        counts: true,
+        is_counted: true,
     };
     Some(ideal.iter().zip(&side.samples).map(residual).collect())
 }

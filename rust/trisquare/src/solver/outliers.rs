@@ -526,7 +526,7 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
                 continue;
             }
             let side_samples = side_residuals.iter().zip(&side.samples);
-            let stray = side_samples.filter(|(residual, _)| !residual.counts);
+            let stray = side_samples.filter(|(residual, _)| !residual.is_counted);
             strays.extend(stray.map(|(residual, sample)| Stray {
                 distance: residual.distance.abs(),
                 place: [p, f, side.number, sample.index],
