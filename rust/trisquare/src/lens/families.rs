@@ -204,11 +204,14 @@ impl Problem for NearestFit<'_> {
     }
 
     fn advance(&self, lens: &NearestLens, step: &ArrowStep) -> NearestLens {
-        let (own, focals): (&DVector<f64>, _) = (&step.blocks[0], self.focal_count());
-        let coefficients = lens.coefficients.iter().zip(own.iter().skip(focals + 2));
+        let (family_step, focals): (&DVector<f64>, _) = (&step.blocks[0], self.focal_count());
+        let coefficients = lens
+            .coefficients
+            .iter()
+            .zip(family_step.iter().skip(focals + 2));
         NearestLens {
-            focal: lens.focal + Vector2::new(own[0], own[focals - 1]),
-            centre: lens.centre + Vector2::new(own[focals], own[focals + 1]),
+            focal: lens.focal + Vector2::new(family_step[0], family_step[focals - 1]),
+            centre: lens.centre + Vector2::new(family_step[focals], family_step[focals + 1]),
             coefficients: coefficients.map(|(c, change)| c + change).collect(),
             ..*lens
         }

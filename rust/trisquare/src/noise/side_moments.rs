@@ -91,10 +91,10 @@ fn moment_sums(
     let (mut robust, mut plain) = (Sums::new(), Sums::new());
     let (mut largest_weight, mut strays) = (f64::MIN_POSITIVE, Vec::new());
     for first in (0..places.len()).step_by(LANES) {
-        let (places, own) = (&places[first..], &residuals[first..]);
+        let (places, remaining) = (&places[first..], &residuals[first..]);
         let mut lane_places = [0.0; LANES];
         let [mut weights, mut values, mut plain_weights, mut plain_values] = [[0.0; LANES]; 4];
-        for (i, (place, residual)) in places.iter().zip(own).take(LANES).enumerate() {
+        for (i, (place, residual)) in places.iter().zip(remaining).take(LANES).enumerate() {
             lane_places[i] = *place;
             let to_noise = residual.weight / scale;
             largest_weight = largest_weight.max(to_noise);

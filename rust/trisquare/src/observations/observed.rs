@@ -254,7 +254,10 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
     check_duplicates(edges)?;
     let mut planes: Vec<ObservedPlane> = Vec::new();
     let mut known: HashMap<u64, usize> = HashMap::new();
-    let figures_of_planes = edges.iter().enumerate().filter(|(_, own)| !is_line(own));
+    let figures_of_planes = edges
+        .iter()
+        .enumerate()
+        .filter(|(_, figure_edges)| !is_line(figure_edges));
     for (index, figure_edges) in figures_of_planes {
         figure_edges.check(index)?;
         check_place(index, edges)?;

@@ -119,10 +119,10 @@ impl BlurDifferences {
 
     /// Approximate minimum and maximum of the factor by which the blur is multiplied along a side.
     fn range(&self) -> [f64; 2] {
-        let [least, greatest] = self.variation.range();
+        let [lowest, highest] = self.variation.range();
         let [low, high] = [f64::min, f64::max]
             .map(|extreme| self.sides.into_iter().reduce(extreme).unwrap_or(0.0));
-        [least + low, greatest + high]
+        [lowest + low, highest + high]
     }
 }
 

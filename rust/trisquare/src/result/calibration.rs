@@ -212,7 +212,11 @@ impl<L: Lens> Calibration<L> {
     /// ```
     pub fn estimates(&self) -> Vec<Estimate> {
         let all = self.std();
-        let std = |name| all.iter().find(|(own, _)| *own == name).map(|own| own.1);
+        let std = |name| {
+            all.iter()
+                .find(|(parameter, _)| *parameter == name)
+                .map(|entry| entry.1)
+        };
         let names = L::parameter_names().iter().copied();
         names
             .zip(self.camera.parameters())
