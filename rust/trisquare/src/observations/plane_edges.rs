@@ -224,7 +224,7 @@ impl PlaneEdges {
         }
     }
 
-    /// Returns the same edges with at most `most` samples of each line, evenly chosen.
+    /// Returns the same edges with at most `max_samples` samples of each line, evenly chosen.
     pub(crate) fn thinned(&self, max_samples: usize) -> Self {
         fn chosen<T: Clone>(lines: &[Vec<T>], max_samples: usize) -> Vec<Vec<T>> {
             let line = |samples: &Vec<T>| {

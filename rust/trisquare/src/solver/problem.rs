@@ -27,7 +27,7 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub(super) contradicted: Option<DVector<f64>>,
     /// Planes whose optimum is already known, and that optimum.
     pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
-    /// Work done by the searches: shared by all problems that [`Self::within`] bounds together,
+    /// Work done by the searches: shared by all problems that [`Self::with_work`] bounds together,
     /// such as a calibration, its nested models and the trials of remedies.
     pub work: Rc<Work>,
 }
