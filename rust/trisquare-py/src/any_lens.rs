@@ -69,26 +69,27 @@ fn filled<L: Lens>(py: Python<'_>, lens: L, parameters: &[f64], radius: f64) -> 
 
 /// A lens of the first family that has a model of this name; its parameters are arbitrary.
 pub fn family_of(model: &str) -> PyResult<AnyLens> {
-    let any = Matrix3::identity();
+    let identity = Matrix3::identity();
     let families: [AnyLens; 4] = [
-        Brown::from_camera_matrix(&any).into(),
-        Fisheye::from_camera_matrix(&any).into(),
-        Rational::from_camera_matrix(&any).into(),
-        ThinPrism::from_camera_matrix(&any).into(),
+        Brown::from_camera_matrix(&identity).into(),
+        Fisheye::from_camera_matrix(&identity).into(),
+        Rational::from_camera_matrix(&identity).into(),
+        ThinPrism::from_camera_matrix(&identity).into(),
     ];
-    let mut known = Vec::new();
+    let mut known_names = Vec::new();
     for lens in families {
-        let own = with_lens!(lens, |lens| names(&lens));
-        if own.iter().any(|name| name == model) {
+        let lens_names = with_lens!(lens, |lens| names(&lens));
+        if lens_names.iter().any(|name| name == model) {
             return Ok(lens);
         }
-        known.extend(
-            own.into_iter()
-                .filter(|name| !known.contains(name))
+        known_names.extend(
+            lens_names
+                .into_iter()
+                .filter(|name| !known_names.contains(name))
                 .collect::<Vec<_>>(),
         );
     }
-    Err(unknown_model(model, &known))
+    Err(unknown_model(model, &known_names))
 }
 
 fn unknown_model(name: &str, known: &[String]) -> PyErr {

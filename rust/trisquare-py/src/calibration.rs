@@ -181,7 +181,7 @@ pub fn calibrate<'py>(
     });
     let initial = initial.map(|camera| camera.lens(py)).transpose()?;
     let related =
-        |planes: Vec<[usize; 2]>, relation| planes.into_iter().map(move |it| (it, relation));
+        |planes: Vec<[usize; 2]>, relation| planes.into_iter().map(move |pair| (pair, relation));
     let orthogonal = related(orthogonal, Relation::Orthogonal);
     let relations = orthogonal.chain(related(parallel, Relation::Parallel));
     let task = Task {
@@ -318,34 +318,35 @@ const FAR_LESS: f64 = 0.1;
 /// The better of two choices; the other is only made if the first drops a plane.
 fn better_choice(
     first: Result<Option<Choice>, Error>,
-    other: impl FnOnce() -> Result<Option<Choice>, Error>,
+    alternative: impl FnOnce() -> Result<Option<Choice>, Error>,
 ) -> Result<Option<Choice>, Error> {
     let Ok(choice) = &first else {
-        return other().or(first);
+        return alternative().or(first);
     };
     let mut verdicts = choice.iter().flat_map(|choice| &choice.verdicts);
     if verdicts.all(|verdict| verdict.kept) {
         return first;
     }
-    match other() {
+    match alternative() {
         Ok(other) if is_better(&other, choice) => Ok(other),
         _ => first,
     }
 }
 
 /// Whether a choice keeps more planes than another, or its camera explains them much better.
-fn is_better(one: &Option<Choice>, other: &Option<Choice>) -> bool {
-    let left = [one, other].map(|choice| choice.as_ref().and_then(|choice| choice.residual));
-    let part = match left {
-        [Some(one), Some(other)] => one / other,
+fn is_better(first: &Option<Choice>, second: &Option<Choice>) -> bool {
+    let residuals =
+        [first, second].map(|choice| choice.as_ref().and_then(|choice| choice.residual));
+    let ratio = match residuals {
+        [Some(first), Some(second)] => first / second,
         [Some(_), None] => 0.0,
         [None, _] => f64::INFINITY,
     };
-    match kept(one).cmp(&kept(other)) {
+    match kept(first).cmp(&kept(second)) {
         // Any two squares agree.
-        Ordering::Less => part < FAR_LESS && kept(one) > 2,
-        Ordering::Equal => part < MUCH_LESS,
-        Ordering::Greater => part < FAR_LESS.recip(),
+        Ordering::Less => ratio < FAR_LESS && kept(first) > 2,
+        Ordering::Equal => ratio < MUCH_LESS,
+        Ordering::Greater => ratio < FAR_LESS.recip(),
     }
 }
 
@@ -506,8 +507,8 @@ fn message(warning: &Warning) -> String {
         Setting::DistortionFree(name) => format!("Without fix=\"distortion\" (model={name:?})"),
         _ => return text,
     };
-    let own = format!("{setting} fx is {:.1}", advised.focal);
-    text.replace(&advised.to_string(), &own)
+    let phrase = format!("{setting} fx is {:.1}", advised.focal);
+    text.replace(&advised.to_string(), &phrase)
 }
 
 /// Converts each of some values to a Python object.
@@ -532,14 +533,18 @@ fn solved_plane(py: Python<'_>, plane: &Plane, columns: usize) -> SolvedPlane {
         translation: arrays::from_slice(py, plane.pose.translation.as_slice()).unbind(),
         rms: plane.rms,
         samples: plane.samples,
-        uncertainty: plane.uncertainty.as_ref().map(|known| {
+        uncertainty: plane.uncertainty.as_ref().map(|uncertainty| {
             (
-                arrays::from_matrix(py, &known.given_camera).unbind(),
-                arrays::from_matrix(py, &known.by_camera.columns(0, columns)).unbind(),
+                arrays::from_matrix(py, &uncertainty.given_camera).unbind(),
+                arrays::from_matrix(py, &uncertainty.by_camera.columns(0, columns)).unbind(),
             )
         }),
         aspect: plane.aspect.map(|aspect| (aspect.value, aspect.std)),
-        radii: plane.radii.iter().map(|own| (own.value, own.std)).collect(),
+        radii: plane
+            .radii
+            .iter()
+            .map(|radius| (radius.value, radius.std))
+            .collect(),
     }
 }
 

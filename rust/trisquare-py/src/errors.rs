@@ -69,11 +69,11 @@ fn run_detached(py: Python<'_>, work: &mut (dyn FnMut() + Send)) -> PyResult<()>
         let found = catch_unwind(AssertUnwindSafe(work));
         DETACHED.set(None);
         let place = place.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        found.map_err(|panic| (said(panic.as_ref()).to_owned(), place))
+        found.map_err(|panic| (panic_text(panic.as_ref()).to_owned(), place))
     })
-    .map_err(|(said, place)| {
+    .map_err(|(text, place)| {
         InternalError::new_err(format!(
-            "trisquare failed inside its core: {said}{place}; this is a defect: please report it \
+            "trisquare failed inside its core: {text}{place}; this is a defect: please report it \
              with the input"
         ))
     })
@@ -124,7 +124,7 @@ fn in_pool(threads: usize, work: &mut (dyn FnMut() + Send)) {
 fn keep_panics_silent() {
     let before = take_hook();
     set_hook(Box::new(move |panic| {
-        let caught = DETACHED.with_borrow(|place| {
+        let is_caught = DETACHED.with_borrow(|place| {
             let Some(place) = place else { return false };
             let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
             *place = panic.location().map_or_else(String::new, |l| {
@@ -133,13 +133,13 @@ fn keep_panics_silent() {
             });
             true
         });
-        if !caught {
+        if !is_caught {
             before(panic);
         }
     }));
 }
 
-fn said(panic: &(dyn Any + Send)) -> &str {
+fn panic_text(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied())
         .unwrap_or("a panic")

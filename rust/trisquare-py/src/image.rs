@@ -319,12 +319,16 @@ fn edge_spans(spans: Vec<SideSpan<'_>>) -> PyResult<Vec<EdgeSpan>> {
             })
         })
         .collect::<PyResult<_>>()?;
-    let met = |span: &EdgeSpan| {
+    let last_neighbour = |span: &EdgeSpan| {
         let bounds = span.bounds.into_iter().flatten().chain(span.far_edge);
         let crossings = span.crossings.iter().filter_map(|crossing| crossing.0);
         bounds.chain(crossings).max()
     };
-    if spans.iter().filter_map(met).any(|other| other >= count) {
+    if spans
+        .iter()
+        .filter_map(last_neighbour)
+        .any(|other| other >= count)
+    {
         return Err(PyValueError::new_err("a span meets one that is not there"));
     }
     Ok(spans)

@@ -145,7 +145,7 @@ pub fn view_pixels<'py>(
     let nowhere = Vector2::repeat(f64::NAN);
     let found = directions
         .iter()
-        .map(|it| view.pixel(it).unwrap_or(nowhere));
+        .map(|direction| view.pixel(direction).unwrap_or(nowhere));
     Ok(arrays::from_points(py, &found.collect::<Vec<_>>()))
 }
 
@@ -371,7 +371,7 @@ pub fn angle_between_planes<'py>(
             translation: Vector3::zeros(),
         })
     };
-    let [one, other] = [pose(&rotations[0])?, pose(&rotations[1])?];
+    let [first_pose, second_pose] = [pose(&rotations[0])?, pose(&rotations[1])?];
     with_lens!(camera.0.lens(py)?, |lens| {
         let count = parameter_count(&lens);
         let [first, second] = &uncertainties;
@@ -380,7 +380,10 @@ pub fn angle_between_planes<'py>(
             pose_uncertainty(second, count)?,
         ];
         let camera = uncertain(py, &lens, &camera)?;
-        let planes = [(&one, &uncertainties[0]), (&other, &uncertainties[1])];
+        let planes = [
+            (&first_pose, &uncertainties[0]),
+            (&second_pose, &uncertainties[1]),
+        ];
         computed(py, || camera.angle_between(planes))
     })
 }

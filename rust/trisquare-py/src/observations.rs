@@ -66,9 +66,9 @@ pub fn remove_edge_shift<'py>(
     let mut lines: Vec<_> = lines.iter().map(grid_line).collect::<PyResult<_>>()?;
     let shift = detached(py, || trisquare::remove_edge_shift(&mut lines))?;
     let samples = lines.iter().map(|line| {
-        let points: Vec<_> = line.samples.iter().map(|it| it.point).collect();
-        let std: Vec<_> = line.samples.iter().map(|it| it.std).collect();
-        let cells = line.samples.iter().map(|it| it.cell as i64);
+        let points: Vec<_> = line.samples.iter().map(|sample| sample.point).collect();
+        let std: Vec<_> = line.samples.iter().map(|sample| sample.std).collect();
+        let cells = line.samples.iter().map(|sample| sample.cell as i64);
         (
             arrays::from_points(py, &points),
             arrays::from_slice(py, &std),

@@ -33,14 +33,20 @@ impl ImageSize {
 
     /// The centres of the four corner pixels, clockwise from the top left.
     pub fn corners(&self) -> [Vector2<f64>; 4] {
-        let far = self.centre() * 2.0;
-        [(0.0, 0.0), (far.x, 0.0), (far.x, far.y), (0.0, far.y)].map(|(x, y)| Vector2::new(x, y))
+        let extent = self.centre() * 2.0;
+        [
+            (0.0, 0.0),
+            (extent.x, 0.0),
+            (extent.x, extent.y),
+            (0.0, extent.y),
+        ]
+        .map(|(x, y)| Vector2::new(x, y))
     }
 
     /// Whether a point is between the pixels' centres, or within `margin` pixels of them.
     pub(crate) fn contains(&self, point: &Vector2<f64>, margin: f64) -> bool {
-        let far = self.centre() * 2.0;
-        (0..2).all(|axis| (-margin..=far[axis] + margin).contains(&point[axis]))
+        let extent = self.centre() * 2.0;
+        (0..2).all(|axis| (-margin..=extent[axis] + margin).contains(&point[axis]))
     }
 
     /// Checks that the picture is not empty.

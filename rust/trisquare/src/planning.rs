@@ -157,7 +157,7 @@ pub fn predict_unjudged<L: Lens>(
 /// A planned scene.
 struct Plan<L: Lens> {
     view: View<L>,
-    seen: Vec<ObservedPlane>,
+    observed_planes: Vec<ObservedPlane>,
     size: ImageSize,
     options: Options<L>,
 }
@@ -187,7 +187,7 @@ impl<L: Lens> Plan<L> {
         check_plane_count(planes.len(), &options.free_parameters())?;
         let photograph = |(index, plane)| photographed(camera, size, plane, index, noise);
         Ok(Self {
-            seen: planes
+            observed_planes: planes
                 .iter()
                 .enumerate()
                 .map(photograph)
@@ -205,7 +205,7 @@ impl<L: Lens> Plan<L> {
     fn conditioning<'a>(&'a self, options: &'a Options<L>) -> Conditioning<'a, L> {
         Conditioning {
             view: &self.view,
-            planes: &self.seen,
+            planes: &self.observed_planes,
             size: self.size,
             options,
             noise_scale: 1.0,
@@ -213,7 +213,7 @@ impl<L: Lens> Plan<L> {
     }
 
     fn system(&self, free: &FreeParameters) -> Result<ArrowSystem, Error> {
-        let found = EdgeProblem::new(&self.seen, free, 1.0).evaluate(&self.view);
+        let found = EdgeProblem::new(&self.observed_planes, free, 1.0).evaluate(&self.view);
         found.map(|(_, system)| system).ok_or_else(|| {
             Error::InvalidArgument("an edge lies where the lens is not invertible".into())
         })
@@ -313,12 +313,13 @@ fn side<L: Lens>(
     (number, (start, end)): (usize, (Vector2<f64>, Vector2<f64>)),
     noise: EdgeNoise,
 ) -> Result<Side, Error> {
-    let far = size.centre() * 2.0;
-    let see = |fraction: f64| {
+    let extent = size.centre() * 2.0;
+    let projection = |fraction: f64| {
         let point = plane.pose.transform(&start.lerp(&end, fraction));
         let pixel = camera.project(&point);
-        let inside = |p: &Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= far.x && p.y <= far.y;
-        pixel.filter(inside).ok_or_else(|| {
+        let is_inside =
+            |p: &Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= extent.x && p.y <= extent.y;
+        pixel.filter(is_inside).ok_or_else(|| {
             Error::InvalidArgument(if point.z > 0.0 {
                 format!("square {index} is not wholly in the picture")
             } else {
@@ -330,12 +331,12 @@ fn side<L: Lens>(
     let line = Line::with_unit_normal(Vector2::new(-normal.y, normal.x), start);
     let parts = SAMPLES_PER_SIDE as f64;
     let mut samples = Vec::with_capacity(SAMPLES_PER_SIDE);
-    let mut from = see(0.0)?;
+    let mut from = projection(0.0)?;
     for i in 0..SAMPLES_PER_SIDE {
-        let to = see((i + 1) as f64 / parts)?;
+        let to = projection((i + 1) as f64 / parts)?;
         let count = (to - from).norm() / noise.spacing;
         samples.push(Sample {
-            pixel: see((i as f64 + 0.5) / parts)?,
+            pixel: projection((i as f64 + 0.5) / parts)?,
             weight: count.sqrt() / noise.sigma,
             index: i,
         });

@@ -125,17 +125,17 @@ pub fn calibrate_photographs<L: Lens>(
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
 ) -> Result<Calibration<L>, Error> {
-    calibrate_beside(edges, size, options, photographs, NestedOptima::default())
+    calibrate_with_nested(edges, size, options, photographs, NestedOptima::default())
 }
 
 /// `calibrate_photographs` with known optima of nested models from a comparison.
-pub(crate) fn calibrate_beside<L: Lens>(
+pub(crate) fn calibrate_with_nested<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
     photographs: Option<&Photographs<'_>>,
     nested: NestedOptima<L>,
 ) -> Result<Calibration<L>, Error> {
-    let given = CheckedInput::check(edges, size, options, photographs)?;
-    given.answer(nested).map_err(|error| given.cause_of(error))
+    let input = CheckedInput::check(edges, size, options, photographs)?;
+    input.answer(nested).map_err(|error| input.cause_of(error))
 }

@@ -16,7 +16,7 @@ use crate::observations::{
 use crate::photometric::{Photographs, improve};
 use crate::result::{Calibration, Stage, Warning};
 use crate::solver::{
-    Failure, JointProblem, NestedOptima, Solution, Work, agreed_by_all, reject_outliers,
+    Failure, JointProblem, NestedOptima, Solution, Work, reject_outliers, solution_if_agreed,
 };
 use crate::uncertainty::{
     LensVerdict, assumed_centre, camera_known_to, check_plane_equations, contradicted_relations,
@@ -83,7 +83,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let advised = |failure| problem.advised(&self.planes, failure);
         let found = self.solve(&problem).map_err(advised)?;
         problem.judge(&found.0).map_err(advised)?;
-        self.judged(&problem, found)
+        self.with_warnings(&problem, found)
     }
 
     /// The calibration without checks of the geometry, in a comparison with richer models fitted
@@ -92,9 +92,9 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let work = Rc::clone(shared.work.get_or_insert_with(|| self.work()));
         let problem = self.problem(&work, &mut shared.nested)?;
         let found = match (&shared.richer, self.options.method) {
-            (Some((planes, view)), Method::MaximumLikelihood) => {
-                problem.solve_below(planes, view).map(|s| (s, Vec::new()))
-            }
+            (Some((planes, view)), Method::MaximumLikelihood) => problem
+                .solve_from_richer(planes, view)
+                .map(|s| (s, Vec::new())),
             _ => self.solve(&problem),
         };
         let (solution, outliers) =
@@ -103,25 +103,25 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let view = solution.refined.view.clone();
         match &mut shared.richer {
             Some((_, last)) => *last = view,
-            first => *first = Some((solution.with_its_outliers(&self.planes), view)),
+            first => *first = Some((solution.with_outliers_marked(&self.planes), view)),
         }
         if self.stage() == Stage::Edges {
             problem.check_reach(&solution.refined.view.lens)?;
         }
-        let (mut calibration, _) = self.stated(&problem, (&solution, outliers));
+        let (mut calibration, _) = self.assembled(&problem, (&solution, outliers));
         self.join_lines(&problem, (&solution, None), &mut calibration)?;
         calibration.sort_warnings();
         Ok(calibration)
     }
 
     /// The calibration of edges without checks of the geometry, and without a comparison.
-    fn alone(
+    fn calibration_alone(
         edges: &[PlaneEdges],
         size: ImageSize,
         options: &Options<L>,
     ) -> Result<Calibration<L>, Error> {
-        let given = CheckedInput::check(edges, size, options, None)?;
-        given.compared(&mut Comparison::default())
+        let input = CheckedInput::check(edges, size, options, None)?;
+        input.compared(&mut Comparison::default())
     }
 
     /// The calibration if no plane or side has to be rejected; `None` if one has, or if there is no
@@ -129,9 +129,9 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
     pub(super) fn agreeing(&self) -> Option<Calibration<L>> {
         let problem = self.problem(&self.work(), &mut NestedOptima::default());
         let problem = problem.ok()?;
-        let found = agreed_by_all(&problem, &self.planes)?;
+        let found = solution_if_agreed(&problem, &self.planes)?;
         problem.judge(&found.0).ok()?;
-        self.judged(&problem, found).ok()
+        self.with_warnings(&problem, found).ok()
     }
 
     fn solve(&self, problem: &JointProblem<'_, L>) -> Result<Solved<L>, Failure<L>> {
@@ -143,7 +143,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
 
     /// The calibration of a solution whose geometry determines the camera, with warnings about
     /// everything that may make it wrong.
-    fn judged(
+    fn with_warnings(
         &self,
         problem: &JointProblem<'_, L>,
         (mut solution, outliers): Solved<L>,
@@ -157,7 +157,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         {
             solution = found;
         }
-        let (mut calibration, fitted) = self.stated(problem, (&solution, outliers));
+        let (mut calibration, fitted) = self.assembled(problem, (&solution, outliers));
         let causes = match &verdict {
             Some(verdict) => {
                 problem.apply_verdict(verdict, (&self.planes, &solution), &mut calibration)
@@ -180,7 +180,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
     }
 
     /// A solution as a calibration, improved by the pixels if there are any, and their optimum.
-    fn stated(
+    fn assembled(
         &self,
         problem: &JointProblem<'_, L>,
         (solution, outliers): (&Solution<L>, Vec<Warning>),
@@ -194,7 +194,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             _ => None,
         };
         if calibration.stage == stage {
-            calibration.state_poses(solution);
+            calibration.set_pose_uncertainties(solution);
         }
         calibration.warnings.splice(0..0, outliers);
         (calibration, fitted)
@@ -225,7 +225,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let options = self.options;
         let compared = |edges: &[PlaneEdges], fixed| {
             let options = Options { fixed, ..*options };
-            CheckedInput::alone(edges, self.size, &options).ok()
+            CheckedInput::calibration_alone(edges, self.size, &options).ok()
         };
         let focal = |edges: &[PlaneEdges], fixed| Some(compared(edges, fixed)?.camera.focal().x);
         let refined = &solution.refined;
@@ -246,8 +246,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             focal(self.edges, fixed)
         }));
         let known_to = camera_known_to(found);
-        let own = found.warnings.iter().cloned();
-        warnings.extend(own.map(|it| it.with_camera_known_to(known_to)));
+        let known = found.warnings.iter().cloned();
+        warnings.extend(known.map(|warning| warning.with_camera_known_to(known_to)));
         warnings.extend(unchecked_targets(
             self.edges,
             &solution.planes,
@@ -312,7 +312,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             ..edges.clone()
         });
         let unrelated: Vec<PlaneEdges> = unrelated.collect();
-        match CheckedInput::alone(&unrelated, self.size, self.options) {
+        match CheckedInput::calibration_alone(&unrelated, self.size, self.options) {
             Ok(free) => contradicted_relations(&free, &relations),
             Err(_) => Vec::new(),
         }

@@ -298,9 +298,9 @@ impl Lens for Brown {
             hessian(u, (q, v), slopes, [p1, p2])
         });
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        let by_matrix = derivatives.intrinsics();
-        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
-        wrt_lens[SKEW_COLUMN] = by_matrix.skew;
+        let wrt_camera_matrix = derivatives.intrinsics();
+        wrt_lens[..INTRINSICS].copy_from_slice(&wrt_camera_matrix.intrinsics);
+        wrt_lens[SKEW_COLUMN] = wrt_camera_matrix.skew;
         wrt_lens[4] = derivatives.radial(s, 1.0);
         wrt_lens[5] = derivatives.radial(s * s, 2.0 * s);
         if wanted.contains(6) {

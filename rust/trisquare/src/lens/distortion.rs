@@ -10,14 +10,14 @@ const MAX_STEPS: usize = 60;
 
 /// Error of an inverse, in normalised units, below which the iteration ends: a thousandth of a
 /// millionth of a pixel for any focal length in use.
-const SOLVED: f64 = 1e-12;
+const CONVERGED: f64 = 1e-12;
 
 /// Largest accepted error of an inverse, relative to one plus the size of the observed point.
-const ROUNDED: f64 = 1e-9;
+const ROUNDING: f64 = 1e-9;
 
 /// Number of points between the axis and an ideal point at which a lens is checked for folding
 /// back.
-const PLACES_ON_THE_WAY: usize = 10;
+const FOLD_CHECKS: usize = 10;
 
 /// Term of a distortion: the displacement of the ideal point `u = (x, y)`, `r = |u|`, per unit of
 /// its coefficient.
@@ -142,7 +142,7 @@ impl Distortion {
         let mut step_size = 1.0;
         for _ in 0..MAX_STEPS {
             let error = seen - observed;
-            if error.amax() < SOLVED {
+            if error.amax() < CONVERGED {
                 break;
             }
             let inverse = jacobian.try_inverse().unwrap_or_else(Matrix2::identity);
@@ -155,12 +155,12 @@ impl Distortion {
                 step_size *= 0.5;
             }
         }
-        let has_arrived = (seen - observed).amax() < ROUNDED * (1.0 + observed.amax());
+        let is_converged = (seen - observed).amax() < ROUNDING * (1.0 + observed.amax());
         let is_unfolded = |i: usize| {
-            let place = ideal * (i as f64 / PLACES_ON_THE_WAY as f64);
+            let place = ideal * (i as f64 / FOLD_CHECKS as f64);
             self.with_jacobian(&place).1.determinant() > 0.0
         };
-        (has_arrived && (1..=PLACES_ON_THE_WAY).all(is_unfolded)).then_some(ideal)
+        (is_converged && (1..=FOLD_CHECKS).all(is_unfolded)).then_some(ideal)
     }
 
     /// Returns the observed point and its derivative with respect to the ideal one.
@@ -190,9 +190,9 @@ fn radial_jacobian(ideal: &Vector2<f64>, factor: f64, slope: f64) -> Matrix2<f64
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RadialQuotient {
     /// `k1, k2, k3`.
-    pub above: [f64; 3],
+    pub numerator: [f64; 3],
     /// `k4, k5, k6`.
-    pub below: [f64; 3],
+    pub denominator: [f64; 3],
 }
 
 impl RadialQuotient {
@@ -206,12 +206,15 @@ impl RadialQuotient {
                 2.0 * b + square * 6.0 * c,
             )
         };
-        let (above, above_slope, above_bend) = polynomial(self.above);
-        let (below, below_slope, below_bend) = polynomial(self.below);
-        let factor = above / below;
-        let slope = (above_slope - factor * below_slope) / below;
-        let curvature = (above_bend - factor * below_bend - 2.0 * slope * below_slope) / below;
-        [below, factor, slope, curvature]
+        let (numerator, numerator_slope, numerator_curvature) = polynomial(self.numerator);
+        let (denominator, denominator_slope, denominator_curvature) = polynomial(self.denominator);
+        let factor = numerator / denominator;
+        let slope = (numerator_slope - factor * denominator_slope) / denominator;
+        let curvature = (numerator_curvature
+            - factor * denominator_curvature
+            - 2.0 * slope * denominator_slope)
+            / denominator;
+        [denominator, factor, slope, curvature]
     }
 }
 
@@ -223,8 +226,8 @@ pub(super) fn opencv(
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y] = *coefficients;
     let square = ideal.norm_squared();
     let radial = RadialQuotient {
-        above: [k1, k2, k3],
-        below: [k4, k5, k6],
+        numerator: [k1, k2, k3],
+        denominator: [k4, k5, k6],
     };
     let [_, factor, slope, _] = radial.at(square);
     let prism = Vector2::new(s1 + s2 * square, s3 + s4 * square);

@@ -99,20 +99,21 @@ impl LensFamily {
         };
         let found = minimise(&fit, start, LIMITS).map(|minimum| minimum.state);
         let found = found
-            .filter(|lens| !self.folds(lens, &pairs))
+            .filter(|lens| !self.may_fold(lens, &pairs))
             .ok_or_else(|| {
                 Error::InvalidArgument(format!(
                     "no lens of the model {} comes near: the nearest folds back within the picture",
                     self.name
                 ))
             })?;
-        let off = pairs
+        let squared_errors = pairs
             .iter()
             .map(|(u, pixel)| (self.project(&found, u).1 - pixel).norm_squared());
-        let (sum, most) = off.fold((0.0, 0.0f64), |(sum, most), v| (sum + v, most.max(v)));
+        let (sum, largest) =
+            squared_errors.fold((0.0, 0.0f64), |(sum, largest), v| (sum + v, largest.max(v)));
         Ok(NearestLens {
             rms: (sum / pairs.len() as f64).sqrt(),
-            worst: most.sqrt(),
+            worst: largest.sqrt(),
             ..found
         })
     }
@@ -126,9 +127,10 @@ impl LensFamily {
 
     /// Whether the distortion may fold back within the radius of the farthest point: see
     /// [`invertible_radius`](super::invertible_radius).
-    fn folds(&self, lens: &NearestLens, pairs: &[(Vector2<f64>, Vector2<f64>)]) -> bool {
+    fn may_fold(&self, lens: &NearestLens, pairs: &[(Vector2<f64>, Vector2<f64>)]) -> bool {
         let largest = pairs.iter().map(|(u, _)| u.norm()).fold(0.0, f64::max);
-        let (mut across, mut along, mut pull) = (vec![1.0, 0.0], vec![1.0, 0.0], 0.0f64);
+        let (mut across, mut along, mut eigenvalue_bound) =
+            (vec![1.0, 0.0], vec![1.0, 0.0], 0.0f64);
         for (term, c) in self.terms.iter().zip(&lens.coefficients) {
             if let DistortionTerm::Radial(power) = *term {
                 let power = power as usize;
@@ -138,11 +140,11 @@ impl LensFamily {
                 across[power] += c;
                 along[power] += (power + 1) as f64 * c;
             } else {
-                pull = pull.hypot(6.0 * c);
+                eigenvalue_bound = eigenvalue_bound.hypot(6.0 * c);
             }
         }
         [across, along].iter_mut().any(|polynomial| {
-            polynomial[1] -= pull;
+            polynomial[1] -= eigenvalue_bound;
             !sign_changes(polynomial, largest).is_empty()
         })
     }
@@ -151,9 +153,9 @@ impl LensFamily {
 /// Returns the pixels of a grid over the picture from border to border.
 fn grid(size: ImageSize) -> Result<Vec<Vector2<f64>>, Error> {
     size.check()?;
-    let far = size.centre() * 2.0;
-    let spacing = far.max().max(1.0) / (GRID_LINES - 1.0);
-    let [x, y] = [far.x, far.y].map(|length| {
+    let extent = size.centre() * 2.0;
+    let spacing = extent.max().max(1.0) / (GRID_LINES - 1.0);
+    let [x, y] = [extent.x, extent.y].map(|length| {
         let gaps = (length / spacing).round_ties_even().max(1.0);
         (0..=gaps as u32).map(move |i| length * (f64::from(i) / gaps))
     });
@@ -202,11 +204,14 @@ impl Problem for NearestFit<'_> {
     }
 
     fn advance(&self, lens: &NearestLens, step: &ArrowStep) -> NearestLens {
-        let (own, focals): (&DVector<f64>, _) = (&step.blocks[0], self.focal_count());
-        let coefficients = lens.coefficients.iter().zip(own.iter().skip(focals + 2));
+        let (family_step, focals): (&DVector<f64>, _) = (&step.blocks[0], self.focal_count());
+        let coefficients = lens
+            .coefficients
+            .iter()
+            .zip(family_step.iter().skip(focals + 2));
         NearestLens {
-            focal: lens.focal + Vector2::new(own[0], own[focals - 1]),
-            centre: lens.centre + Vector2::new(own[focals], own[focals + 1]),
+            focal: lens.focal + Vector2::new(family_step[0], family_step[focals - 1]),
+            centre: lens.centre + Vector2::new(family_step[focals], family_step[focals + 1]),
             coefficients: coefficients.map(|(c, change)| c + change).collect(),
             ..*lens
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 
-use super::line_derivatives::ByIntrinsics;
+use super::line_derivatives::CameraMatrixDerivatives;
 use super::{
     Columns, DistortionModel, INTRINSICS, Lens, LineDistance, MAX_LENS_COLUMNS, PointMaps,
     ProjectionJacobian, SKEW, assert_count, covering_coefficients, sign_changes,
@@ -116,7 +116,7 @@ pub struct FisheyePixelRay {
     /// `d theta / d|w|`.
     inverse_slope: f64,
     /// `d (d|w| / d theta) / d theta / theta`.
-    bend: f64,
+    curvature: f64,
     /// `1 / (2 s)`.
     inverse_square: f64,
     /// `A` and its first and second derivative with respect to `s`.
@@ -131,11 +131,11 @@ impl Fisheye {
         let [.., k1, k2, k3, k4] = parameters;
         // The slope as a polynomial of the squared angle.
         let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
-        let falls = sign_changes(&slope, PI * PI).first().map(|t| t.sqrt());
+        let turning_angle = sign_changes(&slope, PI * PI).first().map(|t| t.sqrt());
         Self {
             parameters,
             skew: 0.0,
-            valid_angle: falls.unwrap_or(PI),
+            valid_angle: turning_angle.unwrap_or(PI),
         }
     }
 
@@ -163,7 +163,7 @@ impl Fisheye {
 
     /// Returns, for an angle, the ratio of the observed radius to the angle, the derivative of that
     /// radius, and the ratio of its second derivative to the angle.
-    fn factor_slope_bend(&self, theta: f64) -> [f64; 3] {
+    fn factor_slope_curvature(&self, theta: f64) -> [f64; 3] {
         let [k1, k2, k3, k4] = self.coefficients();
         let t = theta * theta;
         [
@@ -176,13 +176,13 @@ impl Fisheye {
     /// Returns the angle that is seen at an observed radius; `None` beyond the valid angle.
     fn angle(&self, observed: f64) -> Option<f64> {
         let (mut low, mut high) = (0.0, self.valid_angle);
-        let [rim, ..] = self.factor_slope_bend(high);
+        let [rim, ..] = self.factor_slope_curvature(high);
         if !(observed <= high * rim) {
             return None;
         }
         let mut theta = observed.min(high);
         for _ in 0..MAX_STEPS {
-            let [factor, slope, _] = self.factor_slope_bend(theta);
+            let [factor, slope, _] = self.factor_slope_curvature(theta);
             let excess = theta * factor - observed;
             match excess > 0.0 {
                 true => high = theta,
@@ -217,13 +217,13 @@ impl Fisheye {
             let a = ray.sine * f / ray.theta;
             let first = (ray.cosine * p - a) * inverse;
             // d(C / slope) / ds
-            let change = -0.5 * p * p * (a + ray.cosine * ray.bend * f * p);
+            let change = -0.5 * p * p * (a + ray.cosine * ray.curvature * f * p);
             [a, first, (change - 3.0 * first) * inverse]
         };
         let [a, first, _] = ray.a;
         ray.c = [
             -0.5 * a * p,
-            0.5 * p * (0.5 * a * ray.bend * f * p * p - first),
+            0.5 * p * (0.5 * a * ray.curvature * f * p * p - first),
         ];
         ray
     }
@@ -239,9 +239,9 @@ impl Fisheye {
         let radial = 2.0 * (a1 * across + c1 * line.z);
         let z = line.z;
         let change = move |step: Vector2<f64>| {
-            let out = 2.0 * w.dot(&step);
-            along * (a1 * out)
-                + w * (2.0 * a1 * along.dot(&step) + 2.0 * out * (a2 * across + c2 * z))
+            let radial_step = 2.0 * w.dot(&step);
+            along * (a1 * radial_step)
+                + w * (2.0 * a1 * along.dot(&step) + 2.0 * radial_step * (a2 * across + c2 * z))
                 + step * radial
         };
         (along * a + w * radial, change)
@@ -250,7 +250,7 @@ impl Fisheye {
     /// Returns the derivatives of `n` and of its gradient by `w` with respect to a coefficient at a
     /// fixed pixel; `power` is `theta^(2 index + 2)`.
     #[inline]
-    fn by_coefficient(
+    fn coefficient_derivatives(
         &self,
         ray: &FisheyePixelRay,
         line: &Vector3<f64>,
@@ -258,11 +258,11 @@ impl Fisheye {
     ) -> (f64, Vector2<f64>) {
         let (s, p, a) = (ray.square, ray.inverse_slope, ray.a[0]);
         // The angle changes by -theta power / slope.
-        let turned = power * p;
-        let da = -ray.cosine * ray.inverse_factor * turned;
-        let dc = ray.sine * ray.theta * turned;
+        let relative_turn = power * p;
+        let da = -ray.cosine * ray.inverse_factor * relative_turn;
+        let dc = ray.sine * ray.theta * relative_turn;
         let order = (2 * index + 3) as f64;
-        let dp = order * power - ray.bend * ray.theta * ray.theta * turned;
+        let dp = order * power - ray.curvature * ray.theta * ray.theta * relative_turn;
         let da1 = if s < NEAR_AXIS {
             let [k1, ..] = self.coefficients();
             match index {
@@ -369,7 +369,7 @@ impl Lens for Fisheye {
             return self.principal_point();
         }
         let theta = radius.atan2(point.z).min(self.valid_angle);
-        let [factor, ..] = self.factor_slope_bend(theta);
+        let [factor, ..] = self.factor_slope_curvature(theta);
         let w = point.xy() * (theta * factor / radius);
         self.focal_matrix() * w + self.principal_point()
     }
@@ -396,7 +396,7 @@ impl Lens for Fisheye {
         let w = self.normalised(pixel);
         let theta = self.angle(w.norm())?;
         let (sine, cosine) = theta.sin_cos();
-        let [factor, slope, bend] = self.factor_slope_bend(theta);
+        let [factor, slope, curvature] = self.factor_slope_curvature(theta);
         Some(self.with_series(FisheyePixelRay {
             w,
             square: w.norm_squared(),
@@ -405,7 +405,7 @@ impl Lens for Fisheye {
             cosine,
             inverse_factor: factor.recip(),
             inverse_slope: slope.recip(),
-            bend,
+            curvature,
             inverse_square: 0.5 / w.norm_squared(),
             a: [0.0; 3],
             c: [0.0; 2],
@@ -437,7 +437,7 @@ impl Lens for Fisheye {
     }
 
     fn valid_pixel_radius(&self) -> f64 {
-        let [factor, ..] = self.factor_slope_bend(self.valid_angle);
+        let [factor, ..] = self.factor_slope_curvature(self.valid_angle);
         self.valid_angle * factor * self.least_focal()
     }
 
@@ -463,39 +463,40 @@ impl Lens for Fisheye {
     ) -> LineDistance {
         let inverse_focal = self.inverse_focal_matrix();
         let (gradient, change) = Self::gradient(ray, line);
-        let by_pixel = inverse_focal.tr_mul(&gradient);
-        let inverse_norm = by_pixel.norm().recip();
+        let pixel_gradient = inverse_focal.tr_mul(&gradient);
+        let inverse_norm = pixel_gradient.norm().recip();
         let unit = self.direction(ray);
         let value = line.dot(&unit) * inverse_norm;
         // d|A^-T g| = pull . dg
-        let pull = inverse_focal * by_pixel * inverse_norm;
-        let moved = |dn: f64, dg: Vector2<f64>| (dn - value * pull.dot(&dg)) * inverse_norm;
+        let norm_gradient = inverse_focal * pixel_gradient * inverse_norm;
+        let distance_change =
+            |dn: f64, dg: Vector2<f64>| (dn - value * norm_gradient.dot(&dg)) * inverse_norm;
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        let by_step = |step: Vector2<f64>| moved(gradient.dot(&step), change(step));
-        let by_matrix = ByIntrinsics::new(
+        let wrt_step = |step: Vector2<f64>| distance_change(gradient.dot(&step), change(step));
+        let wrt_camera_matrix = CameraMatrixDerivatives::new(
             [
-                by_step(-inverse_focal.column(0)),
-                by_step(-inverse_focal.column(1)),
+                wrt_step(-inverse_focal.column(0)),
+                wrt_step(-inverse_focal.column(1)),
             ],
             ray.w,
-            by_pixel * (value * inverse_norm),
-            pull,
+            pixel_gradient * (value * inverse_norm),
+            norm_gradient,
         );
-        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
-        wrt_lens[SKEW_COLUMN] = by_matrix.skew;
+        wrt_lens[..INTRINSICS].copy_from_slice(&wrt_camera_matrix.intrinsics);
+        wrt_lens[SKEW_COLUMN] = wrt_camera_matrix.skew;
         let mut power = 1.0;
         for index in 0..COEFFICIENTS {
             power *= ray.theta * ray.theta;
             if wanted.contains(INTRINSICS + index) {
-                let (dn, dg) = self.by_coefficient(ray, line, (index, power));
-                wrt_lens[INTRINSICS + index] = moved(dn, dg);
+                let (dn, dg) = self.coefficient_derivatives(ray, line, (index, power));
+                wrt_lens[INTRINSICS + index] = distance_change(dn, dg);
             }
         }
         // g = M^T l
-        let by_line = Self::ray_jacobian(ray);
+        let ray_jacobian = Self::ray_jacobian(ray);
         LineDistance {
             value,
-            wrt_line: (unit - by_line * pull * value) * inverse_norm,
+            wrt_line: (unit - ray_jacobian * norm_gradient * value) * inverse_norm,
             wrt_lens,
         }
     }

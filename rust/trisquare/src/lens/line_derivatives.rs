@@ -30,10 +30,10 @@ pub(super) struct LineDerivatives {
     /// `A^-1 G / |G|`.
     along: Vector2<f64>,
     inverse_norm: f64,
-    /// `J^-1 A^-1 G / |G|`, so that `d|G| = -pull . (d(J^T) q)`.
-    pull: Vector2<f64>,
+    /// `J^-1 A^-1 G / |G|`, so that `d|G| = -norm_gradient . (d(J^T) q)`.
+    norm_gradient: Vector2<f64>,
     /// Derivative of `|G|` with respect to `u_d` through the change of `u`.
-    bend: Vector2<f64>,
+    norm_wrt_distorted: Vector2<f64>,
 }
 
 impl LineDerivatives {
@@ -52,7 +52,7 @@ impl LineDerivatives {
         let numerator = line.xy().dot(&u) + line.z;
         // d|G| = G . dG / |G| = (A^-1 G) . dq / |G| + ...
         let along = inverse_focal * (gradient * inverse_norm);
-        let pull = ray.inverse * along;
+        let norm_gradient = ray.inverse * along;
         Self {
             value: numerator * inverse_norm,
             u,
@@ -65,9 +65,9 @@ impl LineDerivatives {
             gradient,
             along,
             inverse_norm,
-            pull,
+            norm_gradient,
             // -(H pull) . du with H symmetric and du = -J^-1 d(u_d).
-            bend: ray.inverse.tr_mul(&hessian(q, pull)),
+            norm_wrt_distorted: ray.inverse.tr_mul(&hessian(q, norm_gradient)),
         }
     }
 
@@ -76,7 +76,7 @@ impl LineDerivatives {
     #[inline]
     fn column(&self, shift: Vector2<f64>, twist: Vector2<f64>) -> f64 {
         let dn = -self.q.dot(&shift);
-        let dg = -self.pull.dot(&twist) + self.bend.dot(&shift);
+        let dg = -self.norm_gradient.dot(&twist) + self.norm_wrt_distorted.dot(&shift);
         (dn - self.value * dg) * self.inverse_norm
     }
 
@@ -88,15 +88,15 @@ impl LineDerivatives {
         self.column(u * factor, q * factor + u * (2.0 * slope * self.qu))
     }
 
-    /// Derivative with respect to the tangential coefficient of the axis `along`: `p2` for 0, `p1`
+    /// Derivative with respect to the tangential coefficient of the axis `axis`: `p2` for 0, `p1`
     /// for 1.
     #[inline]
-    pub fn tangential(&self, along: usize) -> f64 {
-        let (u, q, across) = (self.u, self.q, 1 - along);
+    pub fn tangential(&self, axis: usize) -> f64 {
+        let (u, q, across) = (self.u, self.q, 1 - axis);
         let (mut shift, mut twist) = (Vector2::zeros(), Vector2::zeros());
-        shift[along] = self.square + 2.0 * u[along] * u[along];
+        shift[axis] = self.square + 2.0 * u[axis] * u[axis];
         shift[across] = 2.0 * u.x * u.y;
-        twist[along] = 6.0 * q[along] * u[along] + 2.0 * q[across] * u[across];
+        twist[axis] = 6.0 * q[axis] * u[axis] + 2.0 * q[across] * u[across];
         twist[across] = 2.0 * (q.x * u.y + q.y * u.x);
         self.column(shift, twist)
     }
@@ -114,9 +114,9 @@ impl LineDerivatives {
     /// Derivatives with respect to `fx, fy, cx, cy` and the skew, which move the observed point: at
     /// a fixed pixel, `u_d = A^-1 (p - c)` changes.
     #[inline]
-    pub fn intrinsics(&self) -> ByIntrinsics {
+    pub fn intrinsics(&self) -> CameraMatrixDerivatives {
         let a = &self.inverse_focal;
-        ByIntrinsics::new(
+        CameraMatrixDerivatives::new(
             [
                 self.column(Vector2::new(a.m11, a.m21), Vector2::zeros()),
                 self.column(Vector2::new(a.m12, a.m22), Vector2::zeros()),
@@ -138,21 +138,21 @@ impl LineDerivatives {
     /// Derivative with respect to the line.
     #[inline]
     pub fn wrt_line(&self) -> Vector3<f64> {
-        let along = self.u.push(1.0) * self.inverse_norm;
-        let bent = self.pull * (self.value * self.inverse_norm);
-        along - Vector3::new(bent.x, bent.y, 0.0)
+        let numerator_part = self.u.push(1.0) * self.inverse_norm;
+        let norm_part = self.norm_gradient * (self.value * self.inverse_norm);
+        numerator_part - Vector3::new(norm_part.x, norm_part.y, 0.0)
     }
 }
 
 /// Derivatives of a distance `n / |G|` with respect to the camera matrix.
-pub(super) struct ByIntrinsics {
+pub(super) struct CameraMatrixDerivatives {
     /// With respect to `fx, fy, cx, cy`.
     pub intrinsics: [f64; INTRINSICS],
     /// With respect to the skew.
     pub skew: f64,
 }
 
-impl ByIntrinsics {
+impl CameraMatrixDerivatives {
     /// Computes them from the derivatives with respect to the principal point, the observed point,
     /// `G n / |G|^2` and `A^-1 G / |G|`.
     ///
@@ -160,13 +160,13 @@ impl ByIntrinsics {
     /// changes `G = A^-T q` by `-A^-T e_j G_i`.
     #[inline]
     pub fn new(
-        by_centre: [f64; 2],
+        wrt_centre: [f64; 2],
         observed: Vector2<f64>,
         gradient: Vector2<f64>,
         along: Vector2<f64>,
     ) -> Self {
-        let entry = |i: usize, j: usize| observed[j] * by_centre[i] + gradient[i] * along[j];
-        let [x, y] = by_centre;
+        let entry = |i: usize, j: usize| observed[j] * wrt_centre[i] + gradient[i] * along[j];
+        let [x, y] = wrt_centre;
         Self {
             intrinsics: [entry(0, 0), entry(1, 1), x, y],
             skew: entry(0, 1),

@@ -25,14 +25,14 @@ impl PixelLanes {
     #[inline]
     pub fn of(pixels: impl ExactSizeIterator<Item = Vector2<f64>> + Clone) -> Self {
         let first = pixels.clone().next().unwrap_or_default();
-        let mut own = Self {
+        let mut lanes = Self {
             x: [first.x; LANES],
             y: [first.y; LANES],
         };
         for (i, pixel) in pixels.take(LANES).enumerate() {
-            (own.x[i], own.y[i]) = (pixel.x, pixel.y);
+            (lanes.x[i], lanes.y[i]) = (pixel.x, pixel.y);
         }
-        own
+        lanes
     }
 }
 
@@ -45,7 +45,7 @@ pub(crate) struct LineImage {
     along: Vector2<f64>,
     middle: f64,
     /// Reciprocal of half the chord's length.
-    per_half: f64,
+    inverse_half_length: f64,
     /// Polynomial coefficients of the height of the curve over the chord, pixels.
     heights: [f64; NODES],
 }
@@ -83,7 +83,7 @@ impl LineImage {
             chord,
             along,
             middle,
-            per_half: 1.0 / half,
+            inverse_half_length: 1.0 / half,
             heights,
         })
     }
@@ -96,32 +96,33 @@ impl LineImage {
     /// Position of a pixel along the chord, from -1 to 1.
     #[inline]
     pub fn place(&self, pixel: &Vector2<f64>) -> f64 {
-        (self.along.dot(pixel) - self.middle) * self.per_half
+        (self.along.dot(pixel) - self.middle) * self.inverse_half_length
     }
 
     /// Positions of several pixels along the chord.
     #[inline]
     pub fn places(&self, PixelLanes { x, y }: &PixelLanes) -> [f64; LANES] {
-        let (along, middle, per_half) = (self.along, self.middle, self.per_half);
-        std::array::from_fn(|i| (along.x * x[i] + along.y * y[i] - middle) * per_half)
+        let (along, middle, inverse_half_length) =
+            (self.along, self.middle, self.inverse_half_length);
+        std::array::from_fn(|i| (along.x * x[i] + along.y * y[i] - middle) * inverse_half_length)
     }
 
     /// Signed distances (px) of pixels from the curve across the chord, given the polynomials at
     /// their positions.
     #[inline]
-    pub fn beside(
+    pub fn distances(
         &self,
         PixelLanes { x, y }: &PixelLanes,
         terms: &[[f64; LANES]; NODES],
     ) -> [f64; LANES] {
         let [a, b, c] = self.chord.coefficients().into();
-        let mut beside: [f64; LANES] = std::array::from_fn(|i| a * x[i] + b * y[i] + c);
+        let mut distances: [f64; LANES] = std::array::from_fn(|i| a * x[i] + b * y[i] + c);
         for (height, term) in self.heights.iter().zip(terms) {
             for i in 0..LANES {
-                beside[i] -= height * term[i];
+                distances[i] -= height * term[i];
             }
         }
-        beside
+        distances
     }
 }
 

@@ -117,14 +117,14 @@ pub trait DistortionModel: Copy + Debug + Default + PartialEq + Send + Sync + 's
     /// unless this model is richer than the default, because the others do not need that start.
     fn poorer(self) -> Option<Self> {
         let place = |model: Self| Self::NESTED.iter().position(|other| *other == model);
-        let (own, usual) = (place(self)?, place(Self::default())?);
-        (own > usual).then(|| Self::NESTED[own - 1])
+        let (index, default_index) = (place(self)?, place(Self::default())?);
+        (index > default_index).then(|| Self::NESTED[index - 1])
     }
 
     /// Returns the models richer than this one, the poorest first.
     fn richer(self) -> &'static [Self] {
-        let own = Self::NESTED.iter().position(|other| *other == self);
-        own.map_or(&[], |own| &Self::NESTED[own + 1..])
+        let index = Self::NESTED.iter().position(|other| *other == self);
+        index.map_or(&[], |index| &Self::NESTED[index + 1..])
     }
 
     /// Columns of the coefficients that the default model does not have: pictures seldom determine

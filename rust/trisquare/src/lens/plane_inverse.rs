@@ -34,7 +34,7 @@ const MAX_HALVINGS: usize = 10;
 /// Largest accepted error of an inverse, relative to the observed point. Larger errors remain
 /// beyond the rim, where the shortened steps stop short of the point, and where the distortion
 /// grows steeply, so that even a small step leaves a large error.
-const ARRIVED: f64 = 1e-13;
+const CONVERGED: f64 = 1e-13;
 
 /// The inverse of a `PlaneDistortion`.
 pub(super) trait Inverse: PlaneDistortion {
@@ -75,7 +75,7 @@ pub(super) trait Inverse: PlaneDistortion {
             ratio += step;
             if step.abs() < NEWTON_STEP_TOLERANCE * ratio.min(1.0) * slope.min(1.0) {
                 let square = ratio * ratio * observed_square;
-                if self.has_arrived(ratio, square) {
+                if self.is_converged(ratio, square) {
                     return (square <= limit).then_some(ratio);
                 }
             }
@@ -85,11 +85,11 @@ pub(super) trait Inverse: PlaneDistortion {
 
     /// Whether a ratio reproduces the observed radius to within the effect of the ratio's own
     /// rounding, which grows towards a pole.
-    fn has_arrived(&self, ratio: f64, square: f64) -> bool {
+    fn is_converged(&self, ratio: f64, square: f64) -> bool {
         let factor = self.radial_factor(square);
-        let missing = (1.0 - ratio * factor).abs();
+        let remainder = (1.0 - ratio * factor).abs();
         let slope = || factor + 2.0 * square * self.radial_slopes(square).0;
-        missing <= ARRIVED || missing <= ARRIVED * ratio * slope()
+        remainder <= CONVERGED || remainder <= CONVERGED * ratio * slope()
     }
 
     /// Returns the Newton step of the ratio, the slope, and the relative difference to the observed
@@ -97,8 +97,8 @@ pub(super) trait Inverse: PlaneDistortion {
     fn ratio_step(&self, ratio: f64, square: f64) -> Option<(f64, f64, f64)> {
         let factor = self.radial_factor(square);
         let slope = factor + 2.0 * square * self.radial_slopes(square).0;
-        let missing = 1.0 - ratio * factor;
-        (slope > 0.0).then_some((missing / slope, slope, missing))
+        let remainder = 1.0 - ratio * factor;
+        (slope > 0.0).then_some((remainder / slope, slope, remainder))
     }
 
     /// Applies Newton's method within a bracket: up to the trusted radius the observed radius
@@ -125,20 +125,20 @@ pub(super) trait Inverse: PlaneDistortion {
         for _ in 0..MAX_BRACKETED_STEPS {
             let newton = self.ratio_step(ratio, ratio * ratio * observed_square);
             match newton {
-                Some((.., missing)) if missing > 0.0 => low = ratio,
+                Some((.., remainder)) if remainder > 0.0 => low = ratio,
                 _ => high = ratio,
             }
             let next = newton
                 .map(|(step, ..)| ratio + step)
                 .filter(|next| (low..=high).contains(next))
                 .unwrap_or(0.5 * (low + high));
-            let arrived = (next - ratio).abs() < BRACKETED_TOLERANCE * next;
+            let is_converged = (next - ratio).abs() < BRACKETED_TOLERANCE * next;
             ratio = next;
-            if arrived {
+            if is_converged {
                 break;
             }
         }
-        self.has_arrived(ratio, ratio * ratio * observed_square)
+        self.is_converged(ratio, ratio * ratio * observed_square)
             .then_some(ratio)
     }
 
@@ -177,7 +177,7 @@ pub(super) trait Inverse: PlaneDistortion {
                 if error.norm() > ROUNDING * distorted.norm() {
                     (ideal, error) = self.polished(distorted, ideal, error);
                 }
-                if error.norm() <= ARRIVED * distorted.norm() {
+                if error.norm() <= CONVERGED * distorted.norm() {
                     return (ideal.norm() <= self.trusted_radius()).then_some(ideal);
                 }
             }

@@ -65,14 +65,22 @@ pub(crate) fn increases_up_to([k1, k2, k3]: [f64; 3], square: f64) -> bool {
 /// lenses that compress toward the rim (`B <= A`), conservative for the rest.
 pub fn invertible_radius([k1, k2, k3]: [f64; 3], [p1, p2]: [f64; 2]) -> f64 {
     let radial = monotonic_radius([k1, k2, k3]);
-    let pull = -6.0 * p1.hypot(p2);
-    if pull == 0.0 {
+    let eigenvalue_bound = -6.0 * p1.hypot(p2);
+    if eigenvalue_bound == 0.0 {
         return radial;
     }
     let limit = radial.min(LARGEST_SQUARED_RADIUS.sqrt());
     [
-        [1.0, pull, 3.0 * k1, 0.0, 5.0 * k2, 0.0, 7.0 * k3],
-        [1.0, pull, k1, 0.0, k2, 0.0, k3],
+        [
+            1.0,
+            eigenvalue_bound,
+            3.0 * k1,
+            0.0,
+            5.0 * k2,
+            0.0,
+            7.0 * k3,
+        ],
+        [1.0, eigenvalue_bound, k1, 0.0, k2, 0.0, k3],
     ]
     .iter()
     .filter_map(|polynomial| sign_changes(polynomial, limit).first().copied())

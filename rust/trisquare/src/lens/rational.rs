@@ -35,8 +35,8 @@ const PLACES: [usize; COEFFICIENTS] = [0, 1, 4, 5, 6, 7, 2, 3, 8, 9, 10, 11];
 
 /// Columns of the first coefficient of the numerator, the denominator, the tangential and the prism
 /// terms.
-const ABOVE: usize = INTRINSICS;
-const BELOW: usize = INTRINSICS + 3;
+const NUMERATOR: usize = INTRINSICS;
+const DENOMINATOR: usize = INTRINSICS + 3;
 const TANGENTIAL: usize = INTRINSICS + 6;
 const PRISM: usize = INTRINSICS + 8;
 
@@ -118,8 +118,8 @@ impl<M: OpenCvModel> OpenCvLens<M> {
     fn radial(&self) -> RadialQuotient {
         let [k1, k2, _, _, k3, k4, k5, k6, ..] = self.coefficients;
         RadialQuotient {
-            above: [k1, k2, k3],
-            below: [k4, k5, k6],
+            numerator: [k1, k2, k3],
+            denominator: [k4, k5, k6],
         }
     }
 
@@ -240,15 +240,15 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
 
     fn projection_jacobian(&self, ray: &PlanePixelRay) -> ProjectionJacobian {
         let (u, s) = (ray.ideal, ray.square);
-        let [below, factor, ..] = self.radial().at(s);
+        let [denominator, factor, ..] = self.radial().at(s);
         let powers = [s, s * s, s * s * s];
-        let above = powers.map(|power| u * (power / below));
-        let under = powers.map(|power| u * (-factor * power / below));
+        let numerator_shifts = powers.map(|power| u * (power / denominator));
+        let denominator_shifts = powers.map(|power| u * (-factor * power / denominator));
         let tangential = [DistortionTerm::TangentialY, DistortionTerm::TangentialX];
         let prism = [0, 0, 1, 1].into_iter().zip([s, s * s, s, s * s]);
-        let shifts = above
+        let shifts = numerator_shifts
             .into_iter()
-            .chain(under)
+            .chain(denominator_shifts)
             .chain(tangential.map(|term| term.shift(&u)))
             .chain(prism.map(|(axis, shift)| Vector2::ith(axis, shift)));
         ray.projection_jacobian(&self.focal_matrix(), shifts.take(M::COEFFICIENTS))
@@ -314,29 +314,29 @@ impl<M: OpenCvModel> Lens for OpenCvLens<M> {
     ) -> LineDistance {
         let [_, _, p1, p2, _, k4, k5, k6, s1, s2, s3, s4, ..] = self.coefficients;
         let (u, s) = (ray.ideal, ray.square);
-        let [below, factor, slope, curvature] = self.radial().at(s);
+        let [denominator, factor, slope, curvature] = self.radial().at(s);
         let prism_slope = Vector2::new(s1 + 2.0 * s2 * s, s3 + 2.0 * s4 * s);
-        let prism_bend = Vector2::new(s2, s4) * 2.0;
+        let prism_curvature = Vector2::new(s2, s4) * 2.0;
         let derivatives = LineDerivatives::new(ray, line, &self.inverse_focal_matrix(), |q, v| {
             hessian(u, (q, v), (slope, curvature), [p1, p2])
                 + v * (2.0 * q.dot(&prism_slope))
-                + u * (4.0 * q.dot(&prism_bend) * u.dot(&v))
+                + u * (4.0 * q.dot(&prism_curvature) * u.dot(&v))
         });
         let mut wrt_lens = [0.0; MAX_LENS_COLUMNS];
-        let by_matrix = derivatives.intrinsics();
-        wrt_lens[..INTRINSICS].copy_from_slice(&by_matrix.intrinsics);
-        wrt_lens[INTRINSICS + M::COEFFICIENTS] = by_matrix.skew;
-        let below_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6);
+        let wrt_camera_matrix = derivatives.intrinsics();
+        wrt_lens[..INTRINSICS].copy_from_slice(&wrt_camera_matrix.intrinsics);
+        wrt_lens[INTRINSICS + M::COEFFICIENTS] = wrt_camera_matrix.skew;
+        let denominator_slope = k4 + s * (2.0 * k5 + s * 3.0 * k6);
         // `s^n / B` and `-F s^n / B`, with their derivatives by `s`.
         let mut power = 1.0;
         for n in 0..3 {
-            let quotient = s * power / below;
-            let change = ((n + 1) as f64 * power - quotient * below_slope) / below;
+            let quotient = s * power / denominator;
+            let change = ((n + 1) as f64 * power - quotient * denominator_slope) / denominator;
             power *= s;
-            wrt_lens[ABOVE + n] = derivatives.radial(quotient, change);
-            if wanted.contains(BELOW + n) {
+            wrt_lens[NUMERATOR + n] = derivatives.radial(quotient, change);
+            if wanted.contains(DENOMINATOR + n) {
                 let change = -slope * quotient - factor * change;
-                wrt_lens[BELOW + n] = derivatives.radial(-factor * quotient, change);
+                wrt_lens[DENOMINATOR + n] = derivatives.radial(-factor * quotient, change);
             }
         }
         wrt_lens[TANGENTIAL] = derivatives.tangential(1);

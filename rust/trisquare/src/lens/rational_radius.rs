@@ -20,45 +20,53 @@ type Polynomial = Vec<f64>;
 /// eigenvalue falls to that bound, or one just before `B` vanishes.
 pub(super) fn rational_radius(coefficients: &[f64; 12]) -> f64 {
     let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = *coefficients;
-    let (above, below) = (vec![1.0, k1, k2, k3], vec![1.0, k4, k5, k6]);
+    let (numerator, denominator) = (vec![1.0, k1, k2, k3], vec![1.0, k4, k5, k6]);
     let twist = sum(
-        &product(&derivative(&above), &below),
-        &product(&scaled(&derivative(&below), -1.0), &above),
+        &product(&derivative(&numerator), &denominator),
+        &product(&scaled(&derivative(&denominator), -1.0), &numerator),
     );
-    let across = above.clone();
+    let across = numerator.clone();
     let along = sum(
-        &product(&above, &below),
+        &product(&numerator, &denominator),
         &scaled(&product(&[0.0, 1.0], &twist), 2.0),
     );
-    let square = product(&below, &below);
-    let pull = [
+    let square = product(&denominator, &denominator);
+    let eigenvalue_bound = [
         0.0,
         -6.0 * p1.hypot(p2) - 2.0 * s1.hypot(s3),
         0.0,
         -4.0 * s2.hypot(s4),
     ];
-    let first = |polynomial: &Polynomial, limit: f64| {
+    let first_root = |polynomial: &Polynomial, limit: f64| {
         sign_changes(trimmed(polynomial), limit).first().copied()
     };
-    let pole = first(&below, LARGEST_SQUARED_RADIUS).map(|square| square.sqrt() * BEFORE_POLE);
+    let pole =
+        first_root(&denominator, LARGEST_SQUARED_RADIUS).map(|square| square.sqrt() * BEFORE_POLE);
     let pole = pole.unwrap_or(f64::INFINITY);
-    if pull.iter().all(|c| *c == 0.0) {
+    if eigenvalue_bound.iter().all(|c| *c == 0.0) {
         // Polynomials of the squared radius.
         let limit = LARGEST_SQUARED_RADIUS.min(pole * pole);
-        let ends = [&across, &along].map(|polynomial| first(polynomial, limit));
-        return smallest(ends).sqrt().min(pole);
+        let roots = [&across, &along].map(|polynomial| first_root(polynomial, limit));
+        return smallest(roots).sqrt().min(pole);
     }
-    let of_radius =
-        |own: &Polynomial, weight: &Polynomial| sum(&spread(own), &product(&pull, &spread(weight)));
+    let with_bound = |eigenvalue: &Polynomial, weight: &Polynomial| {
+        sum(
+            &spread(eigenvalue),
+            &product(&eigenvalue_bound, &spread(weight)),
+        )
+    };
     let limit = LARGEST_SQUARED_RADIUS.sqrt().min(pole);
-    let (across, along) = (of_radius(&across, &below), of_radius(&along, &square));
-    let end = first(&across, limit).unwrap_or(limit);
-    let end = smallest([first(&across, limit), first(&along, end)]);
+    let (across, along) = (
+        with_bound(&across, &denominator),
+        with_bound(&along, &square),
+    );
+    let end = first_root(&across, limit).unwrap_or(limit);
+    let end = smallest([first_root(&across, limit), first_root(&along, end)]);
     end.min(pole)
 }
 
-fn smallest(ends: [Option<f64>; 2]) -> f64 {
-    ends.into_iter().flatten().fold(f64::INFINITY, f64::min)
+fn smallest(roots: [Option<f64>; 2]) -> f64 {
+    roots.into_iter().flatten().fold(f64::INFINITY, f64::min)
 }
 
 /// Returns a polynomial without its highest powers where their coefficients are zero.

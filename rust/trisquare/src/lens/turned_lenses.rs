@@ -172,18 +172,18 @@ fn match_pixel(
     rotation: &Matrix3<f64>,
     pixel: &Vector2<f64>,
 ) -> Option<SeenAgain> {
-    let by_first = first.unproject_with_derivatives(pixel)?;
-    let direction = rotation * by_first.direction;
+    let first_ray = first.unproject_with_derivatives(pixel)?;
+    let direction = rotation * first_ray.direction;
     let seen = second.project(&direction)?;
-    let by_second = second.unproject_with_derivatives(&seen)?;
+    let second_ray = second.unproject_with_derivatives(&seen)?;
     // The derivative is inversely proportional to the length of the direction.
-    let length = by_second.direction.norm() / direction.norm();
-    let by_direction = by_second.pixel_by_direction * length;
+    let length = second_ray.direction.norm() / direction.norm();
+    let by_direction = second_ray.pixel_by_direction * length;
     Some(SeenAgain {
         pixel: seen,
-        by_first: by_first.pixel_by_lens,
-        by_second: by_second.pixel_by_lens,
-        by_pixel: by_direction * rotation * by_first.by_pixel,
+        by_first: first_ray.pixel_by_lens,
+        by_second: second_ray.pixel_by_lens,
+        by_pixel: by_direction * rotation * first_ray.by_pixel,
         by_turn: -by_direction * direction.cross_matrix(),
     })
 }

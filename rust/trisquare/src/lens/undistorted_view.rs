@@ -15,7 +15,7 @@ use crate::image_size::ImageSize;
 
 /// Distance, in pixels, by which a point may lie outside the photograph and still count as inside:
 /// it allows for rounding, and is far below the 1/32 px to which a picture is resampled.
-pub(crate) const ON_THE_BORDER: f64 = 1e-6;
+pub(crate) const BORDER_TOLERANCE: f64 = 1e-6;
 
 /// Minimum number of points along a side of the picture.
 const MIN_POINTS_PER_SIDE: u32 = 256;
@@ -82,12 +82,12 @@ pub trait UndistortedView: Lens {
         }
         let pinhole = DefaultLens::from_camera_matrix(&self.camera_matrix()).with_skew(0.0);
         let is_one_pixel = size.width == 1 && size.height == 1;
-        if is_one_pixel || self.valid_pixel_radius().is_infinite() && !bends(self) {
+        if is_one_pixel || self.valid_pixel_radius().is_infinite() && !has_distortion(self) {
             return Ok(pinhole);
         }
         let outline = outline(self, size);
-        let outer = smallest_round(&outline, size)?;
-        let inner = largest_inside(self, &outline, &outer, size)?;
+        let outer = bounding_rectangle(&outline, size)?;
+        let inner = inscribed_rectangle(self, &outline, &outer, size)?;
         let (inner, outer) = (inner.pinhole(self, size), outer.pinhole(self, size));
         Ok(pinhole.with_camera_matrix(&(inner + (outer - inner) * balance)))
     }
@@ -96,12 +96,12 @@ pub trait UndistortedView: Lens {
 impl<L: Lens> UndistortedView for L {}
 
 /// Whether a lens differs from a pinhole without skew.
-fn bends(lens: &impl Lens) -> bool {
+fn has_distortion(lens: &impl Lens) -> bool {
     lens.skew() != 0.0 || lens.distortion().iter().any(|c| *c != 0.0)
 }
 
 /// Returns the ideal radius up to which a view shows anything.
-fn rim<L: Lens>(lens: &L) -> f64 {
+fn rim_radius<L: Lens>(lens: &L) -> f64 {
     let angle = lens.valid_angle().min(WIDEST_DEGREES.to_radians());
     angle.tan() * (1.0 - ROUNDING)
 }
@@ -114,12 +114,12 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
         zoom: 1.0,
     };
     let pixels: Vec<_> = whole.border(size, MIN_POINTS_PER_SIDE).collect();
-    let farthest = rim(lens);
+    let rim_radius = rim_radius(lens);
     let border = pixels.iter().filter_map(|p| lens.ideal_point(p));
-    let border = border.filter(|ideal| ideal.norm() <= farthest);
+    let border = border.filter(|ideal| ideal.norm() <= rim_radius);
     let rim = (0..pixels.len())
         .map(|i| std::f64::consts::TAU * i as f64 / pixels.len() as f64)
-        .map(|angle| Vector2::new(angle.cos(), angle.sin()) * farthest)
+        .map(|angle| Vector2::new(angle.cos(), angle.sin()) * rim_radius)
         .filter(|ideal| {
             let seen = lens.project(&ideal.push(1.0));
             seen.is_some_and(|pixel| size.contains(&pixel, 0.0))
@@ -137,7 +137,7 @@ fn outline<L: Lens>(lens: &L, size: ImageSize) -> Vec<Vector2<f64>> {
 /// contain a better one (V. Agafonkin's `polylabel`). The zoom is then determined at the pixels
 /// themselves, on the border only: the distortion maps the border of the rectangle to a closed
 /// curve, and its inside to the inside of that curve.
-fn largest_inside<L: Lens>(
+fn inscribed_rectangle<L: Lens>(
     lens: &L,
     outline: &[Vector2<f64>],
     outer: &Rectangle,
@@ -147,22 +147,22 @@ fn largest_inside<L: Lens>(
     // The ideal plane of a fisheye is stretched towards its rim, where the largest rectangle would
     // lie.
     let is_ahead = L::centre_columns().is_empty();
-    let home = inside.place_of(match is_ahead {
+    let target = inside.place_of(match is_ahead {
         true => lens.principal_point(),
         false => size.centre(),
     });
     let best = match is_ahead {
-        true => (home, inside.room(&home)),
-        false => inside.widest(home),
+        true => (target, inside.clearance(&target)),
+        false => inside.innermost_place(target),
     };
-    let (best, most) = (inside.slid_towards(home, best), best.1);
+    let (best, best_clearance) = (inside.recentred(target, best), best.1);
     let centre = inside.pixel_at(&best);
     let is_filled = |zoom: f64| {
         let mut border = Rectangle { centre, zoom }.border(size, 1);
-        border.all(|pixel| shows(lens, &pixel, size))
+        border.all(|pixel| is_shown(lens, &pixel, size))
     };
-    let most_zoom = 2.0 * most * (1.0 + TOLERANCE) * outer.zoom;
-    let zoom = farthest(most_zoom, MAX_BISECTIONS, is_filled);
+    let max_zoom = 2.0 * best_clearance * (1.0 + TOLERANCE) * outer.zoom;
+    let zoom = largest_value(max_zoom, MAX_BISECTIONS, is_filled);
     let found = Rectangle { centre, zoom };
     Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
         Error::InvalidArgument(
@@ -192,8 +192,8 @@ impl<'a, L: Lens> Inside<'a, L> {
             centre: outer.centre,
             unit: size.centre() * (2.0 * outer.zoom),
         };
-        let every = outline.len().div_ceil(SEARCHED_POINTS);
-        let searched = outline.iter().step_by(every);
+        let stride = outline.len().div_ceil(SEARCHED_POINTS);
+        let searched = outline.iter().step_by(stride);
         inside.outline = searched.map(|pixel| inside.place_of(*pixel)).collect();
         inside
     }
@@ -207,10 +207,10 @@ impl<'a, L: Lens> Inside<'a, L> {
     }
 
     /// Returns the distance of a place from the outline, negative outside.
-    fn room(&self, place: &Vector2<f64>) -> f64 {
+    fn clearance(&self, place: &Vector2<f64>) -> f64 {
         let distances = self.outline.iter().map(|p| (p - place).amax());
         let nearest = distances.fold(f64::INFINITY, f64::min);
-        match shows(self.lens, &self.pixel_at(place), self.size) {
+        match is_shown(self.lens, &self.pixel_at(place), self.size) {
             true => nearest,
             false => -nearest,
         }
@@ -218,46 +218,48 @@ impl<'a, L: Lens> Inside<'a, L> {
 
     /// Returns the place with the largest distance from the outline, and that distance; `first`
     /// unless another place is better by more than the tolerance.
-    fn widest(&self, first: Vector2<f64>) -> (Vector2<f64>, f64) {
+    fn innermost_place(&self, first: Vector2<f64>) -> (Vector2<f64>, f64) {
         let mut best = first;
-        let mut most = self.room(&best);
+        let mut best_clearance = self.clearance(&best);
         let (mut half, mut tried) = (0.5, 0);
         let mut cells = vec![Vector2::zeros()];
         while !cells.is_empty() && tried < MAX_PLACES {
             tried += cells.len();
-            let rooms: Vec<f64> = cells.iter().map(|place| self.room(place)).collect();
-            let better = |most: f64| most + TOLERANCE * most.max(0.0);
-            for (place, room) in cells.iter().zip(&rooms) {
-                if *room > better(most) {
-                    (best, most) = (*place, *room);
+            let clearances: Vec<f64> = cells.iter().map(|place| self.clearance(place)).collect();
+            let better = |best_clearance: f64| best_clearance + TOLERANCE * best_clearance.max(0.0);
+            for (place, clearance) in cells.iter().zip(&clearances) {
+                if *clearance > better(best_clearance) {
+                    (best, best_clearance) = (*place, *clearance);
                 }
             }
             half *= 0.5;
-            let promising = cells.iter().zip(&rooms);
-            let promising = promising.filter(|(_, room)| **room + 2.0 * half > better(most));
+            let promising = cells.iter().zip(&clearances);
+            let promising = promising
+                .filter(|(_, clearance)| **clearance + 2.0 * half > better(best_clearance));
             let quarters = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
             cells = promising
                 .flat_map(|(place, _)| quarters.map(|(x, y)| place + Vector2::new(x, y) * half))
                 .collect();
         }
-        (best, most)
+        (best, best_clearance)
     }
 
-    /// Moves a place as near to `home` as its distance from the outline allows, one axis after the
-    /// other: between two opposite sides of the outline it is free to slide along them.
-    fn slid_towards(
+    /// Moves a place as near to `target` as its distance from the outline allows, one axis after
+    /// the other: between two opposite sides of the outline it is free to slide along them.
+    fn recentred(
         &self,
-        home: Vector2<f64>,
-        (mut best, most): (Vector2<f64>, f64),
+        target: Vector2<f64>,
+        (mut best, best_clearance): (Vector2<f64>, f64),
     ) -> Vector2<f64> {
         for axis in 0..2 {
             let at = |part: f64| {
                 let mut place = best;
-                place[axis] += part * (home[axis] - best[axis]);
+                place[axis] += part * (target[axis] - best[axis]);
                 place
             };
-            let has_room = |part: f64| self.room(&at(part)) >= most * (1.0 - TOLERANCE);
-            best = at(farthest(1.0, SLIDE_BISECTIONS, has_room));
+            let is_clear =
+                |part: f64| self.clearance(&at(part)) >= best_clearance * (1.0 - TOLERANCE);
+            best = at(largest_value(1.0, SLIDE_BISECTIONS, is_clear));
         }
         best
     }
@@ -265,7 +267,7 @@ impl<'a, L: Lens> Inside<'a, L> {
 
 /// Returns the largest value from zero to `end` at which a condition holds that holds up to a
 /// limit.
-fn farthest(end: f64, bisections: usize, holds: impl Fn(f64) -> bool) -> f64 {
+fn largest_value(end: f64, bisections: usize, holds: impl Fn(f64) -> bool) -> f64 {
     if holds(end) {
         return end;
     }
@@ -278,24 +280,23 @@ fn farthest(end: f64, bisections: usize, holds: impl Fn(f64) -> bool) -> f64 {
 }
 
 /// Whether an ideal pixel is within the rim, and seen in the photograph.
-fn shows<L: Lens>(lens: &L, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
+fn is_shown<L: Lens>(lens: &L, ideal_pixel: &Vector2<f64>, size: ImageSize) -> bool {
     let ideal = PictureView::pinhole(lens).normalised(ideal_pixel);
-    let to_rim = (rim(lens) - ideal.norm()) * lens.focal().min();
+    let rim_distance = (rim_radius(lens) - ideal.norm()) * lens.focal().min();
     let seen = lens.project(&ideal.push(1.0));
-    to_rim >= ON_THE_BORDER && seen.is_some_and(|pixel| size.contains(&pixel, 0.5 * ON_THE_BORDER))
+    rim_distance >= BORDER_TOLERANCE
+        && seen.is_some_and(|pixel| size.contains(&pixel, 0.5 * BORDER_TOLERANCE))
 }
 
 /// Returns the smallest rectangle of the picture's shape that contains an outline.
-fn smallest_round(outline: &[Vector2<f64>], size: ImageSize) -> Result<Rectangle, Error> {
+fn bounding_rectangle(outline: &[Vector2<f64>], size: ImageSize) -> Result<Rectangle, Error> {
     let ends = outline.iter().map(|pixel| (*pixel, *pixel));
     let ends = ends.reduce(|(low, high), (pixel, _)| (low.inf(&pixel), high.sup(&pixel)));
     let found = ends.map(|(low, high)| {
-        let of_picture = |needed: f64, had: f64| if had > 0.0 { needed / had } else { 0.0 };
+        let ratio = |needed: f64, had: f64| if had > 0.0 { needed / had } else { 0.0 };
         Rectangle {
             centre: (low + high) * 0.5,
-            zoom: (high - low)
-                .zip_map(&(size.centre() * 2.0), of_picture)
-                .max(),
+            zoom: (high - low).zip_map(&(size.centre() * 2.0), ratio).max(),
         }
     });
     found
@@ -318,13 +319,13 @@ struct Rectangle {
 }
 
 impl Rectangle {
-    /// Returns the pixels along the border of a new picture in ideal pixels and, for `least` points
-    /// a side, points between them.
-    fn border(self, size: ImageSize, least: u32) -> impl Iterator<Item = Vector2<f64>> {
-        let far = size.centre() * 2.0;
+    /// Returns the pixels along the border of a new picture in ideal pixels and, for `min_points`
+    /// points a side, points between them.
+    fn border(self, size: ImageSize, min_points: u32) -> impl Iterator<Item = Vector2<f64>> {
+        let extent = size.centre() * 2.0;
         let along = move |length: u32| {
             let pixels = length.min(MAX_POINTS_PER_SIDE) - 1;
-            let count = pixels * least.div_ceil(pixels.max(1));
+            let count = pixels * min_points.div_ceil(pixels.max(1));
             (0..=count).map(move |i| f64::from(i) / f64::from(count.max(1)))
         };
         // One side after the other: a regular subset of the points still covers all sides.
@@ -332,7 +333,7 @@ impl Rectangle {
         let rows = ends().flat_map(move |y| along(size.width).map(move |x| (x, y)));
         let columns = ends().flat_map(move |x| along(size.height).map(move |y| (x, y)));
         rows.chain(columns).map(move |(x, y)| {
-            self.centre + Vector2::new(x - 0.5, y - 0.5).component_mul(&far) * self.zoom
+            self.centre + Vector2::new(x - 0.5, y - 0.5).component_mul(&extent) * self.zoom
         })
     }
 
@@ -393,7 +394,7 @@ mod tests {
                     .filter(|p| {
                         [p.x, p.y].contains(&0.0) || p.x == 319.0 || p.y == 239.0 || p.x == p.y
                     })
-                    .all(|p| seen(&lens, view, p).is_some_and(|p| is_in(p, ON_THE_BORDER)))
+                    .all(|p| seen(&lens, view, p).is_some_and(|p| is_in(p, BORDER_TOLERANCE)))
             };
             assert!(filled(&view), "{lens:?} {view:?}");
             let [fx, fy, cx, cy, ..] = view.parameters()[..] else {
@@ -419,13 +420,16 @@ mod tests {
         for pixel in pixels() {
             let ray = inner.unproject(&pixel).unwrap();
             let seen = lens.project(&ray).unwrap();
-            assert!(is_in(seen, ON_THE_BORDER), "{pixel}");
+            assert!(is_in(seen, BORDER_TOLERANCE), "{pixel}");
         }
         assert!((inner.principal_point() - SIZE.centre()).norm() < 1e-9);
         let outer = lens.undistorted(SIZE, 1.0).unwrap();
         let reach = 319.0 / (2.0 * outer.focal().x);
-        let widest = WIDEST_DEGREES.to_radians().tan();
-        assert!(reach > 0.9 * widest && reach < 1.5 * widest, "{reach}");
+        let innermost_place = WIDEST_DEGREES.to_radians().tan();
+        assert!(
+            reach > 0.9 * innermost_place && reach < 1.5 * innermost_place,
+            "{reach}"
+        );
     }
 
     #[test]

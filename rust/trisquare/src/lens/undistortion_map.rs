@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::picture_view::PictureView;
-use super::undistorted_view::ON_THE_BORDER;
+use super::undistorted_view::BORDER_TOLERANCE;
 use super::{DefaultLens, Lens};
 use crate::error::Error;
 use crate::image_size::ImageSize;
@@ -85,7 +85,7 @@ impl UndistortionMap<'_> {
                 let (place, parts) = seen.map_or(([NOWHERE; 2], 0), |seen| rounded(&seen));
                 whole.copy_from_slice(&place);
                 *part = parts;
-                *valid = seen.is_some_and(|seen| size.contains(&seen, ON_THE_BORDER));
+                *valid = seen.is_some_and(|seen| size.contains(&seen, BORDER_TOLERANCE));
             }
         }
         Ok(())
@@ -114,7 +114,7 @@ pub fn largest_rectangle(mask: &[bool], width: usize) -> [usize; 4] {
     }
     let mut heights = vec![0; width];
     let mut best = [0; 4];
-    let mut rising: Vec<(usize, usize)> = Vec::new(); // start and height of each bar
+    let mut open_bars: Vec<(usize, usize)> = Vec::new(); // start and height of each bar
     for (y, row) in mask.chunks_exact(width.max(1)).enumerate() {
         for (height, set) in heights.iter_mut().zip(row) {
             *height = if *set { *height + 1 } else { 0 };
@@ -122,15 +122,15 @@ pub fn largest_rectangle(mask: &[bool], width: usize) -> [usize; 4] {
         // A bar of zero height after the last one ends all bars.
         for (x, height) in heights.iter().copied().chain([0]).enumerate() {
             let mut begin = x;
-            while let Some((start, bar)) = rising.pop_if(|(_, bar)| *bar >= height) {
+            while let Some((start, bar)) = open_bars.pop_if(|(_, bar)| *bar >= height) {
                 if bar * (x - start) > best[2] * best[3] {
                     best = [start, y + 1 - bar, x - start, bar];
                 }
                 begin = start;
             }
-            rising.push((begin, height));
+            open_bars.push((begin, height));
         }
-        rising.clear();
+        open_bars.clear();
     }
     best
 }

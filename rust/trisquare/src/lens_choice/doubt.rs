@@ -46,16 +46,16 @@ pub(super) fn doubt<L: Lens>(
             continue;
         }
         let difference = free.difference(&other.fit.camera, &reference.fit.camera);
-        let mut own = &difference * difference.transpose();
+        let mut contribution = &difference * difference.transpose();
         if i > chosen {
-            let shared = shared(&other.fit.covariance, &other.fit, &reference.fit)?;
-            own += raising_part(shared, &reference.fit.covariance)?;
+            let restricted = restricted(&other.fit.covariance, &other.fit, &reference.fit)?;
+            contribution += covariance_increase(restricted, &reference.fit.covariance)?;
         }
-        doubt += own * (weight(other) / total);
+        doubt += contribution * (weight(other) / total);
     }
     if let Some(richest) = models.last().filter(|_| chosen + 1 < models.len()) {
-        let shared = with_small_coefficients(reference, richest)?;
-        doubt += raising_part(shared, &reference.fit.covariance)?;
+        let restricted = with_small_coefficients(reference, richest)?;
+        doubt += covariance_increase(restricted, &reference.fit.covariance)?;
     }
     doubt.iter().all(|v| v.is_finite()).then_some(doubt)
 }
@@ -67,24 +67,25 @@ fn with_small_coefficients<L: Lens>(
     richer: &WeighedModel<L>,
 ) -> Option<DMatrix<f64>> {
     let fit = &richer.fit;
-    let usual = fit.camera.coefficient_priors(fit.image_size);
+    let priors = fit.camera.coefficient_priors(fit.image_size);
     let kept = simpler.model.columns();
-    let left_out: Vec<usize> = (richer.model.columns().iter())
+    let omitted: Vec<usize> = (richer.model.columns().iter())
         .filter(|column| !kept.contains(*column))
         .collect();
     let place = |column: &usize| fit.position(L::parameter_names()[*column]);
-    let places: Vec<usize> = left_out.iter().map(place).collect::<Option<_>>()?;
-    let across = fit.covariance.select_columns(&places);
-    let mut own = across.select_rows(&places);
-    for (i, column) in left_out.iter().enumerate() {
-        own[(i, i)] += (SMALL * usual[column - INTRINSICS]).powi(2);
+    let places: Vec<usize> = omitted.iter().map(place).collect::<Option<_>>()?;
+    let cross = fit.covariance.select_columns(&places);
+    let mut omitted_covariance = cross.select_rows(&places);
+    for (i, column) in omitted.iter().enumerate() {
+        omitted_covariance[(i, i)] += (SMALL * priors[column - INTRINSICS]).powi(2);
     }
-    let held = &fit.covariance - &across * Cholesky::new(own)?.solve(&across.transpose());
-    shared(&held, fit, &simpler.fit)
+    let conditional =
+        &fit.covariance - &cross * Cholesky::new(omitted_covariance)?.solve(&cross.transpose());
+    restricted(&conditional, fit, &simpler.fit)
 }
 
 /// A covariance of a richer fit's free parameters, restricted to those of `reference`.
-fn shared<L: Lens>(
+fn restricted<L: Lens>(
     covariance: &DMatrix<f64>,
     richer: &Calibration<L>,
     reference: &Calibration<L>,
@@ -97,16 +98,16 @@ fn shared<L: Lens>(
 
 /// The increase from one covariance to another: their difference without its negative eigenvalues,
 /// in units of the first one's standard deviations.
-pub(super) fn raising_part(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn covariance_increase(to: DMatrix<f64>, from: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = to.nrows();
     let unit = from.diagonal().map(|d| d.sqrt().max(f64::MIN_POSITIVE));
-    let by = to - from;
-    let scaled = DMatrix::from_fn(size, size, |i, j| by[(i, j)] / (unit[i] * unit[j]));
+    let difference = to - from;
+    let scaled = DMatrix::from_fn(size, size, |i, j| difference[(i, j)] / (unit[i] * unit[j]));
     let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_EIGEN_ITERATIONS)?;
     let values = eigen.eigenvalues.map(|v| v.max(0.0));
     let vectors = &eigen.eigenvectors;
-    let raised = vectors * DMatrix::from_diagonal(&values) * vectors.transpose();
+    let increase = vectors * DMatrix::from_diagonal(&values) * vectors.transpose();
     Some(DMatrix::from_fn(size, size, |i, j| {
-        0.5 * (raised[(i, j)] + raised[(j, i)]) * unit[i] * unit[j]
+        0.5 * (increase[(i, j)] + increase[(j, i)]) * unit[i] * unit[j]
     }))
 }

@@ -49,31 +49,32 @@ pub(super) fn log_evidence<L: Lens>(
     let covariance = DMatrix::from_fn(count, count, |i, j| {
         fit.covariance[(places[i], places[j])] / (unit[i] * unit[j])
     });
-    let unknown = DVector::from_fn(count, |i, _| {
-        let own = held.iter().find(|(column, _)| *column == coefficients[i]);
-        1.0 - own.map_or(0.0, |(_, std)| (unit[i] / std).powi(2))
+    let added_information = DVector::from_fn(count, |i, _| {
+        let held_prior = held.iter().find(|(column, _)| *column == coefficients[i]);
+        1.0 - held_prior.map_or(0.0, |(_, std)| (unit[i] / std).powi(2))
     });
-    let total = &covariance * DMatrix::from_diagonal(&unknown) + DMatrix::identity(count, count);
+    let total =
+        &covariance * DMatrix::from_diagonal(&added_information) + DMatrix::identity(count, count);
     let total = total.lu();
     let mean = total.solve(&estimate)?;
     let posterior = total.solve(&covariance)?;
     let posterior = (&posterior + posterior.transpose()) * 0.5;
     let richest = L::Model::NESTED.iter().position(|other| *other == model)?;
-    let evidence_of = |simpler: &L::Model| {
+    let model_evidence = |simpler: &L::Model| {
         let kept = simpler.columns();
-        let left_out: Vec<usize> = (0..count)
+        let omitted: Vec<usize> = (0..count)
             .filter(|i| !kept.contains(coefficients[*i]))
             .collect();
-        let own = posterior.select_rows(&left_out).select_columns(&left_out);
-        let factor = Cholesky::new(own)?;
-        let at = mean.select_rows(&left_out);
-        let square = at.dot(&factor.solve(&at));
+        let omitted_covariance = posterior.select_rows(&omitted).select_columns(&omitted);
+        let factor = Cholesky::new(omitted_covariance)?;
+        let omitted_mean = mean.select_rows(&omitted);
+        let square = omitted_mean.dot(&factor.solve(&omitted_mean));
         let evidence = -0.5 * (square + factor.ln_determinant());
         evidence.is_finite().then_some(evidence)
     };
     L::Model::NESTED[..=richest]
         .iter()
-        .map(evidence_of)
+        .map(model_evidence)
         .collect()
 }
 

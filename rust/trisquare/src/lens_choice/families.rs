@@ -5,8 +5,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::doubt::raising_part;
-use super::family_odds::{FittedModel, bends_as_a_fisheye, best_standing, is_clean, subsampled};
+use super::doubt::covariance_increase;
+use super::family_odds::{FittedModel, best_comparison, is_clean, is_fisheye_like, subsampled};
 use super::models::{ModelChoice, WeighedModels, check_comparable};
 
 use crate::calibrate::{FirstFit, calibrate_photographs};
@@ -78,7 +78,7 @@ pub fn calibrate_by_family(
     let plain = WeighedModels::of(edges, size, options);
     let may_be_wide = |fit: &Calibration<_>| {
         let limit = AS_GOOD * fit.rms;
-        bends_as_a_fisheye(fit)
+        is_fisheye_like(fit)
             && FirstFit::of(&subsampled(edges), size, &wide_options)
                 .is_none_or(|wide| wide.rms < limit)
     };
@@ -105,7 +105,7 @@ pub fn calibrate_by_family(
             return Ok((FamilyChoice::Pinhole(choice), None));
         }
     };
-    let best = best_standing(edges, &wide, &plain);
+    let best = best_comparison(edges, &wide, &plain);
     if best.odds > 0.0 {
         let mut choice = wide.answer(edges, size, &wide_options, photographs)?;
         let found = &mut choice.calibration;
@@ -132,29 +132,34 @@ fn add_doubt<A: Lens, B: Lens>(
     odds: f64,
 ) {
     let probability = 1.0 / (1.0 + (-odds).exp());
-    let apart = other.camera.camera_matrix() - found.camera.camera_matrix();
-    let entries = [apart.m11, apart.m22, apart.m13, apart.m23, apart.m12];
+    let camera_difference = other.camera.camera_matrix() - found.camera.camera_matrix();
+    let entries = [
+        camera_difference.m11,
+        camera_difference.m22,
+        camera_difference.m13,
+        camera_difference.m23,
+        camera_difference.m12,
+    ];
     let chosen = family.chosen().1;
     let mut difference = DVector::zeros(found.parameters.len());
-    let (mut own, mut others) = (Vec::new(), Vec::new());
+    let (mut places, mut other_places) = (Vec::new(), Vec::new());
     for (name, entry) in SHARED.into_iter().zip(entries) {
         let Some(place) = found.position(name) else {
             continue;
         };
         difference[place] = entry;
         if let Some(same) = chosen.position(name) {
-            own.push(place);
-            others.push(same);
+            places.push(place);
+            other_places.push(same);
         }
     }
     let mut doubt = &difference * difference.transpose();
-    let part =
-        |all: &DMatrix<f64>, places: &[usize]| all.select_rows(places).select_columns(places);
+    let part = |all: &DMatrix<f64>, kept: &[usize]| all.select_rows(kept).select_columns(kept);
     let (to, from) = (family.covariance(options), &found.covariance);
-    if let Some(raised) = raising_part(part(&to, &others), &part(from, &own)) {
+    if let Some(increase) = covariance_increase(part(&to, &other_places), &part(from, &places)) {
         let size = difference.len();
-        let spread = DMatrix::<f64>::identity(size, size).select_columns(&own);
-        doubt += &spread * raised * spread.transpose();
+        let spread = DMatrix::<f64>::identity(size, size).select_columns(&places);
+        doubt += &spread * increase * spread.transpose();
     }
     widen(found, doubt * probability, options.fixed);
 }

@@ -14,7 +14,7 @@ use crate::lens::{DistortionModel, INTRINSICS, Lens};
 use crate::noise::ORDERS;
 use crate::observations::{Fixed, Options, PRIOR_SLACK, PlaneEdges, has_grid, sort_by_plane};
 use crate::result::Calibration;
-use crate::solver::step_of_some;
+use crate::solver::subset_stride;
 use crate::uncertainty::unlikely_camera;
 
 /// Minimum log odds by which a fisheye must explain the samples better: at most one camera in
@@ -26,7 +26,7 @@ const PREFERENCE: f64 = 3.0;
 const WIDE: f64 = 0.7;
 
 /// Whether the lens is a distorted pinhole, and the options allow a comparison with others.
-pub(super) fn may_be_another<L: Lens>(options: &Options<L>) -> bool {
+pub(super) fn is_comparable_pinhole<L: Lens>(options: &Options<L>) -> bool {
     let is_fisheye = L::centre_columns().is_empty();
     !is_fisheye && check_comparable(options).is_ok()
 }
@@ -39,35 +39,37 @@ const SAMPLES_PER_LINE: usize = 100;
 /// relations.
 pub(super) fn subsampled(edges: &[PlaneEdges]) -> Vec<PlaneEdges> {
     let mut planes = HashMap::new();
-    let number = |(index, own): (usize, &PlaneEdges)| {
+    let number = |(index, figure): (usize, &PlaneEdges)| {
         let next = planes.len();
         // A figure without a shared plane is on a plane of its own.
-        *planes.entry(own.plane.ok_or(index)).or_insert(next)
+        *planes.entry(figure.plane.ok_or(index)).or_insert(next)
     };
     let numbers: Vec<usize> = edges.iter().enumerate().map(number).collect();
-    let is_related = edges.iter().any(|own| !own.relations.is_empty());
-    let step = step_of_some(planes.len())
+    let is_related = edges.iter().any(|figure| !figure.relations.is_empty());
+    let step = subset_stride(planes.len())
         .filter(|_| !is_related)
         .unwrap_or(1);
-    let some = edges
+    let selected = edges
         .iter()
         .zip(numbers)
         .filter(|(_, plane)| plane % step == 0);
-    some.map(|(own, _)| own.thinned(SAMPLES_PER_LINE)).collect()
+    selected
+        .map(|(figure, _)| figure.thinned(SAMPLES_PER_LINE))
+        .collect()
 }
 
 /// Maximum ratio of a fisheye's residuals to those of every distorted pinhole, if errors are shared
 /// by whole sides under the fisheye as well: with boards, which have many lines, ...
-const MAX_LEFT_OF_BOARDS: f64 = 0.5;
+const MAX_RATIO_WITH_BOARDS: f64 = 0.5;
 
 /// ... and with squares, to whose few sides its coefficients adapt more easily.
-pub(super) const MAX_LEFT_OF_SQUARES: f64 = 0.25;
+pub(super) const MAX_RATIO_WITH_SQUARES: f64 = 0.25;
 
 /// A model of a lens, and its fit to the edge samples.
 pub(super) type FittedModel<'a, L> = (<L as Lens>::Model, &'a Calibration<L>);
 
 /// Comparison of the fisheye's models with those of a distorted pinhole: the best of each.
-pub(super) struct Standing<'a, A: Lens, B: Lens> {
+pub(super) struct FamilyComparison<'a, A: Lens, B: Lens> {
     pub wide: FittedModel<'a, A>,
     pub plain: FittedModel<'a, B>,
     /// Log odds for the fisheye.
@@ -76,15 +78,15 @@ pub(super) struct Standing<'a, A: Lens, B: Lens> {
 
 /// The fisheye with the best odds; of equals the one with the largest evidence within its family.
 /// The evidence does not include the improbability of a fit, so that it may choose another one.
-pub(super) fn best_standing<'a, A: Lens, B: Lens>(
+pub(super) fn best_comparison<'a, A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     wide: &'a WeighedModels<A>,
     plain: &'a WeighedModels<B>,
-) -> Standing<'a, A, B> {
+) -> FamilyComparison<'a, A, B> {
     let has_boards = have_boards(edges);
-    let start = standing(has_boards, wide.chosen(), plain);
-    let of_all = wide.fits().map(|own| standing(has_boards, own, plain));
-    of_all.fold(start, |best, next| match next.odds > best.odds {
+    let start = comparison(has_boards, wide.chosen(), plain);
+    let all = wide.fits().map(|fit| comparison(has_boards, fit, plain));
+    all.fold(start, |best, next| match next.odds > best.odds {
         true => next,
         false => best,
     })
@@ -98,32 +100,33 @@ pub(super) fn best_standing<'a, A: Lens, B: Lens>(
 /// Targets that are not squares lead to coefficients that no lens has, or to an unusual camera:
 /// then they are the likelier cause, unless there are boards, whose many lines determine their
 /// shape.
-fn standing<'a, A: Lens, B: Lens>(
+fn comparison<'a, A: Lens, B: Lens>(
     has_boards: bool,
     wide: FittedModel<'a, A>,
     plain: &'a WeighedModels<B>,
-) -> Standing<'a, A, B> {
+) -> FamilyComparison<'a, A, B> {
     let fit = wide.1;
     let odds = |other| log_odds(wide, other);
-    let against = plain.fits();
-    let against = against.min_by(|one, other| odds(*one).total_cmp(&odds(*other)));
-    let against = against.unwrap_or(plain.chosen());
-    let odds = odds(against) - PREFERENCE - improbability(fit);
-    let least = plain.fits().map(|(_, other)| other.rms);
-    let most_left = match has_boards {
-        true => MAX_LEFT_OF_BOARDS,
-        false => MAX_LEFT_OF_SQUARES,
+    let rival = plain.fits();
+    let rival = rival.min_by(|a, b| odds(*a).total_cmp(&odds(*b)));
+    let rival = rival.unwrap_or(plain.chosen());
+    let odds = odds(rival) - PREFERENCE - improbability(fit);
+    let pinhole_rms = plain.fits().map(|(_, other)| other.rms);
+    let max_ratio = match has_boards {
+        true => MAX_RATIO_WITH_BOARDS,
+        false => MAX_RATIO_WITH_SQUARES,
     };
-    let explains = is_clean(fit) || fit.rms < most_left * least.fold(f64::INFINITY, f64::min);
-    let follows_targets =
+    let is_explained =
+        is_clean(fit) || fit.rms < max_ratio * pinhole_rms.fold(f64::INFINITY, f64::min);
+    let may_follow_targets =
         || !unlikely_camera(fit, Fixed::default(), |_| None).is_empty() && !has_boards;
-    let odds = match explains && !follows_targets() {
+    let odds = match is_explained && !may_follow_targets() {
         true => odds,
         false => odds.min(0.0),
     };
-    Standing {
+    FamilyComparison {
         wide,
-        plain: against,
+        plain: rival,
         odds,
     }
 }
@@ -136,9 +139,9 @@ fn have_boards(edges: &[PlaneEdges]) -> bool {
 /// Minus the logarithm of the prior density of a lens's coefficients, over that of zero: normal,
 /// with the widths of the prior used in a calibration.
 fn improbability<L: Lens>(fit: &Calibration<L>) -> f64 {
-    let usual = fit.camera.coefficient_priors(fit.image_size);
+    let priors = fit.camera.coefficient_priors(fit.image_size);
     let values = fit.camera.parameters();
-    let squares = values[INTRINSICS..].iter().zip(&usual);
+    let squares = values[INTRINSICS..].iter().zip(&priors);
     squares
         .map(|(value, std)| 0.5 * (value / (PRIOR_SLACK * std)).powi(2))
         .sum()
@@ -153,9 +156,9 @@ pub(super) fn is_clean<L: Lens>(fit: &Calibration<L>) -> bool {
 /// pinhole, at angles from the axis at which the two differ by more than noise.
 ///
 /// The radius is the angle for a fisheye and its tangent for a pinhole.
-pub(super) fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
+pub(super) fn is_fisheye_like<L: Lens>(fit: &Calibration<L>) -> bool {
     let lens = &fit.camera;
-    let bends = |corner: &Vector2<f64>| {
+    let is_wide_corner = |corner: &Vector2<f64>| {
         lens.unproject(corner).is_none_or(|ray| {
             let radius = (lens.inverse_focal_matrix() * (corner - lens.principal_point())).norm();
             let angle = ray.xy().norm().atan2(ray.z);
@@ -163,17 +166,17 @@ pub(super) fn bends_as_a_fisheye<L: Lens>(fit: &Calibration<L>) -> bool {
             angle > WIDE && radius < 0.5 * (angle + angle.min(FRAC_PI_2).tan())
         })
     };
-    fit.image_size.corners().iter().any(bends)
+    fit.image_size.corners().iter().any(is_wide_corner)
 }
 
 /// Log odds of one model's fit against another's. If errors are shared by whole sides under the
 /// better one, the number of samples is limited to that of the sides' smooth displacements.
 fn log_odds<A: Lens, B: Lens>(
-    (model, one): FittedModel<'_, A>,
-    (other_model, other): FittedModel<'_, B>,
+    (model, fit): FittedModel<'_, A>,
+    (other_model, other_fit): FittedModel<'_, B>,
 ) -> f64 {
-    let samples: usize = one.planes.iter().map(|plane| plane.samples).sum();
-    let sides: usize = one.residuals.iter().map(|figure| figure.sides.len()).sum();
+    let samples: usize = fit.planes.iter().map(|plane| plane.samples).sum();
+    let sides: usize = fit.residuals.iter().map(|figure| figure.sides.len()).sum();
     let count_of = |neighbours: f64, is_clean: bool| {
         let independent = samples as f64 / neighbours.max(1.0);
         match is_clean {
@@ -181,12 +184,16 @@ fn log_odds<A: Lens, B: Lens>(
             false => independent.min((ORDERS * sides) as f64),
         }
     };
-    let independent = match one.rms < other.rms {
-        true => count_of(one.residual_correlation.neighbours, is_clean(one)),
-        false => count_of(other.residual_correlation.neighbours, is_clean(other)),
+    let independent = match fit.rms < other_fit.rms {
+        true => count_of(fit.residual_correlation.neighbours, is_clean(fit)),
+        false => count_of(
+            other_fit.residual_correlation.neighbours,
+            is_clean(other_fit),
+        ),
     };
     let independent = independent.max(1.0);
-    let [count, others] = [model.columns(), other_model.columns()].map(|own| own.iter().count());
-    let further = count as f64 - others as f64;
-    independent * (other.rms / one.rms).ln() - 0.5 * further * independent.ln()
+    let [count, other_count] =
+        [model.columns(), other_model.columns()].map(|columns| columns.iter().count());
+    let added_count = count as f64 - other_count as f64;
+    independent * (other_fit.rms / fit.rms).ln() - 0.5 * added_count * independent.ln()
 }

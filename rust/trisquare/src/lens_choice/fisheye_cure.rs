@@ -2,7 +2,8 @@
 //! no solution.
 
 use super::family_odds::{
-    MAX_LEFT_OF_SQUARES, bends_as_a_fisheye, best_standing, is_clean, may_be_another, subsampled,
+    MAX_RATIO_WITH_SQUARES, best_comparison, is_clean, is_comparable_pinhole, is_fisheye_like,
+    subsampled,
 };
 use super::models::WeighedModels;
 use crate::calibrate::{FirstFit, calibrate};
@@ -16,7 +17,7 @@ use crate::uncertainty::unlikely_camera;
 /// Ratio of the residuals of a first fit of a fisheye to those of the requested lens below which
 /// its models are compared. The residuals are of some edges for the fit, and of all for the
 /// requested lens.
-const WORTH_WEIGHING: f64 = 0.75;
+const MAX_FIRST_RATIO: f64 = 0.75;
 
 /// Inserts a warning as the first one if a fisheye explains the edges of a calibration with a
 /// distorted pinhole better than any of the pinhole's models.
@@ -31,30 +32,30 @@ pub fn warn_of_fisheye<L: Lens>(
     options: &Options<L>,
     calibration: &mut Calibration<L>,
 ) {
-    let shows = |is_shown: fn(&Warning) -> bool| calibration.warnings.iter().any(is_shown);
+    let has_warning = |is_shown: fn(&Warning) -> bool| calibration.warnings.iter().any(is_shown);
     let is_contradicted =
         |warning: &Warning| matches!(warning, Warning::RelationContradicted { .. });
     // Planes that contradict their stated relations explain all residuals.
-    let is_suspect = shows(is_symptom) && !shows(is_contradicted);
-    if !is_suspect || !may_be_another(options) {
+    let is_suspect = has_warning(is_symptom) && !has_warning(is_contradicted);
+    if !is_suspect || !is_comparable_pinhole(options) {
         return;
     }
     // Nothing is left to explain if a lens that bends as a pinhole's does leaves noise alone.
-    if is_clean(calibration) && !bends_as_a_fisheye(calibration) {
+    if is_clean(calibration) && !is_fisheye_like(calibration) {
         return;
     }
-    let some = subsampled(edges);
+    let subset = subsampled(edges);
     let wide_options = options.for_family::<Fisheye>();
     // Real boards are never quite flat, and a fisheye does not change that.
-    let limit = WORTH_WEIGHING * calibration.rms;
+    let limit = MAX_FIRST_RATIO * calibration.rms;
     let may_explain = |fit: FirstFit| fit.agrees || fit.rms < limit;
-    if !FirstFit::of(&some, size, &wide_options).is_none_or(may_explain) {
+    if !FirstFit::of(&subset, size, &wide_options).is_none_or(may_explain) {
         return;
     }
-    let wide = WeighedModels::of(&some, size, &wide_options);
-    let own = WeighedModels::of(&some, size, options);
+    let wide = WeighedModels::of(&subset, size, &wide_options);
+    let pinhole = WeighedModels::of(&subset, size, options);
     // Sheets with relief explain such residuals as well, and a fisheye would partly fit them.
-    let rises = |warning: &Warning| {
+    let has_height = |warning: &Warning| {
         matches!(
             warning,
             Warning::SidesErrTogether {
@@ -63,20 +64,21 @@ pub fn warn_of_fisheye<L: Lens>(
             }
         )
     };
-    let is_relief = calibration.warnings.iter().any(rises);
-    let (Some(wide), Some(own)) = (wide, own) else {
+    let is_relief = calibration.warnings.iter().any(has_height);
+    let (Some(wide), Some(pinhole)) = (wide, pinhole) else {
         return;
     };
-    let best = best_standing(&some, &wide, &own);
+    let best = best_comparison(&subset, &wide, &pinhole);
     let (model, fit) = best.wide;
-    let own_fit = own.fit_with(options.model);
-    let own_rms = own_fit.map_or(calibration.rms, |fit| fit.rms);
-    let follows_relief = is_relief && !is_clean(fit) && fit.rms > MAX_LEFT_OF_SQUARES * own_rms;
+    let pinhole_fit = pinhole.fit_with(options.model);
+    let pinhole_rms = pinhole_fit.map_or(calibration.rms, |fit| fit.rms);
+    let follows_relief =
+        is_relief && !is_clean(fit) && fit.rms > MAX_RATIO_WITH_SQUARES * pinhole_rms;
     if best.odds > 0.0 && !follows_relief {
         let warning = Warning::LensOfAnotherFamily {
             model: model.name(),
             rms: fit.rms,
-            own: own_rms,
+            own: pinhole_rms,
             focal: fit.camera.focal().x,
         };
         calibration
@@ -116,15 +118,15 @@ pub fn or_fisheye<L: Lens>(
     options: &Options<L>,
     error: Error,
 ) -> Error {
-    if !may_be_the_lens(&error) || !may_be_another(options) {
+    if !may_be_lens_error(&error) || !is_comparable_pinhole(options) {
         return error;
     }
-    let some = subsampled(edges);
-    explaining_fisheye(&some, size, options).unwrap_or(error)
+    let subset = subsampled(edges);
+    explaining_fisheye(&subset, size, options).unwrap_or(error)
 }
 
 /// Whether an error may be due to a lens of another family.
-fn may_be_the_lens(error: &Error) -> bool {
+fn may_be_lens_error(error: &Error) -> bool {
     match error.kind() {
         ErrorKind::NotEnoughPlanes | ErrorKind::Convergence => true,
         ErrorKind::DegenerateGeometry => !matches!(error, Error::ContradictedRelation(_)),
@@ -139,10 +141,10 @@ fn explaining_fisheye<L: Lens>(
 ) -> Option<Error> {
     let wide_options = options.for_family::<Fisheye>();
     let wide = WeighedModels::of(edges, size, &wide_options)?;
-    let own = WeighedModels::of(edges, size, options);
-    let (model, fit) = match &own {
-        Some(own) => {
-            let best = best_standing(edges, &wide, own);
+    let pinhole = WeighedModels::of(edges, size, options);
+    let (model, fit) = match &pinhole {
+        Some(pinhole) => {
+            let best = best_comparison(edges, &wide, pinhole);
             (best.odds > 0.0).then_some(best.wide)?
         }
         None => Some(wide.chosen()).filter(|(_, fit)| is_clean(fit))?,
@@ -152,9 +154,9 @@ fn explaining_fisheye<L: Lens>(
         ..wide_options
     };
     let is_usual = unlikely_camera(fit, Fixed::default(), |_| None).is_empty();
-    let answers = || calibrate(edges, size, options).is_ok();
-    let explains = is_usual && bends_as_a_fisheye(fit) && answers();
-    explains.then(|| Error::LensOfAnotherFamily {
+    let can_calibrate = || calibrate(edges, size, options).is_ok();
+    let is_explained = is_usual && is_fisheye_like(fit) && can_calibrate();
+    is_explained.then(|| Error::LensOfAnotherFamily {
         model: model.name(),
         rms: fit.rms,
         focal: fit.camera.focal().x,

@@ -8,7 +8,9 @@ use nalgebra::DMatrix;
 
 use super::doubt::doubt;
 use super::evidence::{WeighedModel, log_evidence};
-use crate::calibrate::{Comparison, calibrate_beside, calibrate_photographs, calibrate_unjudged};
+use crate::calibrate::{
+    Comparison, calibrate_photographs, calibrate_unjudged, calibrate_with_nested,
+};
 use crate::error::Error;
 use crate::image_size::ImageSize;
 use crate::lens::{DefaultLens, DistortionModel, Lens};
@@ -141,7 +143,7 @@ impl<L: Lens> WeighedModels<L> {
     /// Fits all with the outliers of the richest that converges; `None` if none does.
     pub(crate) fn of(edges: &[PlaneEdges], size: ImageSize, options: &Options<L>) -> Option<Self> {
         let mut shared = Comparison::default();
-        let models = fitted(edges, size, options, &mut shared);
+        let models = fitted_models(edges, size, options, &mut shared);
         let chosen = best(&models)?;
         Some(Self {
             models,
@@ -158,13 +160,15 @@ impl<L: Lens> WeighedModels<L> {
 
     /// Every model, the simplest first, and its fit to the edge samples.
     pub(crate) fn fits(&self) -> impl Iterator<Item = (L::Model, &Calibration<L>)> {
-        self.models.iter().map(|one| (one.model, &one.fit))
+        self.models
+            .iter()
+            .map(|weighed| (weighed.model, &weighed.fit))
     }
 
     /// The fit of a model to the edge samples, if it converged.
     pub(crate) fn fit_with(&self, model: L::Model) -> Option<&Calibration<L>> {
         let mut models = self.models.iter();
-        models.find_map(|one| (one.model == model).then_some(&one.fit))
+        models.find_map(|weighed| (weighed.model == model).then_some(&weighed.fit))
     }
 
     /// Contribution of the doubt about the chosen model to its covariance.
@@ -176,9 +180,9 @@ impl<L: Lens> WeighedModels<L> {
 
     /// The covariance of the chosen fit, including the doubt about the model.
     pub(crate) fn covariance(&self, options: &Options<L>) -> DMatrix<f64> {
-        let own = &self.chosen().1.covariance;
+        let covariance = &self.chosen().1.covariance;
         self.doubt(options)
-            .map_or_else(|| own.clone(), |doubt| own + doubt)
+            .map_or_else(|| covariance.clone(), |doubt| covariance + doubt)
     }
 
     /// The calibration with the chosen model, including the doubt about it.
@@ -196,7 +200,7 @@ impl<L: Lens> WeighedModels<L> {
         } = self.models[self.chosen];
         let options = Options { model, ..*options };
         let nested = self.nested.clone();
-        let mut calibration = calibrate_beside(edges, size, &options, photographs, nested)?;
+        let mut calibration = calibrate_with_nested(edges, size, &options, photographs, nested)?;
         if let Some(doubt) = self.doubt(&options) {
             widen(&mut calibration, doubt, options.fixed);
         }
@@ -226,7 +230,7 @@ impl<L: Lens> WeighedModels<L> {
 }
 
 /// Fits every model, and weighs those that converge. They share their work.
-fn fitted<L: Lens>(
+fn fitted_models<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
     options: &Options<L>,
@@ -244,7 +248,7 @@ fn fitted<L: Lens>(
     // The evidence of all nested models follows from the richest whose covariance can be used.
     while let Some((richest, fit, priors)) = fits.last() {
         if let Some(evidence) = log_evidence(*richest, fit, priors) {
-            let of = |model: L::Model| {
+            let evidence_of = |model: L::Model| {
                 let place = L::Model::NESTED.iter().position(|other| *other == model)?;
                 evidence.get(place).copied()
             };
@@ -252,7 +256,8 @@ fn fitted<L: Lens>(
                 let sees_all = fit.camera.sees_all_of(fit.image_size);
                 Some(WeighedModel {
                     model,
-                    log_evidence: of(model)? - if sees_all { 0.0 } else { ENDS_IN_PICTURE },
+                    log_evidence: evidence_of(model)?
+                        - if sees_all { 0.0 } else { ENDS_IN_PICTURE },
                     fit,
                 })
             });
@@ -266,8 +271,8 @@ fn fitted<L: Lens>(
 /// The one with the largest evidence; of equals the simplest.
 fn best<L: Lens>(models: &[WeighedModel<L>]) -> Option<usize> {
     (0..models.len()).reduce(|best, next| {
-        let better = models[next].log_evidence > models[best].log_evidence;
-        if better { next } else { best }
+        let is_better = models[next].log_evidence > models[best].log_evidence;
+        if is_better { next } else { best }
     })
 }
 
@@ -326,7 +331,7 @@ mod tests {
         for &model in BrownModel::NESTED {
             let options = Options { model, ..options };
             let nested = weighed.nested.clone();
-            let known = calibrate_beside(&edges, scene.size, &options, None, nested).unwrap();
+            let known = calibrate_with_nested(&edges, scene.size, &options, None, nested).unwrap();
             let alone = crate::calibrate(&edges, scene.size, &options).unwrap();
             assert_eq!(known, alone, "{model:?}");
         }

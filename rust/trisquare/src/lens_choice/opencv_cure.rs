@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::family_odds::{may_be_another, subsampled};
+use super::family_odds::{is_comparable_pinhole, subsampled};
 use crate::calibrate::{calibrate, calibrate_agreeing};
 use crate::image_size::ImageSize;
 use crate::lens::{DistortionModel, Lens, Rational, RationalModel, ThinPrism, ThinPrismModel};
@@ -20,8 +20,8 @@ const CHANCE: f64 = 1e-4;
 ///
 /// With targets that are not squares that is rare: a few more coefficients hardly ever turn them
 /// into squares of a usual camera, with sides that show noise alone. Call this after
-/// [`warn_of_fisheye`](crate::warn_of_fisheye), with the same edges, size and options. It costs nothing
-/// without such warnings.
+/// [`warn_of_fisheye`](crate::warn_of_fisheye), with the same edges, size and options. It costs
+/// nothing without such warnings.
 pub fn warn_of_opencv_lens<L: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
@@ -32,18 +32,18 @@ pub fn warn_of_opencv_lens<L: Lens>(
     let is_cured =
         first.is_some_and(|first| first.is_lens_beyond_model() && first.alternative().is_some());
     let is_suspect = fits_badly(calibration) && !is_cured;
-    if !is_suspect || !may_be_another(options) {
+    if !is_suspect || !is_comparable_pinhole(options) {
         return;
     }
-    let some = subsampled(edges);
-    let asked = (options, &calibration.parameters[..]);
+    let subset = subsampled(edges);
+    let requested = (options, &calibration.parameters[..]);
     let cure = ThinPrismModel::TANGENTIAL
         .into_iter()
-        .find_map(|model| of_lens::<L, ThinPrism>(&some, size, asked, model))
-        .or_else(|| of_lens::<L, Rational>(&some, size, asked, RationalModel::Rational));
+        .find_map(|model| cure_by_lens::<L, ThinPrism>(&subset, size, requested, model))
+        .or_else(|| cure_by_lens::<L, Rational>(&subset, size, requested, RationalModel::Rational));
     // No lens explains by a part of the edges what these do not show.
-    let is_shown = || calibrate(&some, size, options).is_ok_and(|own| fits_badly(&own));
-    if cure.is_none() || !is_shown() {
+    let is_reproduced = || calibrate(&subset, size, options).is_ok_and(|found| fits_badly(&found));
+    if cure.is_none() || !is_reproduced() {
         return;
     }
     let mut warnings = calibration.warnings.iter();
@@ -78,16 +78,16 @@ fn fits_badly<L: Lens>(found: &Calibration<L>) -> bool {
 }
 
 /// Whether a warning is only about regions of the picture without targets.
-fn is_of_places(warning: &Warning) -> bool {
+fn is_extrapolation(warning: &Warning) -> bool {
     matches!(warning, Warning::LensExtrapolated { .. })
 }
 
 /// The name of a model and `fx` with it, if coefficients beyond the requested ones leave no
 /// warnings.
-fn of_lens<A: Lens, B: Lens>(
+fn cure_by_lens<A: Lens, B: Lens>(
     edges: &[PlaneEdges],
     size: ImageSize,
-    (options, asked): (&Options<A>, &[&str]),
+    (options, requested): (&Options<A>, &[&str]),
     model: B::Model,
 ) -> Option<(String, f64)> {
     let options = Options {
@@ -95,17 +95,17 @@ fn of_lens<A: Lens, B: Lens>(
         ..options.for_family::<B>()
     };
     let found = calibrate_agreeing(edges, size, &options)?;
-    (found.warnings.iter().all(is_of_places) && has_other_coefficients(&found, asked))
+    (found.warnings.iter().all(is_extrapolation) && has_other_coefficients(&found, requested))
         .then(|| (model.name(), found.camera.focal().x))
 }
 
 /// Whether the coefficients beyond the requested parameters differ significantly from zero: if not,
 /// the lens is the same, and the search for the requested one has failed.
-fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bool {
+fn has_other_coefficients<L: Lens>(found: &Calibration<L>, requested: &[&str]) -> bool {
     let free = found.parameters.iter().enumerate();
-    let others: Vec<_> = free.filter(|(_, name)| !asked.contains(name)).collect();
+    let others: Vec<_> = free.filter(|(_, name)| !requested.contains(name)).collect();
     let estimates = found.estimates();
-    let value = |name: &str| estimates.iter().find(|own| own.name == name);
+    let value = |name: &str| estimates.iter().find(|estimate| estimate.name == name);
     let values = others.iter().map(|(_, name)| Some(value(name)?.value));
     let Some(values) = values.collect::<Option<Vec<f64>>>().map(DVector::from_vec) else {
         return false;
@@ -115,6 +115,6 @@ fn has_other_coefficients<L: Lens>(found: &Calibration<L>, asked: &[&str]) -> bo
     });
     let square = covariance
         .cholesky()
-        .map(|own| values.dot(&own.solve(&values)));
+        .map(|factor| values.dot(&factor.solve(&values)));
     square.is_some_and(|square| chi_square_tail(square, others.len() as f64) < CHANCE)
 }

@@ -45,20 +45,20 @@ fn circles(figure: &Figure, undistort: Undistort<'_>) -> Result<Vec<Circle>, Err
 /// single circle uses another circle on the same plane.
 pub(super) fn homography_of_circles(
     figure: &Figure,
-    beside: Option<&Figure>,
+    other: Option<&Figure>,
     undistort: Undistort<'_>,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
-    let own = circles(figure, undistort)?;
-    let further = match (own.len(), beside) {
+    let own_circles = circles(figure, undistort)?;
+    let further = match (own_circles.len(), other) {
         (2.., _) => Vec::new(),
-        (_, Some(beside)) => circles(beside, undistort)?,
+        (_, Some(other)) => circles(other, undistort)?,
         _ => {
             return Err(Error::LoneCircle {
                 figure: figure.index,
             });
         }
     };
-    let points = own.iter().flat_map(|circle| &circle.points);
+    let points = own_circles.iter().flat_map(|circle| &circle.points);
     let normalisation = Normalisation::of_points(points)
         .ok_or_else(|| degenerate(figure, "all samples of a circle coincide"))?;
     let inverse = normalisation.inverse();
@@ -67,21 +67,21 @@ pub(super) fn homography_of_circles(
         let found = found.ok_or_else(|| degenerate(figure, "the image of a circle is no ellipse"));
         found.map(|ellipse| inverse.tr_mul(&ellipse) * inverse)
     };
-    let all = own.iter().chain(&further);
+    let all = own_circles.iter().chain(&further);
     let mut ellipses = all.map(ellipse).collect::<Result<Vec<_>, Error>>()?;
-    check_nesting(figure.index, &own, &ellipses)?;
-    let apart = match further.is_empty() {
+    check_nesting(figure.index, &own_circles, &ellipses)?;
+    let separate = match further.is_empty() {
         true => None,
         false => separate_homography(&ellipses[0], &ellipses[1]),
     };
-    let found = apart.or_else(|| {
+    let found = separate.or_else(|| {
         ellipses.sort_by(|a, b| area(a).total_cmp(&area(b)));
         concentric_homography(&ellipses[0], &ellipses[ellipses.len() - 1])
     });
     let mut homography =
         inverse * found.ok_or_else(|| degenerate(figure, "its circles are not concentric"))?;
     let (mut known, mut measured) = (0.0, 0.0);
-    for circle in &own {
+    for circle in &own_circles {
         if let Radius::Known(radius) = circle.radius {
             known += radius;
             measured += mean_radius(circle, &homography)
@@ -89,7 +89,7 @@ pub(super) fn homography_of_circles(
         }
     }
     homography.column_mut(2).scale_mut(known / measured);
-    Ok((homography, own[0].points[0]))
+    Ok((homography, own_circles[0].points[0]))
 }
 
 /// Checks that the images of circles are nested in the order of their radii.
@@ -108,8 +108,8 @@ fn check_nesting(
     });
     let mut known: Vec<(usize, f64, f64)> = known.collect();
     known.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let crossed = |pair: &&[(usize, f64, f64)]| pair[0].2 > pair[1].2;
-    let Some([small, large]) = known.windows(2).find(crossed) else {
+    let is_crossed = |pair: &&[(usize, f64, f64)]| pair[0].2 > pair[1].2;
+    let Some([small, large]) = known.windows(2).find(is_crossed) else {
         return Ok(());
     };
     Err(Error::InvalidArgument(format!(
@@ -128,7 +128,7 @@ pub(super) fn homography_of_further_circles(
     let circles = circles(figure, undistort)?;
     let first = &circles[0];
     let placed = || {
-        let (centre, found) = fit_circle(&on_plane(&first.points, plane)?)?;
+        let (centre, found) = fit_circle(&plane_points(&first.points, plane)?)?;
         let scale = match first.radius {
             Radius::Known(radius) => found / radius,
             Radius::Free(_) => return None,
@@ -163,17 +163,17 @@ fn degenerate(figure: &Figure, reason: &'static str) -> Error {
 
 /// Mean distance of a circle's points from the origin of the plane.
 fn mean_radius(circle: &Circle, homography: &Matrix3<f64>) -> Option<f64> {
-    let points = on_plane(&circle.points, homography)?;
+    let points = plane_points(&circle.points, homography)?;
     let sum: f64 = points.iter().map(|point| point.norm()).sum();
     let mean = sum / points.len() as f64;
     (mean.is_finite() && mean > 0.0).then_some(mean)
 }
 
-fn on_plane(points: &[Vector2<f64>], homography: &Matrix3<f64>) -> Option<Vec<Vector2<f64>>> {
+fn plane_points(points: &[Vector2<f64>], homography: &Matrix3<f64>) -> Option<Vec<Vector2<f64>>> {
     let inverse = homography.try_inverse()?;
-    let back = |point: &Vector2<f64>| {
+    let plane_point = |point: &Vector2<f64>| {
         let p = inverse * point.push(1.0);
         p.xy() / p.z
     };
-    Some(points.iter().map(back).collect())
+    Some(points.iter().map(plane_point).collect())
 }

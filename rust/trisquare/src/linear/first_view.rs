@@ -125,9 +125,9 @@ pub(crate) fn first_view<L: Lens>(
     };
     let mut states = Vec::with_capacity(planes.len());
     for (i, plane) in planes.iter().enumerate() {
-        let own = &homographies.figures[i];
+        let plane_homographies = &homographies.figures[i];
         let mut first = Placement::IDENTITY;
-        let mut homography = own[0];
+        let mut homography = plane_homographies[0];
         let mut witness = homographies.witnesses[i];
         if plane.has_any_aspect() {
             first.free = Placement::ASPECT;
@@ -143,10 +143,14 @@ pub(crate) fn first_view<L: Lens>(
         let pose = Pose::from_homography(camera_matrix, &homography, &witness)
             .map_err(|error| error.of_figure(plane.figures[0].index))?;
         let mut figures = vec![first];
-        for (figure, own) in plane.figures.iter().zip(own).skip(1) {
-            figures.push(placement(figure, &homography, own)?);
+        for (figure, figure_homography) in plane.figures.iter().zip(plane_homographies).skip(1) {
+            figures.push(placement(figure, &homography, figure_homography)?);
         }
-        let round = plane.figures.iter().zip(own).zip(&mut figures);
+        let round = plane
+            .figures
+            .iter()
+            .zip(plane_homographies)
+            .zip(&mut figures);
         for ((figure, homography), placement) in round.filter(|((f, _), _)| f.is_round()) {
             placement.is_round = true;
             placement.radii = free_radii(figure, homography, &|pixel: &_| {
@@ -168,7 +172,7 @@ pub(crate) fn first_view<L: Lens>(
 fn placement(
     figure: &Figure,
     plane: &Matrix3<f64>,
-    own: &Matrix3<f64>,
+    figure_homography: &Matrix3<f64>,
 ) -> Result<Placement, Error> {
     if figure.freedom == Freedom::Fixed {
         return Ok(Placement::IDENTITY);
@@ -180,7 +184,7 @@ fn placement(
     let inverse = plane
         .try_inverse()
         .ok_or_else(|| degenerate("it is singular"))?;
-    let map = inverse * own;
+    let map = inverse * figure_homography;
     // Up to noise the map is a similarity: its Jacobian at the figure's origin.
     let shift = Vector2::new(map.m13, map.m23) / map.m33;
     if let (Freedom::Offsets, Some(line)) = (figure.freedom, figure.sides[0].line()) {
@@ -200,10 +204,11 @@ fn placement(
     let scale = determinant.sqrt();
     let angle = (jacobian.m21 - jacobian.m12).atan2(jacobian.m11 + jacobian.m22);
     let quarter = (angle / std::f64::consts::FRAC_PI_2).round() * std::f64::consts::FRAC_PI_2;
-    let concentric = shift.norm() < CONCENTRIC_SHIFT && (angle - quarter).abs() < CONCENTRIC_ANGLE;
-    let size_only =
-        figure.freedom == Freedom::Size || figure.freedom == Freedom::Auto && concentric;
-    Ok(if size_only {
+    let is_concentric =
+        shift.norm() < CONCENTRIC_SHIFT && (angle - quarter).abs() < CONCENTRIC_ANGLE;
+    let is_size_only =
+        figure.freedom == Freedom::Size || figure.freedom == Freedom::Auto && is_concentric;
+    Ok(if is_size_only {
         Placement {
             scale,
             angle: quarter,

@@ -12,7 +12,7 @@ use crate::observations::{Figure, Freedom, Method, ObservedPlane, Options, Sampl
 
 /// Cosine of the angle from the axis up to which a ray is imaged by a pinhole at a moderate
 /// distance.
-const AHEAD: f64 = 0.1;
+const MIN_RAY_DEPTH: f64 = 0.1;
 
 /// Removal of the distortion from the pictures' samples, before any camera matrix is known.
 ///
@@ -53,8 +53,9 @@ impl<L: Lens> Undistortion<L> {
             return Ok(Self::Straightened(Straightening::identity(size)));
         }
         // If the refinement follows, it estimates the centre itself.
-        let held = options.fixed.principal_point || options.method == Method::MaximumLikelihood;
-        let centre = held.then(|| {
+        let is_centre_held =
+            options.fixed.principal_point || options.method == Method::MaximumLikelihood;
+        let centre = is_centre_held.then(|| {
             let fixed = options.known_intrinsics(&size).principal_point;
             fixed.unwrap_or_else(|| size.centre())
         });
@@ -64,7 +65,7 @@ impl<L: Lens> Undistortion<L> {
     pub fn undistort(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         match self {
             Self::Straightened(straightening) => straightening.undistort(pixel),
-            Self::Known(camera) => seen_ahead(camera, &camera.unproject(pixel)?),
+            Self::Known(camera) => pinhole_pixel(camera, &camera.unproject(pixel)?),
         }
     }
 
@@ -86,7 +87,7 @@ impl<L: Lens> Undistortion<L> {
                 let line = line_of_rays(rays.iter().copied().zip(weights)).ok_or(ONE_PLACE)?;
                 let inverse = camera.camera_matrix().try_inverse().ok_or(NO_RAY)?;
                 let line = inverse.tr_mul(&line);
-                let ideal = rays.iter().filter_map(|ray| seen_ahead(camera, ray));
+                let ideal = rays.iter().filter_map(|ray| pinhole_pixel(camera, ray));
                 let ideal = ideal.collect();
                 let line = Line::new(line.x, line.y, line.z).map_err(|_| ONE_PLACE)?;
                 Ok((line, ideal))
@@ -113,7 +114,7 @@ pub(crate) struct Homographies {
     /// A sample of each plane's first figure, in that figure's coordinates.
     pub witnesses: Vec<Vector2<f64>>,
     /// Whether each plane shows a rectangle of unknown aspect.
-    pub any_aspect: Vec<bool>,
+    pub has_any_aspect: Vec<bool>,
 }
 
 impl Homographies {
@@ -124,10 +125,10 @@ impl Homographies {
         let mut figures = Vec::with_capacity(planes.len());
         let mut witnesses = Vec::with_capacity(planes.len());
         for plane in planes {
-            let mut own = Vec::with_capacity(plane.figures.len());
+            let mut plane_homographies = Vec::with_capacity(plane.figures.len());
             for (number, figure) in plane.figures.iter().enumerate() {
                 if number > 0 && figure.freedom == Freedom::Fixed {
-                    own.push(own[0]);
+                    plane_homographies.push(plane_homographies[0]);
                     continue;
                 }
                 let line = figure.sides[0].line();
@@ -136,36 +137,41 @@ impl Homographies {
                     && let Some(line) = line
                 {
                     let normal = line.normal();
-                    own.push(homography_of_offset(
+                    plane_homographies.push(homography_of_offset(
                         (figure, normal),
-                        &own[0],
+                        &plane_homographies[0],
                         undistortion,
                     )?);
                     continue;
                 }
                 if number > 0 && figure.is_round() {
                     let undistort = |pixel: &_| undistortion.undistort(pixel);
-                    own.push(homography_of_further_circles(figure, &own[0], &undistort)?);
+                    plane_homographies.push(homography_of_further_circles(
+                        figure,
+                        &plane_homographies[0],
+                        &undistort,
+                    )?);
                     continue;
                 }
                 let (homography, seen) = match number {
                     0 => {
-                        let beside = plane.figures[1..].iter().find(|other| other.is_round());
-                        homography_of_figure(&with_fixed(plane), beside, undistortion)?
+                        let other_circles =
+                            plane.figures[1..].iter().find(|other| other.is_round());
+                        homography_of_figure(&with_fixed(plane), other_circles, undistortion)?
                     }
                     _ => homography_of_figure(figure, None, undistortion)?,
                 };
-                if own.is_empty() {
+                if plane_homographies.is_empty() {
                     witnesses.push(back_project(&homography, &seen).unwrap_or_default());
                 }
-                own.push(homography);
+                plane_homographies.push(homography);
             }
-            figures.push(own);
+            figures.push(plane_homographies);
         }
         Ok(Self {
             figures,
             witnesses,
-            any_aspect: planes.iter().map(ObservedPlane::has_any_aspect).collect(),
+            has_any_aspect: planes.iter().map(ObservedPlane::has_any_aspect).collect(),
         })
     }
 
@@ -174,12 +180,12 @@ impl Homographies {
         let mut all = Self {
             figures: Vec::new(),
             witnesses: Vec::new(),
-            any_aspect: Vec::new(),
+            has_any_aspect: Vec::new(),
         };
         for set in sets {
             all.figures.extend(set.figures.iter().cloned());
             all.witnesses.extend(&set.witnesses);
-            all.any_aspect.extend(&set.any_aspect);
+            all.has_any_aspect.extend(&set.has_any_aspect);
         }
         all
     }
@@ -187,10 +193,10 @@ impl Homographies {
     /// The homography of the first figure of every plane, and whether its aspect is unknown.
     pub fn of_planes(&self) -> Vec<PlaneHomography> {
         let first = self.figures.iter().map(|figures| figures[0]);
-        let planes = first.zip(&self.any_aspect);
-        let planes = planes.map(|(homography, any_aspect)| PlaneHomography {
+        let planes = first.zip(&self.has_any_aspect);
+        let planes = planes.map(|(homography, has_any_aspect)| PlaneHomography {
             homography,
-            has_any_aspect: *any_aspect,
+            has_any_aspect: *has_any_aspect,
         });
         planes.collect()
     }
@@ -216,7 +222,7 @@ fn with_fixed(plane: &ObservedPlane) -> Figure {
 /// plane.
 pub(crate) fn homography_of_figure<L: Lens>(
     figure: &Figure,
-    beside: Option<&Figure>,
+    other_circles: Option<&Figure>,
     undistortion: &Undistortion<L>,
 ) -> Result<(Matrix3<f64>, Vector2<f64>), Error> {
     let degenerate = |reason| Error::DegenerateHomography {
@@ -237,7 +243,7 @@ pub(crate) fn homography_of_figure<L: Lens>(
     }
     if plane_lines.is_empty() {
         let undistort = |pixel: &_| undistortion.undistort(pixel);
-        return homography_of_circles(figure, beside, &undistort);
+        return homography_of_circles(figure, other_circles, &undistort);
     }
     let witness = *ideal
         .first()
@@ -267,8 +273,8 @@ fn homography_of_offset<L: Lens>(
 }
 
 /// A pinhole's pixel of a unit ray, with the same camera matrix; `None` beyond a moderate distance.
-fn seen_ahead<L: Lens>(camera: &L, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
-    (ray.z > AHEAD).then(|| (camera.camera_matrix() * ray).xy() / ray.z)
+fn pinhole_pixel<L: Lens>(camera: &L, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+    (ray.z > MIN_RAY_DEPTH).then(|| (camera.camera_matrix() * ray).xy() / ray.z)
 }
 
 fn back_project(homography: &Matrix3<f64>, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {

@@ -96,7 +96,7 @@ impl Straightening {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
         let ideal = self.centre + q * self.factor(square).0 * self.radius;
-        (self.reaches(square) && ideal.norm().is_finite()).then_some(ideal)
+        (self.increases_up_to_square(square) && ideal.norm().is_finite()).then_some(ideal)
     }
 
     /// The ideal radius of an observed one, both in pixels from the centre.
@@ -116,19 +116,19 @@ impl Straightening {
     }
 
     /// Whether the map increases up to a squared distance from the centre, in units of `S`.
-    fn reaches(&self, square: f64) -> bool {
+    fn increases_up_to_square(&self, square: f64) -> bool {
         let mut coefficients = [0.0; MAX_COEFFICIENTS];
         let given = coefficients.iter_mut().zip(&self.coefficients);
-        given.for_each(|(own, given)| *own = *given);
+        given.for_each(|(coefficient, given)| *coefficient = *given);
         increases_up_to(coefficients, square)
     }
 
     /// The map around one pixel, also if it does not increase up to there.
-    fn bend(&self, pixel: &Vector2<f64>) -> Bend {
+    fn local_map(&self, pixel: &Vector2<f64>) -> LocalMap {
         let q = (pixel - self.centre) / self.radius;
         let square = q.norm_squared();
         let (factor, slope) = self.factor(square);
-        Bend {
+        LocalMap {
             q,
             square,
             factor,
@@ -138,7 +138,7 @@ impl Straightening {
 }
 
 /// The undistorting map around one pixel, in units of `S`.
-struct Bend {
+struct LocalMap {
     q: Vector2<f64>,
     square: f64,
     factor: f64,
@@ -206,10 +206,10 @@ pub fn fit_distortion(
         .and_then(|information| information.cholesky())
         .map(|factor| factor.inverse() * variance.max(MIN_NOISE * MIN_NOISE));
     let limit = CENTRE_STD_LIMIT * f64::from(size.width);
-    let determined = covariance.is_some_and(|c| {
+    let is_determined = covariance.is_some_and(|c| {
         (coefficients..coefficients + 2).all(|i| c[(i, i)] > 0.0 && c[(i, i)].sqrt() < limit)
     });
-    if determined && let Ok(freed) = solve(&problem, held.state.clone()) {
+    if is_determined && let Ok(freed) = solve(&problem, held.state.clone()) {
         return Ok(problem.finish(freed));
     }
     Ok(problem.finish(held))
@@ -275,15 +275,16 @@ impl Straight<'_> {
 
     /// The straight line nearest to a curve, in ideal coordinates (units of `S` about the origin),
     /// with distances measured in the distorted picture.
-    fn line_of(&self, state: &Straightening, bends: &[Bend]) -> Option<Line> {
-        let place = |bend: &Bend| self.ideal(state, bend);
-        let first = Line::fit(bends.iter().map(|b| (place(b), 1.0)))?;
-        let weight = |bend: &Bend| 1.0 / (bend.jacobian * first.normal()).norm_squared();
-        Line::fit(bends.iter().map(|b| (place(b), weight(b))))
+    fn line_of(&self, state: &Straightening, local_maps: &[LocalMap]) -> Option<Line> {
+        let place = |local_map: &LocalMap| self.ideal(state, local_map);
+        let first = Line::fit(local_maps.iter().map(|b| (place(b), 1.0)))?;
+        let weight =
+            |local_map: &LocalMap| 1.0 / (local_map.jacobian * first.normal()).norm_squared();
+        Line::fit(local_maps.iter().map(|b| (place(b), weight(b))))
     }
 
-    fn ideal(&self, state: &Straightening, bend: &Bend) -> Vector2<f64> {
-        bend.q * bend.factor + (state.centre - self.origin) / state.radius
+    fn ideal(&self, state: &Straightening, local_map: &LocalMap) -> Vector2<f64> {
+        local_map.q * local_map.factor + (state.centre - self.origin) / state.radius
     }
 }
 
@@ -297,20 +298,24 @@ impl Problem for Straight<'_> {
         let mut system = ArrowSystem::zeros(shared, std::iter::empty());
         let mut cost = 0.0;
         for curve in self.curves {
-            let bends: Vec<Bend> = curve.iter().map(|pixel| state.bend(pixel)).collect();
-            let farthest = bends.iter().map(|bend| bend.square).fold(0.0, f64::max);
-            if !state.reaches(farthest) {
+            let local_maps: Vec<LocalMap> =
+                curve.iter().map(|pixel| state.local_map(pixel)).collect();
+            let max_square = local_maps
+                .iter()
+                .map(|local_map| local_map.square)
+                .fold(0.0, f64::max);
+            if !state.increases_up_to_square(max_square) {
                 return None;
             }
-            let line = self.line_of(state, &bends)?;
+            let line = self.line_of(state, &local_maps)?;
             let normal = line.normal();
             let tangent = Vector2::new(-normal.y, normal.x);
             // Shared parameters, the line's angle and offset, and the residual; then zeros.
             let mut row = SVector::<f64, ROW>::zeros();
             let mut sums = SMatrix::<f64, ROW, ROW>::zeros();
-            for bend in &bends {
-                let ideal = self.ideal(state, bend);
-                let gradient = bend.jacobian * normal;
+            for local_map in &local_maps {
+                let ideal = self.ideal(state, local_map);
+                let gradient = local_map.jacobian * normal;
                 let norm = gradient.norm();
                 let residual = line.distance(&ideal) / norm * state.radius;
                 let unit = gradient / norm;
@@ -321,24 +326,28 @@ impl Problem for Straight<'_> {
                 let mut power = 1.0;
                 for k in 0..count {
                     let lower = power;
-                    power *= bend.square;
-                    let along = bend.q.dot(&normal);
-                    let bent = normal * power + bend.q * (2.0 * (k + 1) as f64 * lower * along);
-                    row[k] = slope(along * power, unit.dot(&bent));
+                    power *= local_map.square;
+                    let normal_part = local_map.q.dot(&normal);
+                    let gradient_change =
+                        normal * power + local_map.q * (2.0 * (k + 1) as f64 * lower * normal_part);
+                    row[k] = slope(normal_part * power, unit.dot(&gradient_change));
                 }
                 if self.free_centre {
-                    let moved = (normal - gradient) / norm;
-                    (row[count], row[count + 1]) = (moved.x, moved.y);
+                    let wrt_centre = (normal - gradient) / norm;
+                    (row[count], row[count + 1]) = (wrt_centre.x, wrt_centre.y);
                 }
-                row[shared] = slope(tangent.dot(&ideal), unit.dot(&(bend.jacobian * tangent)));
+                row[shared] = slope(
+                    tangent.dot(&ideal),
+                    unit.dot(&(local_map.jacobian * tangent)),
+                );
                 row[shared + 1] = state.radius / norm;
                 row[last] = residual;
                 sums.ger(1.0, &row, &row, 1.0);
             }
             cost += 0.5 * sums[(last, last)];
             // The line depends on the shared parameters: it is eliminated (Schur complement).
-            let own = sums.fixed_view::<2, 2>(shared, shared).cholesky()?;
-            let half = own
+            let line_factor = sums.fixed_view::<2, 2>(shared, shared).cholesky()?;
+            let half = line_factor
                 .l_dirty()
                 .solve_lower_triangular(&sums.fixed_rows::<2>(shared))?;
             sums -= half.tr_mul(&half);

@@ -16,39 +16,41 @@ const QUADRATIC: f64 = 1e4;
 
 /// The samples of an optimum with the weights of the robust loss there: under another lens the
 /// residuals of all change together.
-pub(super) fn with_weights_held<L: Lens>(
+pub(super) fn with_fixed_weights<L: Lens>(
     planes: &[ObservedPlane],
     optimum: &Refined<L>,
 ) -> Vec<ObservedPlane> {
-    let mut held = planes.to_vec();
-    for (plane, residuals) in held.iter_mut().zip(&optimum.residuals) {
+    let mut weighted = planes.to_vec();
+    for (plane, residuals) in weighted.iter_mut().zip(&optimum.residuals) {
         let samples = plane.sides_mut().flat_map(|side| {
-            let trust = side.trust();
-            side.samples.iter_mut().map(move |sample| (sample, trust))
+            let weight_factor = side.weight_factor();
+            side.samples
+                .iter_mut()
+                .map(move |sample| (sample, weight_factor))
         });
-        for ((sample, trust), residual) in samples.zip(residuals) {
-            let to_noise = sample.weight * trust / optimum.scale;
+        for ((sample, weight_factor), residual) in samples.zip(residuals) {
+            let to_noise = sample.weight * weight_factor / optimum.scale;
             let (_, weight) = Loss::Tukey.cost_and_weight(residual.distance * to_noise);
             sample.weight *= weight.sqrt();
         }
     }
-    held
+    weighted
 }
 
 /// The least-squares problem of samples with fixed weights.
 pub(super) fn least_squares<'a, L: Lens>(
-    held: &'a [ObservedPlane],
+    weighted: &'a [ObservedPlane],
     free: &'a FreeParameters,
     optimum: &Refined<L>,
 ) -> EdgeProblem<'a, L> {
-    EdgeProblem::new(held, free, QUADRATIC * optimum.scale)
+    EdgeProblem::new(weighted, free, QUADRATIC * optimum.scale)
 }
 
 /// The planes of an optimum under another lens, each fitted to its samples; `None` if the lens does
 /// not see all of them.
 pub(super) fn planes_under<L: Lens>(
     lens: L,
-    held: &[ObservedPlane],
+    weighted: &[ObservedPlane],
     optimum: &Refined<L>,
     model: L::Model,
 ) -> Option<Vec<PlaneState>> {
@@ -69,7 +71,7 @@ pub(super) fn planes_under<L: Lens>(
         iterations: MAX_ITERATIONS,
         decrease: LAST_DECREASE / (QUADRATIC * QUADRATIC),
     };
-    let problem = least_squares(held, &none, optimum);
+    let problem = least_squares(weighted, &none, optimum);
     Some(minimise(&problem, start, limits)?.state.planes)
 }
 
@@ -84,23 +86,23 @@ pub(super) fn moved_like(
     moved.pose.rotation = turn * plane.pose.rotation;
     moved.pose.translation += after.pose.translation - before.pose.translation;
     let figures = moved.figures.iter_mut();
-    for (own, (before, after)) in figures.zip(before.figures.iter().zip(&after.figures)) {
-        *own = placed_like(own, before, after);
+    for (figure, (before, after)) in figures.zip(before.figures.iter().zip(&after.figures)) {
+        *figure = placed_like(figure, before, after);
     }
     moved
 }
 
-fn placed_like(own: &Placement, before: &Placement, after: &Placement) -> Placement {
+fn placed_like(placement: &Placement, before: &Placement, after: &Placement) -> Placement {
     let radii = after.radii.iter().zip(&before.radii);
-    let radii = own.radii.iter().zip(radii);
+    let radii = placement.radii.iter().zip(radii);
     Placement {
-        stretch: own.stretch + after.stretch - before.stretch,
-        scale: own.scale + after.scale - before.scale,
-        angle: own.angle + after.angle - before.angle,
-        shift: own.shift + after.shift - before.shift,
+        stretch: placement.stretch + after.stretch - before.stretch,
+        scale: placement.scale + after.scale - before.scale,
+        angle: placement.angle + after.angle - before.angle,
+        shift: placement.shift + after.shift - before.shift,
         radii: radii
-            .map(|(own, (after, before))| own + after - before)
+            .map(|(radius, (after, before))| radius + after - before)
             .collect(),
-        ..own.clone()
+        ..placement.clone()
     }
 }

@@ -3,9 +3,9 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::follow::moved_like;
-use super::mixture::{Mixture, sorted};
+use super::mixture::{Mixture, classified};
 use super::observed_line::{ObservedLine, SmoothLine};
-use super::planes::{Planes, Said};
+use super::planes::{PlaneInformation, Planes};
 use crate::lens::Lens;
 use crate::noise::{LocalNoise, Noise};
 use crate::numeric::chi_square_tail;
@@ -60,14 +60,14 @@ pub(crate) fn add_lines<L: Lens>(
     };
     let moved = accepted.and_then(|found| {
         let optimum = fitted.unwrap_or(solution);
-        let moved = planes.and_then(|planes| moved(&planes, optimum, found.lens));
+        let moved = planes.and_then(|planes| moved_optimum(&planes, optimum, found.lens));
         moved
             .map(|moved| (found, moved))
             .ok_or(Warning::LinesNotUsed { sigmas: None })
     });
     let is_used = match moved {
         Ok((found, moved)) => {
-            take(problem, &moved, calibration);
+            copy_optimum(problem, &moved, calibration);
             calibration.covariance = found.covariance;
             found.is_used
         }
@@ -82,7 +82,7 @@ pub(crate) fn add_lines<L: Lens>(
         SceneLine {
             figure: line.figures[0].index,
             image: line.image,
-            rms: ObservedLine::of(&lens, &problem.free, samples).map(|own| own.rms()),
+            rms: ObservedLine::of(&lens, &problem.free, samples).map(|observed| observed.rms()),
             samples: samples.len(),
             is_used,
         }
@@ -97,25 +97,29 @@ fn join<L: Lens>(
     planes: &Planes<'_, L>,
     lines: &[ObservedPlane],
 ) -> Option<(Joined<L>, Option<f64>)> {
-    let seen = |lens: &L| measured(problem, lens, lines).len();
+    let visible_count = |lens: &L| measured(problem, lens, lines).len();
     let starts = [
         Some(planes.lens),
-        planes.usual(),
+        planes.lens_with_prior(),
         Some(planes.lens.without_distortion()),
     ];
     let starts = starts.into_iter().flatten().rev();
-    let mut lens = starts.max_by_key(|lens| seen(lens))?;
-    let mut last = f64::INFINITY;
+    let mut lens = starts.max_by_key(|lens| visible_count(lens))?;
+    let mut last_length = f64::INFINITY;
     for _ in 0..MAX_ROUNDS {
         let (numbers, smooth): (Vec<usize>, Vec<SmoothLine>) =
             smoothed(measured(problem, &lens, lines), lines, &planes.units)
                 .into_iter()
                 .unzip();
-        let said = planes.at(lens)?;
-        let found = Balance::of(&said, &smooth)?;
-        let part = if found.length < last { 1.0 } else { SHORTENED };
-        lens = planes.moved(&(&found.step * part), &lens);
-        last = found.length;
+        let plane_information = planes.information_at(lens)?;
+        let found = Combination::of(&plane_information, &smooth)?;
+        let step_fraction = if found.length < last_length {
+            1.0
+        } else {
+            SHORTENED
+        };
+        lens = planes.stepped_lens(&(&found.step * step_fraction), &lens);
+        last_length = found.length;
         if found.length > LAST_STEP {
             continue;
         }
@@ -124,7 +128,7 @@ fn join<L: Lens>(
             is_used[number] = *is_straight;
         }
         let covariance = found.factor.inverse();
-        let contradiction = found.contradiction(&said, &covariance);
+        let contradiction = found.contradiction(&plane_information, &covariance);
         let units = DMatrix::from_diagonal(&planes.units);
         let joined = Joined {
             lens,
@@ -139,7 +143,7 @@ fn join<L: Lens>(
 }
 
 /// Combination of lines and planes at a lens.
-struct Balance {
+struct Combination {
     is_straight: Vec<bool>,
     /// Factor of their joint information.
     factor: Cholesky<f64, Dyn>,
@@ -148,14 +152,14 @@ struct Balance {
     length: f64,
 }
 
-impl Balance {
-    fn of(said: &Said, lines: &[SmoothLine]) -> Option<Self> {
-        let gradient = &said.information * &said.deviation;
+impl Combination {
+    fn of(plane_information: &PlaneInformation, lines: &[SmoothLine]) -> Option<Self> {
+        let gradient = &plane_information.information * &plane_information.deviation;
         let Mixture {
             is_straight,
             information,
             gradient,
-        } = sorted(lines, (&said.information, &gradient))?;
+        } = classified(lines, (&plane_information.information, &gradient))?;
         let factor = information.clone().cholesky()?;
         let step = -factor.solve(&gradient);
         Some(Self {
@@ -167,12 +171,19 @@ impl Balance {
     }
 
     /// Difference between lines and planes in standard deviations, if beyond chance.
-    fn contradiction(&self, said: &Said, covariance: &DMatrix<f64>) -> Option<f64> {
-        let square = said.deviation.dot(&(&said.information * &said.deviation));
-        let square = square.max(said.square);
-        let determined = self.step.len() as f64 - (&said.information * covariance).trace();
-        let contradicts = chi_square_tail(square, determined.max(1.0)) < CHANCE;
-        contradicts.then(|| (square / determined.max(1.0)).sqrt())
+    fn contradiction(
+        &self,
+        plane_information: &PlaneInformation,
+        covariance: &DMatrix<f64>,
+    ) -> Option<f64> {
+        let square = plane_information
+            .deviation
+            .dot(&(&plane_information.information * &plane_information.deviation));
+        let square = square.max(plane_information.square);
+        let determined =
+            self.step.len() as f64 - (&plane_information.information * covariance).trace();
+        let is_contradiction = chi_square_tail(square, determined.max(1.0)) < CHANCE;
+        is_contradiction.then(|| (square / determined.max(1.0)).sqrt())
     }
 }
 
@@ -204,9 +215,10 @@ fn smoothed(
         .map(|(_, line)| line.rough.clone())
         .collect();
     let noise = Noise::of(&planes, &rough, robust_scale(&rough, 0));
-    let of_line = |((number, line), own): ((usize, ObservedLine), &LocalNoise)| {
-        let variance = own.freedom * own.scale.powi(2) + SHARED_FREEDOM * noise.scale.powi(2);
-        let scale = (variance / (own.freedom + SHARED_FREEDOM)).sqrt();
+    let smooth_line = |((number, line), line_noise): ((usize, ObservedLine), &LocalNoise)| {
+        let variance =
+            line_noise.freedom * line_noise.scale.powi(2) + SHARED_FREEDOM * noise.scale.powi(2);
+        let scale = (variance / (line_noise.freedom + SHARED_FREEDOM)).sqrt();
         Some((
             number,
             line.smooth(scale, noise.correlation)?.in_units(units),
@@ -215,21 +227,28 @@ fn smoothed(
     measured
         .into_iter()
         .zip(&noise.planes)
-        .filter_map(of_line)
+        .filter_map(smooth_line)
         .collect()
 }
 
 /// An optimum with its planes moved to their poses under another lens.
-fn moved<L: Lens>(planes: &Planes<'_, L>, optimum: &Solution<L>, lens: L) -> Option<Solution<L>> {
-    let own = &optimum.refined.view;
-    let (before, after) = (planes.under(planes.lens)?, planes.under(lens)?);
-    let moves = own.planes.iter().zip(before.iter().zip(&after));
+fn moved_optimum<L: Lens>(
+    planes: &Planes<'_, L>,
+    optimum: &Solution<L>,
+    lens: L,
+) -> Option<Solution<L>> {
+    let optimum_view = &optimum.refined.view;
+    let (before, after) = (
+        planes.plane_states(planes.lens)?,
+        planes.plane_states(lens)?,
+    );
+    let moves = optimum_view.planes.iter().zip(before.iter().zip(&after));
     let mut view = View {
         lens,
         planes: moves
-            .map(|(own, (before, after))| moved_like(own, before, after))
+            .map(|(plane, (before, after))| moved_like(plane, before, after))
             .collect(),
-        relations: own.relations.clone(),
+        relations: optimum_view.relations.clone(),
     };
     if !view.hold_relations() {
         return None;
@@ -247,7 +266,7 @@ fn moved<L: Lens>(planes: &Planes<'_, L>, optimum: &Solution<L>, lens: L) -> Opt
 
 /// Copies a moved optimum to a calibration; the poses' uncertainties given the camera are
 /// unchanged.
-fn take<L: Lens>(
+fn copy_optimum<L: Lens>(
     problem: &JointProblem<'_, L>,
     moved: &Solution<L>,
     calibration: &mut Calibration<L>,

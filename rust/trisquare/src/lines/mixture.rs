@@ -9,13 +9,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observed_line::{LinePart, SmoothLine};
-use crate::noise::variance_of;
+use crate::noise::displacement_variance;
 
 /// Root mean square bends (px) tried for straight lines, in descending order.
 const BENDS: [f64; 10] = [0.3, 0.17, 0.1, 0.06, 0.03, 0.017, 0.01, 0.006, 0.003, 0.0];
 
 /// Prior probability that straight lines do not bend at all.
-const UNBENT: f64 = 0.5;
+const NO_BEND_PRIOR: f64 = 0.5;
 
 /// Root mean square bend (px) of curved lines; larger bends carry no information.
 const CURVED: f64 = 0.3;
@@ -58,20 +58,20 @@ impl Sums {
 }
 
 /// Classifies the lines, given information and gradient of the parameters from other sources.
-pub(super) fn sorted(
+pub(super) fn classified(
     lines: &[SmoothLine],
     known: (&DMatrix<f64>, &DVector<f64>),
 ) -> Option<Mixture> {
-    let curved = variance_of(CURVED);
-    let of_curved = |line: &SmoothLine| {
+    let curved = displacement_variance(CURVED);
+    let curved_criterion = |line: &SmoothLine| {
         let log_determinant = line.part(curved)?.log_determinant;
         Some(log_determinant + line.freedom() + CURVED_PENALTY)
     };
-    let curved: Vec<f64> = lines.iter().map(of_curved).collect::<Option<_>>()?;
+    let curved: Vec<f64> = lines.iter().map(curved_criterion).collect::<Option<_>>()?;
     let parts = |bend: f64| -> Option<Vec<LinePart>> {
         lines
             .iter()
-            .map(|line| line.part(variance_of(bend)))
+            .map(|line| line.part(displacement_variance(bend)))
             .collect()
     };
     let all: Vec<Vec<LinePart>> = BENDS
@@ -98,7 +98,7 @@ pub(super) fn sorted(
     for parts in &all {
         let start = sums(parts, &is_straight);
         let criterion = switch(start, parts, &curved, &mut is_straight);
-        if best.as_ref().is_none_or(|(least, _)| criterion < *least) {
+        if best.as_ref().is_none_or(|(lowest, _)| criterion < *lowest) {
             best = Some((criterion, is_straight.clone()));
         }
     }
@@ -119,21 +119,21 @@ pub(super) fn sorted(
 
 /// Switches lines between straight and curved, one by one, as long as that lowers the criterion;
 /// returns the criterion.
-fn switch(mut now: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [bool]) -> f64 {
-    let mut criterion = now.criterion();
+fn switch(mut current: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [bool]) -> f64 {
+    let mut criterion = current.criterion();
     for _ in 0..2 * parts.len() {
         let switched = |i: usize| {
             let sign = if is_straight[i] { -1.0 } else { 1.0 };
-            let mut sums = now.with(&parts[i], sign);
+            let mut sums = current.with(&parts[i], sign);
             sums.rest -= sign * curved[i];
             sums
         };
         let trials = (0..parts.len()).map(|i| (i, switched(i).criterion()));
-        let least = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));
-        let Some((line, found)) = least.filter(|(_, found)| *found < criterion) else {
+        let lowest = trials.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let Some((line, found)) = lowest.filter(|(_, found)| *found < criterion) else {
             break;
         };
-        (now, criterion) = (switched(line), found);
+        (current, criterion) = (switched(line), found);
         is_straight[line] = !is_straight[line];
     }
     criterion
@@ -141,14 +141,14 @@ fn switch(mut now: Sums, parts: &[LinePart], curved: &[f64], is_straight: &mut [
 
 /// The root mean square bend over all that were tried, weighted by their probabilities.
 fn mean_bend(criteria: &[f64]) -> f64 {
-    let least = criteria.iter().copied().fold(f64::INFINITY, f64::min);
+    let lowest = criteria.iter().copied().fold(f64::INFINITY, f64::min);
     let (mut total, mut squares) = (0.0, 0.0);
     for (bend, criterion) in BENDS.iter().zip(criteria) {
         let prior = match *bend == 0.0 {
-            true => UNBENT,
-            false => (1.0 - UNBENT) / (BENDS.len() - 1) as f64,
+            true => NO_BEND_PRIOR,
+            false => (1.0 - NO_BEND_PRIOR) / (BENDS.len() - 1) as f64,
         };
-        let weight = prior * (0.5 * (least - criterion)).exp();
+        let weight = prior * (0.5 * (lowest - criterion)).exp();
         total += weight;
         squares += weight * bend * bend;
     }

@@ -22,8 +22,8 @@ const MIN_NOISE: f64 = 1e-5;
 /// Number of samples required per order of the smooth displacement, and orders of any line: those
 /// of a straight one, and a bend.
 const SAMPLES_PER_ORDER: usize = 4;
-const STRAIGHT: usize = 2;
-const BENT: usize = 3;
+const STRAIGHT_ORDERS: usize = 2;
+const BENT_ORDERS: usize = 3;
 
 /// The samples of a line under a lens.
 pub(super) struct ObservedLine {
@@ -52,7 +52,7 @@ impl ObservedLine {
             .map(|ray| (lens.direction(ray).normalize(), 1.0));
         let mut line = line_of_rays(unit)?;
         for _ in 0..LINE_STEPS {
-            line = nearer(lens, &rays, samples, &line)?;
+            line = refined_line(lens, &rays, samples, &line)?;
         }
         let (count, turns) = (samples.len(), tangents(&line));
         let places = places(samples, &direction(samples)?);
@@ -64,16 +64,16 @@ impl ObservedLine {
             weights: DVector::from_iterator(count, samples.iter().map(|sample| sample.weight)),
             rough: Vec::new(),
         };
-        let mut own = vec![0.0; free.len()];
+        let mut wrt_free = vec![0.0; free.len()];
         for (i, (ray, place)) in rays.iter().zip(&places).enumerate() {
             let distance = lens.line_distance_jacobian(ray, &line, free.columns());
-            free.gather(&distance.wrt_lens, &mut own);
+            free.gather(&distance.wrt_lens, &mut wrt_free);
             found.distances[i] = distance.value;
             found
                 .line
                 .row_mut(i)
                 .copy_from(&distance.wrt_line.tr_mul(&turns));
-            found.shared.row_mut(i).copy_from_slice(&own);
+            found.shared.row_mut(i).copy_from_slice(&wrt_free);
             found.basis.row_mut(i).copy_from(&basis(*place).transpose());
         }
         found.rough = found.without_smooth_part()?;
@@ -87,29 +87,35 @@ impl ObservedLine {
 
     /// Number of orders of a smooth displacement that the samples distinguish from noise.
     fn orders(&self) -> usize {
-        (self.distances.len() / SAMPLES_PER_ORDER).clamp(STRAIGHT, ORDERS)
+        (self.distances.len() / SAMPLES_PER_ORDER).clamp(STRAIGHT_ORDERS, ORDERS)
     }
 
     fn without_smooth_part(&self) -> Option<Vec<Residual>> {
         let basis = self.basis.columns(0, self.orders());
         let mut weights = self.weights.component_mul(&self.weights);
-        let mut left = self.distances.clone();
+        let mut rough = self.distances.clone();
         for _ in 0..ROUNDS {
             let weighted = scaled_rows(&basis.into_owned(), &weights);
             let smooth = basis.tr_mul(&weighted).cholesky()?;
             let smooth = smooth.solve(&weighted.tr_mul(&self.distances));
-            left = &self.distances - basis * smooth;
-            let scale = left.component_mul(&self.weights);
+            rough = &self.distances - basis * smooth;
+            let scale = rough.component_mul(&self.weights);
             let scale = median_scale(scale.iter().copied()).max(MIN_SCALE);
-            weights = self.robust_weights(&left, scale);
+            weights = self.robust_weights(&rough, scale);
         }
         let residual = |(distance, weight): (&f64, &f64)| Residual {
             distance: *distance,
             normal: Vector2::zeros(),
             weight: *weight,
-            counts: true,
+            is_counted: true,
         };
-        Some(left.iter().zip(self.weights.iter()).map(residual).collect())
+        Some(
+            rough
+                .iter()
+                .zip(self.weights.iter())
+                .map(residual)
+                .collect(),
+        )
     }
 
     fn robust_weights(&self, rough: &DVector<f64>, scale: f64) -> DVector<f64> {
@@ -129,10 +135,13 @@ impl ObservedLine {
         );
         let weights =
             self.robust_weights(&rough, scale) / (Loss::Tukey.mean_weight() * correlation);
-        let basis = self.basis.columns(0, self.orders().max(BENT)).into_owned();
+        let basis = self
+            .basis
+            .columns(0, self.orders().max(BENT_ORDERS))
+            .into_owned();
         let weighted = scaled_rows(&basis, &weights);
         let factor = basis.tr_mul(&weighted).cholesky()?;
-        let smooth = |of: &DMatrix<f64>| factor.solve(&weighted.tr_mul(of));
+        let smooth = |matrix: &DMatrix<f64>| factor.solve(&weighted.tr_mul(matrix));
         Some(SmoothLine {
             noise: factor.inverse(),
             values: factor.solve(&weighted.tr_mul(&self.distances)),
@@ -166,7 +175,7 @@ pub(super) struct LinePart {
 impl SmoothLine {
     /// Number of coefficients of a bend.
     pub fn freedom(&self) -> f64 {
-        (self.values.len() - STRAIGHT) as f64
+        (self.values.len() - STRAIGHT_ORDERS) as f64
     }
 
     /// The measurement with free parameters in the given units.
@@ -186,18 +195,18 @@ impl SmoothLine {
             spread[(order, order)] += bend * spectrum(order);
         }
         let factor = spread.cholesky()?;
-        let own = factor.solve(&self.line);
-        let own_factor = self.line.tr_mul(&own).cholesky()?;
+        let line_solution = factor.solve(&self.line);
+        let line_factor = self.line.tr_mul(&line_solution).cholesky()?;
         let shared = factor.solve(&self.shared);
-        let shared = &shared - &own * own_factor.solve(&self.line.tr_mul(&shared));
+        let shared = &shared - &line_solution * line_factor.solve(&self.line.tr_mul(&shared));
         let values = factor.solve(&self.values);
-        let values = &values - &own * own_factor.solve(&self.line.tr_mul(&values));
+        let values = &values - &line_solution * line_factor.solve(&self.line.tr_mul(&values));
         let log = |l: &DMatrix<f64>| 2.0 * l.diagonal().map(f64::ln).sum();
         Some(LinePart {
             information: self.shared.tr_mul(&shared),
             gradient: self.shared.tr_mul(&values),
             square: self.values.dot(&values),
-            log_determinant: log(factor.l_dirty()) + log(own_factor.l_dirty()),
+            log_determinant: log(factor.l_dirty()) + log(line_factor.l_dirty()),
         })
     }
 }
@@ -215,7 +224,7 @@ fn tangents(line: &Vector3<f64>) -> Matrix3x2<f64> {
 }
 
 /// The line after a step towards the one with the smallest distances in pixels.
-fn nearer<L: Lens>(
+fn refined_line<L: Lens>(
     lens: &L,
     rays: &[L::PixelRay],
     samples: &[Sample],
@@ -225,10 +234,10 @@ fn nearer<L: Lens>(
     let (mut square, mut gradient) = (Matrix2::zeros(), Vector2::zeros());
     for (ray, sample) in rays.iter().zip(samples) {
         let distance = lens.line_distance_jacobian(ray, line, crate::lens::Columns::NONE);
-        let by_turn = turns.tr_mul(&distance.wrt_line);
+        let wrt_rotation = turns.tr_mul(&distance.wrt_line);
         let weight = sample.weight * sample.weight;
-        square += by_turn * by_turn.transpose() * weight;
-        gradient += by_turn * (distance.value * weight);
+        square += wrt_rotation * wrt_rotation.transpose() * weight;
+        gradient += wrt_rotation * (distance.value * weight);
     }
     let step = square.cholesky()?.solve(&gradient);
     Some((line - turns * step).normalize())

@@ -22,7 +22,7 @@ const HEIGHT_PLACES: u8 = 10;
 
 /// Number of fixed-point steps to the intersection of a ray with a relief: each reduces the error
 /// by a factor of the slope.
-const MEETING_STEPS: u8 = 4;
+const INTERSECTION_STEPS: u8 = 4;
 
 /// Exponents `n` of the decrease of variances with the order: of stiff sheets, and of sheets that
 /// are rolled or twisted as a whole.
@@ -41,7 +41,7 @@ impl BoardRelief {
     ) -> Option<Self> {
         let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
         for sample in plane.samples() {
-            let point = on_plane(&view.lens, state, &sample.pixel)?.0;
+            let point = plane_point(&view.lens, state, &sample.pixel)?.0;
             (low, high) = (low.inf(&point), high.sup(&point));
         }
         let radius = 0.5 * (high - low).max();
@@ -66,15 +66,15 @@ impl BoardRelief {
         wrt_line: &Vector3<f64>,
         sample: &Sample,
     ) -> Option<Heights> {
-        let (point, distance, towards) = on_plane(lens, state, &sample.pixel)?;
+        let (point, distance, ray) = plane_point(lens, state, &sample.pixel)?;
         let per_height = line.dot(&state.pose.normal()) * wrt_line.norm() / distance;
         // The sample has been moved back across its line only. Along the line, the point seen still
         // differs from the point at which its pixel looks on flat paper.
         let height = self.radius * self.heights.dot(&terms(&self.place(&point)));
         let along = state.pose.rotation.tr_mul(&state.pose.normal().cross(line));
         let along = along.xy().normalize();
-        let slid = along * (along.dot(&towards.xy()) * height / towards.z);
-        Some(terms(&self.place(&(point + slid))) * (self.radius * per_height))
+        let slide = along * (along.dot(&ray.xy()) * height / ray.z);
+        Some(terms(&self.place(&(point + slide))) * (self.radius * per_height))
     }
 
     /// The displacement (px) of an uncorrected sample from its line by the relief's heights:
@@ -87,13 +87,13 @@ impl BoardRelief {
         wrt_line: &Vector3<f64>,
         sample: &Sample,
     ) -> Option<f64> {
-        let (point, distance, towards) = on_plane(lens, state, &sample.pixel)?;
+        let (point, distance, ray) = plane_point(lens, state, &sample.pixel)?;
         let mut height = 0.0;
-        for _ in 0..MEETING_STEPS {
-            let seen = point + towards.xy() * (height / towards.z);
+        for _ in 0..INTERSECTION_STEPS {
+            let seen = point + ray.xy() * (height / ray.z);
             height = self.radius * self.heights.dot(&terms(&self.place(&seen)));
         }
-        let distance = distance + height / towards.z;
+        let distance = distance + height / ray.z;
         Some(height * line.dot(&state.pose.normal()) * wrt_line.norm() / distance)
     }
 
@@ -126,11 +126,11 @@ impl BoardRelief {
 
     /// Adds the prior of the heights to their plane's equations, in which they are the last own
     /// parameters; returns its contribution to minus twice the log likelihood.
-    pub fn hold(&self, variance: f64, equations: &mut BlockEquations) -> f64 {
+    pub fn add_prior(&self, variance: f64, equations: &mut BlockEquations) -> f64 {
         let precisions = self.precisions(variance);
         let gradient = precisions.component_mul(&self.heights);
         equations.add_prior(precisions.as_slice(), gradient.as_slice());
-        let logarithms: f64 = precisions.iter().map(|own| own.ln()).sum();
+        let logarithms: f64 = precisions.iter().map(|precision| precision.ln()).sum();
         gradient.dot(&self.heights) - logarithms
     }
 }
@@ -162,7 +162,7 @@ fn terms(place: &Vector2<f64>) -> Heights {
 
 /// The point of a plane seen at a pixel, its distance from the camera (in lengths of the pixel's
 /// ray), and the ray in the plane's axes.
-fn on_plane<L: Lens>(
+fn plane_point<L: Lens>(
     lens: &L,
     state: &PlaneState,
     pixel: &Vector2<f64>,

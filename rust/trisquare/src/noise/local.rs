@@ -24,7 +24,7 @@ const SIGNIFICANT: f64 = 2.0;
 
 /// Maximum fraction of the noise's power absorbed by smooth displacements: with more, too little is
 /// left to estimate it.
-const MAX_TAKEN: f64 = 0.5;
+const MAX_ABSORBED: f64 = 0.5;
 
 /// The noise of a plane's samples, in units of their given standard deviations.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ pub(crate) struct Noise {
     /// Moments of the residuals of every side, by plane.
     pub sides: Vec<Vec<SideMoments>>,
     /// The scale of the residuals in these sums.
-    pub summed_at: f64,
+    pub moment_scale: f64,
     pub planes: Vec<LocalNoise>,
     /// Noise of all planes together.
     pub scale: f64,
@@ -64,56 +64,56 @@ impl Noise {
     /// Measures the noise from `residuals`, given a robust `scale` of all of them.
     pub fn of(planes: &[ObservedPlane], residuals: &Residuals, scale: f64) -> Self {
         let mut neighbours = Neighbours::default();
-        let (mut own, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
+        let (mut plane_noise, mut all) = (Vec::with_capacity(planes.len()), Vec::new());
         let mut sides = Vec::with_capacity(planes.len());
-        let mut taken = 0.0;
+        let mut absorbed = 0.0;
         for (plane, residuals) in planes.iter().zip(residuals) {
             let (mut rough, mut lost) = (Vec::with_capacity(residuals.len()), 0.0);
             let mut moments = Vec::new();
             let mut rest = &residuals[..];
             for side in plane.sides() {
-                let (mine, others) = rest.split_at(side.samples.len());
+                let (side_residuals, others) = rest.split_at(side.samples.len());
                 rest = others;
-                let summed = SideMoments::of(side, mine, scale);
+                let side_moments = SideMoments::of(side, side_residuals, scale);
                 if !side.is_outlier {
-                    let left = without_displacement(&summed, mine);
-                    neighbours.add(&left, scale);
-                    lost += degrees_taken(mine.len()) as f64;
-                    rough.extend(left);
+                    let side_rough = without_displacement(&side_moments, side_residuals);
+                    neighbours.add(&side_rough, scale);
+                    lost += absorbed_freedom(side_residuals.len()) as f64;
+                    rough.extend(side_rough);
                 }
-                moments.push(summed);
+                moments.push(side_moments);
             }
             sides.push(moments);
-            own.push((!rough.is_empty()).then(|| LocalNoise::of(&rough, lost)));
+            plane_noise.push((!rough.is_empty()).then(|| LocalNoise::of(&rough, lost)));
             all.extend(rough);
-            taken += lost;
+            absorbed += lost;
         }
-        let mut all = LocalNoise::of(&all, taken);
+        let mut all = LocalNoise::of(&all, absorbed);
         let correlation = neighbours.correlation(all.freedom);
-        let raised = neighbours.raised(all.freedom, correlation);
-        all.scale *= raised;
-        let own = own.into_iter().map(|own| {
-            own.map_or(all, |own| LocalNoise {
-                scale: own.scale * raised,
-                ..own
+        let scale_factor = neighbours.scale_factor(all.freedom, correlation);
+        all.scale *= scale_factor;
+        let plane_noise = plane_noise.into_iter().map(|plane_noise| {
+            plane_noise.map_or(all, |plane_noise| LocalNoise {
+                scale: plane_noise.scale * scale_factor,
+                ..plane_noise
             })
         });
         Self {
-            planes: own.collect(),
+            planes: plane_noise.collect(),
             correlation,
             scale: all.scale,
             sides,
-            summed_at: scale,
+            moment_scale: scale,
         }
     }
 
     /// Marks the stray samples among the residuals that this was measured from: they do not count.
-    pub fn set_strays_aside(&self, planes: &[ObservedPlane], residuals: &mut Residuals) {
+    pub fn exclude_strays(&self, planes: &[ObservedPlane], residuals: &mut Residuals) {
         for ((plane, moments), residuals) in planes.iter().zip(&self.sides).zip(residuals) {
             let mut first = 0;
             for (side, moments) in plane.sides().zip(moments) {
                 for stray in &moments.strays {
-                    residuals[first + stray].counts = false;
+                    residuals[first + stray].is_counted = false;
                 }
                 first += side.samples.len();
             }
@@ -130,17 +130,17 @@ pub(crate) fn white_variance<L>(noise: &Noise, refined: &Refined<L>) -> f64 {
 impl LocalNoise {
     /// The scale of residuals from which smooth displacements took some degrees of freedom: an
     /// M-estimate that starts from their median size.
-    fn of(rough: &[f64], taken: f64) -> Self {
+    fn of(rough: &[f64], absorbed: f64) -> Self {
         let first = median_scale(rough.iter().copied()).max(MIN_SCALE);
         let mut spread = ResidualSpread::default();
         for value in rough {
             let x = value / first;
             spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
         }
-        let factor = spread.covariance_factor(taken) / Loss::Tukey.mean_weight();
+        let factor = spread.covariance_factor(absorbed) / Loss::Tukey.mean_weight();
         Self {
             scale: first * factor.sqrt(),
-            freedom: (rough.len() as f64 - taken).max(1.0),
+            freedom: (rough.len() as f64 - absorbed).max(1.0),
         }
     }
 }
@@ -151,7 +151,7 @@ fn orders(samples: usize) -> usize {
 }
 
 /// Degrees of freedom taken by displacement and fit together: at least the two of a line.
-fn degrees_taken(samples: usize) -> usize {
+fn absorbed_freedom(samples: usize) -> usize {
     orders(samples).max(2).min(samples)
 }
 
@@ -159,19 +159,19 @@ fn degrees_taken(samples: usize) -> usize {
 fn without_displacement(moments: &SideMoments, residuals: &[Residual]) -> Vec<f64> {
     let mut gram = moments.robust.gram;
     for k in 0..ORDERS {
-        let held = match k < orders(residuals.len()) {
+        let stiffness = match k < orders(residuals.len()) {
             true => 1.0 / LOOSE,
             false => LOOSE,
         };
-        gram[(k, k)] += (moments.strongest * held).powi(2);
+        gram[(k, k)] += (moments.largest_weight * stiffness).powi(2);
     }
     let solve = |factor: Cholesky<f64, _>| factor.solve(&moments.robust.gradient);
     let displacement = gram.cholesky().map_or(Basis::zeros(), solve);
     let terms = basis_by_polynomials().tr_mul(&displacement);
-    let at = |place: &f64| polynomial_at(terms.as_slice(), *place);
+    let displacement_at = |place: &f64| polynomial_at(terms.as_slice(), *place);
     let samples = moments.places.iter().zip(residuals);
     samples
-        .map(|(place, residual)| (residual.distance - at(place)) * residual.weight)
+        .map(|(place, residual)| (residual.distance - displacement_at(place)) * residual.weight)
         .collect()
 }
 
@@ -199,29 +199,29 @@ impl Neighbours {
     /// correlation.
     fn correlation(&self, freedom: f64) -> f64 {
         let variance = self.products[0] / self.pairs[0];
-        let taken = 1.0 - freedom / self.pairs[0];
+        let absorbed = 1.0 - freedom / self.pairs[0];
         let chance = SIGNIFICANT / self.pairs[0].sqrt();
-        let left = |lag: usize| self.products[lag] / self.pairs[lag].max(1.0) / variance;
-        let rho = |lag: usize, so_far: f64| left(lag) + taken * so_far * (1.0 - left(lag));
+        let ratio = |lag: usize| self.products[lag] / self.pairs[lag].max(1.0) / variance;
+        let rho = |lag: usize, so_far: f64| ratio(lag) + absorbed * so_far * (1.0 - ratio(lag));
         let mut correlation = 1.0;
         let mut lags = 0;
         for lag in 1..=MAX_LAG {
-            let own = rho(lag, correlation);
-            if !(own > chance) {
+            let coefficient = rho(lag, correlation);
+            if !(coefficient > chance) {
                 break;
             }
-            (correlation, lags) = (correlation + 2.0 * own, lag);
+            (correlation, lags) = (correlation + 2.0 * coefficient, lag);
         }
         let sum: f64 = (1..=lags).map(|lag| rho(lag, correlation)).sum();
         (1.0 + 2.0 * sum)
-            .min(MAX_TAKEN / taken.max(f64::MIN_POSITIVE))
+            .min(MAX_ABSORBED / absorbed.max(f64::MIN_POSITIVE))
             .max(1.0)
     }
 
     /// Factor by which the noise exceeds the estimate that assumes equal power in all degrees of
     /// freedom.
-    fn raised(&self, freedom: f64, correlation: f64) -> f64 {
-        let taken = 1.0 - freedom / self.pairs[0];
-        ((1.0 - taken) / (1.0 - taken * correlation)).sqrt()
+    fn scale_factor(&self, freedom: f64, correlation: f64) -> f64 {
+        let absorbed = 1.0 - freedom / self.pairs[0];
+        ((1.0 - absorbed) / (1.0 - absorbed * correlation)).sqrt()
     }
 }

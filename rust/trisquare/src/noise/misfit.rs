@@ -23,7 +23,7 @@ pub(crate) struct Misfit {
     /// Contribution of the known errors of sides to `straight`, per degree of freedom.
     pub expected: f64,
     /// Sum of the squared displacements in `straight`, px^2, ...
-    pub displaced: f64,
+    pub squared_displacements: f64,
     /// ... and the number of sides.
     pub sides: f64,
 }
@@ -36,34 +36,36 @@ impl Misfit {
         straight_freedom: 1.0,
         curved_freedom: 1.0,
         expected: 0.0,
-        displaced: 0.0,
+        squared_displacements: 0.0,
         sides: 0.0,
     };
 
     /// Misfit of one side, in units of the noise.
     pub fn of_side(noise: &Noise, plane: usize, side: usize) -> Self {
-        Self::of_sums(&noise.sides[plane][side], noise)
+        Self::of_moments(&noise.sides[plane][side], noise)
     }
 
     /// Misfit of a side from the moments of its residuals, in units of the noise.
-    pub fn of_sums(moments: &SideMoments, noise: &Noise) -> Self {
+    pub fn of_moments(moments: &SideMoments, noise: &Noise) -> Self {
         let Moments { gram, gradient } = &moments.plain;
         let power = |orders: usize| {
             let factor = gram.view((0, 0), (orders, orders)).into_owned().cholesky();
-            let own = gradient.rows(0, orders).into_owned();
-            factor.map_or(0.0, |factor| own.dot(&factor.solve(&own)))
+            let leading_gradient = gradient.rows(0, orders).into_owned();
+            factor.map_or(0.0, |factor| {
+                leading_gradient.dot(&factor.solve(&leading_gradient))
+            })
         };
         let orders = ORDERS.min(moments.places.len());
-        let to_noise = (noise.summed_at / noise.scale).powi(2);
-        let displaced = power(STRAIGHT.min(orders));
-        let straight = displaced * to_noise;
+        let to_noise = (noise.moment_scale / noise.scale).powi(2);
+        let straight_power = power(STRAIGHT.min(orders));
+        let straight = straight_power * to_noise;
         Self {
             straight,
             curved: (power(orders) * to_noise - straight).max(0.0),
             straight_freedom: STRAIGHT.min(orders) as f64,
             curved_freedom: orders.saturating_sub(STRAIGHT) as f64,
             expected: 0.0,
-            displaced: displaced / gram[(0, 0)].max(f64::MIN_POSITIVE),
+            squared_displacements: straight_power / gram[(0, 0)].max(f64::MIN_POSITIVE),
             sides: 1.0,
         }
     }
@@ -86,7 +88,7 @@ impl Misfit {
         noise: &Noise,
     ) -> Self {
         let mut all = Self::default();
-        let mut observed = 0.0;
+        let mut straight_count = 0.0;
         for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
             if plane.is_outlier() {
                 continue;
@@ -95,21 +97,22 @@ impl Misfit {
                 if !side.is_outlier {
                     all.add(&Self::of_side(noise, p, s));
                     let information = noise.sides[p][s].plain.gram[(0, 0)];
-                    let to_noise = (noise.summed_at / noise.scale).powi(2);
+                    let to_noise = (noise.moment_scale / noise.scale).powi(2);
                     all.expected += plane.side_error.powi(2) * information * to_noise;
                 }
             }
-            observed +=
+            straight_count +=
                 STRAIGHT as f64 * plane.sides().filter(|side| !side.is_outlier).count() as f64;
             all.straight_freedom -= state.unknowns() as f64;
         }
         // The parameters absorb the same fraction of these errors as of any others.
-        all.expected /= observed.max(1.0);
+        all.expected /= straight_count.max(1.0);
         // The camera matrix displaces lines; the other parameters of the camera curve them.
-        let moving = MATRIX.iter().filter(|name| free.position(name).is_some());
-        let moving = moving.count() as f64;
-        all.straight_freedom = (all.straight_freedom - moving).max(1.0);
-        all.curved_freedom = (all.curved_freedom - (free.len() as f64 - moving)).max(1.0);
+        let matrix_parameters = MATRIX.iter().filter(|name| free.position(name).is_some());
+        let matrix_parameters = matrix_parameters.count() as f64;
+        all.straight_freedom = (all.straight_freedom - matrix_parameters).max(1.0);
+        all.curved_freedom =
+            (all.curved_freedom - (free.len() as f64 - matrix_parameters)).max(1.0);
         all
     }
 
@@ -118,13 +121,13 @@ impl Misfit {
         self.curved += other.curved;
         self.straight_freedom += other.straight_freedom;
         self.curved_freedom += other.curved_freedom;
-        self.displaced += other.displaced;
+        self.squared_displacements += other.squared_displacements;
         self.sides += other.sides;
     }
 
     /// Root mean square distance, px, of the sides from their lines at the optimum.
     pub fn displacement(&self) -> f64 {
-        (self.displaced / self.sides.max(1.0)).sqrt()
+        (self.squared_displacements / self.sides.max(1.0)).sqrt()
     }
 
     pub fn total(&self) -> f64 {
@@ -143,8 +146,8 @@ impl Misfit {
     /// Ratio of the variance of the sides' displacements to that of their curvature; 1 if it may be
     /// chance.
     pub fn between_plane_variance_ratio(&self) -> f64 {
-        let bent = (self.curved / self.curved_freedom).max(1.0);
-        let ratio = self.straight / self.straight_freedom / (bent + self.expected);
+        let curvature_variance = (self.curved / self.curved_freedom).max(1.0);
+        let ratio = self.straight / self.straight_freedom / (curvature_variance + self.expected);
         if ratio > CONTRADICTION { ratio } else { 1.0 }
     }
 }

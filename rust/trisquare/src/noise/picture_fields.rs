@@ -26,7 +26,7 @@ const DEVIATIONS: [f64; FIELDS] = [
 ];
 
 /// Prior standard deviation of an excluded field.
-const NOTHING: f64 = 1e-7;
+const EXCLUDED_DEVIATION: f64 = 1e-7;
 
 /// The fields of a picture.
 #[derive(Debug, Clone, Copy)]
@@ -70,7 +70,7 @@ impl PictureFields {
     pub fn deviations(free: &FreeParameters, any: bool) -> [f64; FIELDS] {
         std::array::from_fn(|field| match any && !is_modelled(free, field) {
             true => DEVIATIONS[field],
-            false => NOTHING,
+            false => EXCLUDED_DEVIATION,
         })
     }
 

@@ -68,10 +68,10 @@ pub(crate) fn account_for_relief<L: Lens>(
     let drifts = planes.iter().map(ObservedPlane::largest_tone_drift);
     let drift = drifts.fold(0.0, f64::max);
     let relief = |(plane, state): (&ObservedPlane, &PlaneState)| {
-        let is_asked = sheets == Sheets::All || plane.figures.iter().any(has_grid);
+        let is_fitted = sheets == Sheets::All || plane.figures.iter().any(has_grid);
         let is_straight = !plane.figures.iter().any(Figure::is_round);
         match plane.board_relief {
-            None if !plane.is_outlier() && is_asked && is_straight => {
+            None if !plane.is_outlier() && is_fitted && is_straight => {
                 BoardRelief::flat(plane, &refined.view, state)
             }
             known => known,
@@ -101,9 +101,9 @@ pub(crate) fn account_for_relief<L: Lens>(
         for (p, plane) in planes.iter_mut().enumerate() {
             let state = &view.planes[p];
             if let Some(mut relief) = plane.board_relief {
-                let risen = step.blocks[p].rows(state.parameter_count(), TERMS);
-                relief.heights += Heights::from_fn(|k, _| risen[k]);
-                *plane = raised(&given[p], relief, (&view.lens, state))?;
+                let height_step = step.blocks[p].rows(state.parameter_count(), TERMS);
+                relief.heights += Heights::from_fn(|k, _| height_step[k]);
+                *plane = corrected_for_relief(&given[p], relief, (&view.lens, state))?;
             }
         }
         let residuals = residuals(&planes, &view)?;
@@ -111,7 +111,7 @@ pub(crate) fn account_for_relief<L: Lens>(
         let scale = robust_scale(&residuals, unknowns);
         let (_, system) = EdgeProblem::new(&planes, judged, scale).evaluate(&view)?;
         let iterations = found.iterations + 1;
-        found = Refined::around((view, residuals, system), scale, unknowns, iterations);
+        found = Refined::with_spread((view, residuals, system), scale, unknowns, iterations);
         if step.predicted_decrease < LAST_DECREASE {
             return Some((planes, found));
         }
@@ -148,35 +148,35 @@ fn spectrum(errors: &mut SideErrors, drift: f64, sheets: Sheets) -> Option<(f64,
     };
     for &steepness in steepnesses {
         errors.set_steepness(steepness);
-        let (mut tried, mut least) = (Vec::new(), f64::INFINITY);
+        let (mut tried, mut lowest) = (Vec::new(), f64::INFINITY);
         for index in 0..VARIANCES {
             let variance = FIRST_VARIANCE * VARIANCE_RATIO.powi(index);
             let criterion = errors.likeliest_under(&[at(variance)], Some(flat.0))[0]?.1;
-            if criterion > least + HOPELESS {
+            if criterion > lowest + HOPELESS {
                 break;
             }
-            least = least.min(criterion);
+            lowest = lowest.min(criterion);
             tried.push((variance, criterion));
         }
-        if least < best.0 {
-            let weighed = tried.iter().map(|(variance, criterion)| {
-                let weight = (0.5 * (least - criterion)).exp();
+        if lowest < best.0 {
+            let weighted = tried.iter().map(|(variance, criterion)| {
+                let weight = (0.5 * (lowest - criterion)).exp();
                 (weight, weight * variance)
             });
-            let (weights, sum) = weighed.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-            best = (least, Some((sum / weights, steepness)));
+            let (weights, sum) = weighted.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+            best = (lowest, Some((sum / weights, steepness)));
         }
     }
     best.1
 }
 
 /// A plane whose samples are corrected for `relief` instead of its own.
-fn raised<L: Lens>(
+fn corrected_for_relief<L: Lens>(
     given: &ObservedPlane,
     relief: BoardRelief,
     (lens, state): (&L, &PlaneState),
 ) -> Option<ObservedPlane> {
-    let own = given.board_relief?;
+    let previous = given.board_relief?;
     let mut plane = given.clone();
     plane.board_relief = Some(relief);
     for (f, figure) in plane.figures.iter_mut().enumerate() {
@@ -186,17 +186,19 @@ fn raised<L: Lens>(
                 let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
                 let distance =
                     lens.line_distance_jacobian(&pixel_ray, &line, crate::lens::Columns::NONE);
-                let by = |it: &BoardRelief| {
-                    it.displacement((lens, state), &line, &distance.wrt_line, sample)
+                let displacement = |relief: &BoardRelief| {
+                    relief.displacement((lens, state), &line, &distance.wrt_line, sample)
                 };
-                let by = by(&relief)? - by(&own)?;
-                let at = |x: f64, y: f64| {
-                    let moved =
-                        lens.unproject_with_jacobian(&(sample.pixel + Vector2::new(x, y)))?;
-                    Some(lens.line_distance(&moved, &line) - distance.value)
+                let change = displacement(&relief)? - displacement(&previous)?;
+                let distance_change = |x: f64, y: f64| {
+                    let ray = lens.unproject_with_jacobian(&(sample.pixel + Vector2::new(x, y)))?;
+                    Some(lens.line_distance(&ray, &line) - distance.value)
                 };
-                let gradient = Vector2::new(at(GRADIENT_STEP, 0.0)?, at(0.0, GRADIENT_STEP)?);
-                sample.pixel -= gradient.normalize() * by;
+                let gradient = Vector2::new(
+                    distance_change(GRADIENT_STEP, 0.0)?,
+                    distance_change(0.0, GRADIENT_STEP)?,
+                );
+                sample.pixel -= gradient.normalize() * change;
             }
         }
     }

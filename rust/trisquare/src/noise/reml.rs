@@ -12,7 +12,7 @@ const VARIANCES: usize = 19;
 
 /// Prior probability of no common errors along sides; the rest is spread evenly over the variances
 /// tried.
-const PRIOR_OF_WHITE: f64 = 0.5;
+const WHITE_NOISE_PRIOR: f64 = 0.5;
 
 /// Loss of twice the log likelihood above which a variance is certainly too large.
 pub(super) const HOPELESS: f64 = 20.0;
@@ -32,7 +32,7 @@ pub(crate) struct Strength {
 
 impl Strength {
     /// Mean of `tau^2` for every plane, given that there are any, px^2.
-    pub fn if_any(&self) -> Vec<f64> {
+    pub fn mean_if_any(&self) -> Vec<f64> {
         let probability = self.probability.max(f64::MIN_POSITIVE);
         self.mean.iter().map(|mean| mean / probability).collect()
     }
@@ -49,12 +49,14 @@ struct Part {
 
 impl Part {
     /// Adds another, multiplied by `times`.
-    fn add(&mut self, other: &Self, times: f64) {
-        let (own, others) = (&mut self.reduced, &other.reduced);
-        let add = |sum: &mut f64, value: f64| *sum += times * value;
-        own.information.zip_apply(&others.information, add);
-        own.gradient.zip_apply(&others.gradient, add);
-        self.criterion += other.criterion * times;
+    fn add(&mut self, other: &Self, factor: f64) {
+        let (reduced, other_reduced) = (&mut self.reduced, &other.reduced);
+        let add = |sum: &mut f64, value: f64| *sum += factor * value;
+        reduced
+            .information
+            .zip_apply(&other_reduced.information, add);
+        reduced.gradient.zip_apply(&other_reduced.gradient, add);
+        self.criterion += other.criterion * factor;
     }
 }
 
@@ -83,8 +85,8 @@ impl SideErrors {
     pub fn strength(&self) -> Option<Strength> {
         let planes = self.system.blocks.len();
         let mut found = self.hypotheses(&vec![1.0; planes])?;
-        if let Some(apart) = self.relative_variances(&found) {
-            found = self.hypotheses(&apart)?;
+        if let Some(relative) = self.relative_variances(&found) {
+            found = self.hypotheses(&relative)?;
         }
         combined(&found)
     }
@@ -97,10 +99,10 @@ impl SideErrors {
         let (variance, criterion) = common;
         let mut found = (vec![variance; planes], criterion);
         if variance > 0.0 {
-            let together = self.hypotheses(&vec![1.0; planes])?;
-            if let Some(apart) = self.relative_variances(&together) {
-                let apart = self.hypotheses(&apart)?;
-                let best = likeliest(&apart);
+            let common_hypotheses = self.hypotheses(&vec![1.0; planes])?;
+            if let Some(relative) = self.relative_variances(&common_hypotheses) {
+                let separate_hypotheses = self.hypotheses(&relative)?;
+                let best = likeliest(&separate_hypotheses);
                 if best.criterion < criterion {
                     found = (best.variances.clone(), best.criterion);
                 }
@@ -123,21 +125,23 @@ impl SideErrors {
             if largest.is_some_and(|largest| variance > largest) || !open.contains(&true) {
                 break;
             }
-            let asked = (0..assumptions.len()).filter(|i| open[*i]);
-            let asked: Vec<usize> = asked.collect();
-            let by_relief =
-                || asked.chunk_by(|a, b| assumptions[*a].relief == assumptions[*b].relief);
-            let reliefs: Vec<f64> = by_relief().map(|own| assumptions[own[0]].relief).collect();
-            for (own, all) in by_relief().zip(self.sums(&reliefs, variance)) {
-                for &i in own {
-                    self.hold_fields(assumptions[i].fields);
+            let open_indices = (0..assumptions.len()).filter(|i| open[*i]);
+            let open_indices: Vec<usize> = open_indices.collect();
+            let relief_groups =
+                || open_indices.chunk_by(|a, b| assumptions[*a].relief == assumptions[*b].relief);
+            let reliefs: Vec<f64> = relief_groups()
+                .map(|group| assumptions[group[0]].relief)
+                .collect();
+            for (group, all) in relief_groups().zip(self.sums(&reliefs, variance)) {
+                for &i in group {
+                    self.set_field_priors(assumptions[i].fields);
                     let criterion = all.clone().and_then(|all| self.restricted(all));
-                    let least = best[i].map_or(f64::INFINITY, |(_, least)| least);
+                    let lowest = best[i].map_or(f64::INFINITY, |(_, lowest)| lowest);
                     match criterion {
-                        Some(found) if found < least => best[i] = Some((variance, found)),
+                        Some(found) if found < lowest => best[i] = Some((variance, found)),
                         // With a relief that explains a part there are two optima: one of the
                         // sides' errors, one of the relief.
-                        Some(found) => open[i] = largest.is_some() || found <= least + HOPELESS,
+                        Some(found) => open[i] = largest.is_some() || found <= lowest + HOPELESS,
                         None => open[i] = false,
                     }
                 }
@@ -149,13 +153,13 @@ impl SideErrors {
     /// Sum of all planes' parts at a common variance of their sides, for each variance of their
     /// relief.
     fn sums(&self, reliefs: &[f64], variance: f64) -> Vec<Option<Part>> {
-        let mut sums = vec![Some(self.nothing()); reliefs.len()];
+        let mut sums = vec![Some(self.empty_part()); reliefs.len()];
         for plane in 0..self.system.blocks.len() {
-            let begun = self.before_relief(plane, variance);
+            let unfinished = self.before_relief(plane, variance);
             for (relief, all) in reliefs.iter().zip(&mut sums) {
-                let part = begun
+                let part = unfinished
                     .clone()
-                    .and_then(|it| self.finished(plane, *relief, it));
+                    .and_then(|part| self.finished(plane, *relief, part));
                 match (&mut *all, part) {
                     (Some(all), Some(part)) => all.add(&part, 1.0),
                     _ => *all = None,
@@ -195,9 +199,9 @@ impl SideErrors {
     }
 
     /// Separate variances of the planes, relative to the common one, if they explain the residuals
-    /// clearly better; `together` are the common ones already tried.
-    fn relative_variances(&self, together: &[Hypothesis]) -> Option<Vec<f64>> {
-        let best = likeliest(together);
+    /// clearly better; `common_hypotheses` are the common ones already tried.
+    fn relative_variances(&self, common_hypotheses: &[Hypothesis]) -> Option<Vec<f64>> {
+        let best = likeliest(common_hypotheses);
         let common = *best.variances.first().filter(|v| **v > 0.0)?;
         let mut variances = best.variances.clone();
         let mut criterion = best.criterion;
@@ -206,35 +210,35 @@ impl SideErrors {
         for plane in 0..variances.len() {
             let mut others = all.clone();
             others.add(&parts[plane], -1.0);
-            let mut least = criterion;
+            let mut lowest = criterion;
             for (index, variance) in self.variances().enumerate() {
                 // The first hypothesis is white noise.
-                let tried = together
+                let tried = common_hypotheses
                     .get(index + 1)
                     .map(|tried| tried.parts[plane].clone());
-                let of_plane = || self.part(plane, self.board_relief(plane), variance);
-                let Some(own) = tried.or_else(of_plane) else {
+                let computed = || self.part(plane, self.relief_variance(plane), variance);
+                let Some(plane_part) = tried.or_else(computed) else {
                     continue;
                 };
-                let mut together = others.clone();
-                together.add(&own, 1.0);
-                let Some(found) = self.restricted(together.clone()) else {
+                let mut joint = others.clone();
+                joint.add(&plane_part, 1.0);
+                let Some(found) = self.restricted(joint.clone()) else {
                     continue;
                 };
-                if found > least + HOPELESS {
+                if found > lowest + HOPELESS {
                     break;
                 }
-                least = least.min(found);
+                lowest = lowest.min(found);
                 if found < criterion {
                     (variances[plane], criterion) = (variance, found);
-                    (parts[plane], all) = (own, together);
+                    (parts[plane], all) = (plane_part, joint);
                 }
             }
         }
         let gain = best.criterion - criterion;
         let freedom = (variances.len() - 1).max(1) as f64;
-        let clearly = chi_square_tail(gain, freedom) < CHANCE;
-        clearly.then(|| variances.iter().map(|v| v / common).collect())
+        let is_clear = chi_square_tail(gain, freedom) < CHANCE;
+        is_clear.then(|| variances.iter().map(|v| v / common).collect())
     }
 
     /// Minus twice the restricted log likelihood of the planes' variances, up to a constant.
@@ -245,15 +249,15 @@ impl SideErrors {
 
     fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
         let part = |(plane, variance): (usize, &f64)| {
-            self.part(plane, self.board_relief(plane), *variance)
+            self.part(plane, self.relief_variance(plane), *variance)
         };
         variances.iter().enumerate().map(part).collect()
     }
 
     /// Information of one plane on the shared parameters, and its criterion.
     fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
-        let begun = self.before_relief(plane, variance)?;
-        self.finished(plane, board_relief, begun)
+        let unfinished = self.before_relief(plane, variance)?;
+        self.finished(plane, board_relief, unfinished)
     }
 
     /// `part` from the plane's equations without its relief.
@@ -263,11 +267,11 @@ impl SideErrors {
         board_relief: f64,
         (mut equations, criterion): (BlockEquations, f64),
     ) -> Option<Part> {
-        let of_relief = self.hold_relief(plane, board_relief, &mut equations);
-        let (reduced, of_own) = equations.reduced()?;
+        let relief_criterion = self.add_relief_prior(plane, board_relief, &mut equations);
+        let (reduced, plane_criterion) = equations.reduced()?;
         Some(Part {
             reduced,
-            criterion: criterion + of_relief + of_own,
+            criterion: criterion + relief_criterion + plane_criterion,
         })
     }
 
@@ -283,8 +287,8 @@ impl SideErrors {
             reduced,
             mut criterion,
         } = all;
-        let (reduced, of_ties) = reduced.without_multipliers(self.system.tie_count());
-        criterion += of_ties;
+        let (reduced, tie_criterion) = reduced.without_multipliers(self.system.tie_count());
+        criterion += tie_criterion;
         let information = reduced.information + &self.system.prior;
         let gradient = reduced.gradient + &self.system.prior_gradient;
         let factor = information.cholesky()?;
@@ -295,13 +299,13 @@ impl SideErrors {
 
     /// Sum of several planes' parts.
     fn joined(&self, parts: &[Part]) -> Part {
-        let mut all = self.nothing();
+        let mut all = self.empty_part();
         parts.iter().for_each(|part| all.add(part, 1.0));
         all
     }
 
     /// Part without information.
-    fn nothing(&self) -> Part {
+    fn empty_part(&self) -> Part {
         let size = self.system.prior.nrows() + self.system.tie_count();
         Part {
             reduced: Reduced {
@@ -325,8 +329,8 @@ fn likeliest(hypotheses: &[Hypothesis]) -> &Hypothesis {
 fn combined(hypotheses: &[Hypothesis]) -> Option<Strength> {
     let best = likeliest(hypotheses);
     let prior = |index: usize| match index {
-        0 => PRIOR_OF_WHITE,
-        _ => (1.0 - PRIOR_OF_WHITE) / VARIANCES as f64,
+        0 => WHITE_NOISE_PRIOR,
+        _ => (1.0 - WHITE_NOISE_PRIOR) / VARIANCES as f64,
     };
     let weights: Vec<f64> = hypotheses
         .iter()

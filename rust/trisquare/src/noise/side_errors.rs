@@ -54,20 +54,23 @@ impl SideErrors {
             free,
             fields,
         };
-        let own = |p: usize| {
+        let plane_parameters = |p: usize| {
             view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
         };
-        let mut system = ArrowSystem::zeros(camera.len(), (0..planes.len()).map(own));
+        let mut system = ArrowSystem::zeros(camera.len(), (0..planes.len()).map(plane_parameters));
         camera.free.add_prior(&view.lens, &mut system);
         let mut families = Vec::new();
         for (p, plane) in planes.iter().enumerate() {
             let (state, block) = (&view.planes[p], &mut system.blocks[p]);
             let mut moments = noise.sides[p].iter();
             for (f, figure) in plane.figures.iter().enumerate() {
-                let mut own = families_of(figure, p, block.hessian.nrows(), camera.len())?;
+                let mut figure_families =
+                    families_of(figure, p, block.hessian.nrows(), camera.len())?;
                 for (index, side) in figure.sides.iter().enumerate() {
                     let moments = moments.next()?;
-                    let family = own.iter_mut().find(|family| family.sides.contains(&index));
+                    let family = figure_families
+                        .iter_mut()
+                        .find(|family| family.sides.contains(&index));
                     if let Some(family) = family {
                         let place = (state, f, index, side);
                         family.add(
@@ -80,7 +83,7 @@ impl SideErrors {
                         )?;
                     }
                 }
-                families.extend(own);
+                families.extend(figure_families);
             }
             if plane.is_outlier() {
                 block.hessian.fill_diagonal(1.0);
@@ -97,7 +100,7 @@ impl SideErrors {
     }
 
     /// Sets the prior standard deviations of the picture's fields, which had no prior.
-    pub fn hold_fields(&mut self, deviations: &[f64]) {
+    pub fn set_field_priors(&mut self, deviations: &[f64]) {
         let prior = &mut self.system.prior;
         let first = prior.nrows() - deviations.len();
         for (i, deviation) in deviations.iter().enumerate() {
@@ -107,7 +110,7 @@ impl SideErrors {
 
     /// Sets the variance (px^2), possibly zero, of the positions of squares' sides; returns whether
     /// there are any.
-    pub fn set_lines(&mut self, variance: f64) -> bool {
+    pub fn set_line_variance(&mut self, variance: f64) -> bool {
         let is_of_square = |family: &&mut Family| family.sides.len() == 1;
         let sides = self.families.iter_mut().filter(is_of_square);
         sides.map(|side| side.line_variance = variance).count() > 0
@@ -119,16 +122,16 @@ impl SideErrors {
     }
 
     /// Sets the variance of every board's relief.
-    pub fn set_relief(&mut self, variance: f64) {
-        for own in self.board_reliefs.iter_mut().flatten() {
-            own.variance = variance;
+    pub fn set_relief_variance(&mut self, variance: f64) {
+        for relief in self.board_reliefs.iter_mut().flatten() {
+            relief.variance = variance;
         }
     }
 
     /// Sets the steepness of all reliefs: how fast their variances decrease with the order.
     pub fn set_steepness(&mut self, steepness: i32) {
-        for own in self.board_reliefs.iter_mut().flatten() {
-            own.steepness = steepness;
+        for relief in self.board_reliefs.iter_mut().flatten() {
+            relief.steepness = steepness;
         }
     }
 
@@ -146,12 +149,12 @@ impl SideErrors {
         let crosses = self.system.tied_crosses()?;
         for family in &self.families {
             let block = &self.system.blocks[family.plane];
-            let own = block
+            let plane_solution = block
                 .hessian
                 .clone()
                 .cholesky()?
                 .solve(&crosses[family.plane]);
-            let cross = family.shared() - own.tr_mul(&family.own());
+            let cross = family.shared_cross() - plane_solution.tr_mul(&family.plane_cross());
             let influence = information.solve(&cross);
             found[family.plane] += &influence * family.covariance() * influence.transpose();
         }
@@ -162,7 +165,7 @@ impl SideErrors {
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
             let (mut found, _) = self.marginalise(plane, *variance)?;
-            self.hold_relief(plane, self.board_relief(plane), &mut found);
+            self.add_relief_prior(plane, self.relief_variance(plane), &mut found);
             Some(self.system.blocks[plane].with_equations(&found))
         };
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
@@ -181,8 +184,8 @@ impl SideErrors {
         let mut equations = self.system.blocks[plane].equations();
         let mut criterion = 0.0;
         let first = self.families.partition_point(|family| family.plane < plane);
-        let own = self.families[first..].iter();
-        for family in own.take_while(|family| family.plane == plane) {
+        let families = self.families[first..].iter();
+        for family in families.take_while(|family| family.plane == plane) {
             let variance = match variance {
                 0.0 if family.line_variance > 0.0 => NO_VARIANCE * self.first_variance,
                 variance => variance,
@@ -201,29 +204,29 @@ impl SideErrors {
         plane: usize,
         variance: f64,
     ) -> Option<(BlockEquations, f64)> {
-        let (equations, of_sides) = self.marginalise(plane, variance)?;
+        let (equations, sides_criterion) = self.marginalise(plane, variance)?;
         if self.board_reliefs[plane].is_none() {
-            return Some((equations, of_sides));
+            return Some((equations, sides_criterion));
         }
         let pose = self.system.blocks[plane].hessian.nrows() - TERMS;
-        let (equations, of_pose) = equations.without_first(pose)?;
-        Some((equations, of_sides + of_pose))
+        let (equations, pose_criterion) = equations.without_first(pose)?;
+        Some((equations, sides_criterion + pose_criterion))
     }
 
     /// Adds the prior of a plane's relief to its equations; returns its contribution to minus twice
     /// the log likelihood.
-    pub(super) fn hold_relief(
+    pub(super) fn add_relief_prior(
         &self,
         plane: usize,
         variance: f64,
         equations: &mut BlockEquations,
     ) -> f64 {
         let relief = self.board_reliefs[plane].as_ref();
-        relief.map_or(0.0, |relief| relief.hold(variance, equations))
+        relief.map_or(0.0, |relief| relief.add_prior(variance, equations))
     }
 
     /// Variance of a plane's relief; 0 if it has none.
-    pub(super) fn board_relief(&self, plane: usize) -> f64 {
+    pub(super) fn relief_variance(&self, plane: usize) -> f64 {
         self.board_reliefs[plane].map_or(0.0, |board_relief| board_relief.variance)
     }
 }
@@ -241,7 +244,7 @@ fn first_variance(families: &[Family]) -> f64 {
 }
 
 /// `tau^2` of sides with this root mean square displacement (px).
-pub(crate) fn variance_of(displacement: f64) -> f64 {
+pub(crate) fn displacement_variance(displacement: f64) -> f64 {
     displacement * displacement / (0..ORDERS).map(spectrum).sum::<f64>()
 }
 

@@ -78,10 +78,10 @@ pub(crate) struct Family {
     log_correlation: f64,
     /// `B^T W B` with `B` the basis at the samples, side by side.
     pub gram: DMatrix<f64>,
-    /// `J^T W B`, with `J` by the plane's own parameters, `own` in number, and by the shared ones;
+    /// `J^T W B`, with `J` by the plane's `plane_parameters` parameters, and by the shared ones;
     /// then `r^T W B`.
-    beside: DMatrix<f64>,
-    own: usize,
+    cross_products: DMatrix<f64>,
+    plane_parameters: usize,
 }
 
 /// Families of the sides and arcs of a figure: those of one direction together if there are many,
@@ -90,7 +90,7 @@ pub(crate) struct Family {
 pub(crate) fn families_of(
     figure: &Figure,
     plane: usize,
-    own: usize,
+    plane_parameters: usize,
     shared: usize,
 ) -> Option<Vec<Family>> {
     let line = |side: &Side| {
@@ -110,7 +110,7 @@ pub(crate) fn families_of(
             let offset =
                 |side: usize| lines[side].z * lines[side].xy().dot(&lines[sides[0]].xy()).signum();
             let offsets: Vec<f64> = sides.iter().map(|side| offset(*side)).collect();
-            Family::new(plane, sides, &offsets, (own, shared))
+            Family::new(plane, sides, &offsets, (plane_parameters, shared))
         })
         .collect()
 }
@@ -121,14 +121,14 @@ impl Family {
         plane: usize,
         sides: Vec<usize>,
         offsets: &[f64],
-        (own, shared): (usize, usize),
+        (plane_parameters, shared): (usize, usize),
     ) -> Option<Self> {
         let high = offsets.iter().copied().fold(f64::MIN, f64::max);
         let low = offsets.iter().copied().fold(f64::MAX, f64::min);
-        let reach = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
+        let correlation_length = (CORRELATION_LENGTH * (high - low)).max(f64::MIN_POSITIVE);
         let correlation = DMatrix::from_fn(offsets.len(), offsets.len(), |i, j| {
             let alike = if i == j { 1.0 } else { MAX_ALIKE };
-            alike * (-(offsets[i] - offsets[j]).abs() / reach).exp()
+            alike * (-(offsets[i] - offsets[j]).abs() / correlation_length).exp()
         });
         let factor = correlation.clone().cholesky()?;
         let rows = ORDERS * sides.len();
@@ -141,8 +141,8 @@ impl Family {
             inverse_correlation: factor.inverse(),
             log_correlation: 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum(),
             gram: DMatrix::zeros(rows, rows),
-            beside: DMatrix::zeros(own + shared + 1, rows),
-            own,
+            cross_products: DMatrix::zeros(plane_parameters + shared + 1, rows),
+            plane_parameters,
         })
     }
 
@@ -157,7 +157,7 @@ impl Family {
         white: f64,
         block: &mut Block,
     ) -> Option<()> {
-        let place = self.sides.iter().position(|own| *own == index)?;
+        let place = self.sides.iter().position(|side| *side == index)?;
         let jacobian = SideJacobian::of((state, figure, side), board_relief, moments, camera)?;
         self.add_at(place, &jacobian, moments, white, block);
         Some(())
@@ -178,35 +178,37 @@ impl Family {
             .component_mul(&(mirror * mirror.transpose()))
             / white;
         let gradient = moments.robust.gradient.component_mul(&mirror) / white;
-        let own = DMatrix::from_fn(ORDERS, jacobian.own.ncols(), |k, i| {
-            mirror[k] * jacobian.own[(k, i)]
+        let plane = DMatrix::from_fn(ORDERS, jacobian.plane.ncols(), |k, i| {
+            mirror[k] * jacobian.plane[(k, i)]
         });
         let shared = DMatrix::from_fn(ORDERS, jacobian.shared.ncols(), |k, i| {
             mirror[k] * jacobian.shared[(k, i)]
         });
-        let (weighed_own, weighed_shared) = (gram * &own, gram * &shared);
-        block.hessian += own.tr_mul(&weighed_own);
-        block.cross += own.tr_mul(&weighed_shared);
-        block.shared += shared.tr_mul(&weighed_shared);
-        block.gradient += own.tr_mul(&gradient);
+        let (weighted_plane, weighted_shared) = (gram * &plane, gram * &shared);
+        block.hessian += plane.tr_mul(&weighted_plane);
+        block.cross += plane.tr_mul(&weighted_shared);
+        block.shared += shared.tr_mul(&weighted_shared);
+        block.gradient += plane.tr_mul(&gradient);
         block.shared_gradient += shared.tr_mul(&gradient);
         let first = ORDERS * place;
         self.gram
             .view_mut((first, first), (ORDERS, ORDERS))
             .copy_from(&gram);
-        let mut beside = self.beside.columns_mut(first, ORDERS);
-        let (own, all) = (own.ncols(), own.ncols() + shared.ncols());
-        beside.rows_mut(0, own).tr_copy_from(&weighed_own);
-        beside
-            .rows_mut(own, all - own)
-            .tr_copy_from(&weighed_shared);
-        beside.row_mut(all).tr_copy_from(&gradient);
+        let mut cross_products = self.cross_products.columns_mut(first, ORDERS);
+        let (plane_rows, all) = (plane.ncols(), plane.ncols() + shared.ncols());
+        cross_products
+            .rows_mut(0, plane_rows)
+            .tr_copy_from(&weighted_plane);
+        cross_products
+            .rows_mut(plane_rows, all - plane_rows)
+            .tr_copy_from(&weighted_shared);
+        cross_products.row_mut(all).tr_copy_from(&gradient);
     }
 
     /// Signs of the basis for a side whose direction may be opposite to that of the family's first.
     fn mirror(&mut self, along: &Vector2<f64>) -> Basis {
-        let against = self.along.get_or_insert(*along).dot(along) < 0.0;
-        Basis::from_fn(|k, _| if against && k % 2 == 1 { -1.0 } else { 1.0 })
+        let is_opposite = self.along.get_or_insert(*along).dot(along) < 0.0;
+        Basis::from_fn(|k, _| if is_opposite && k % 2 == 1 { -1.0 } else { 1.0 })
     }
 
     /// Covariance of the sides' displacements at unit variance.
@@ -221,36 +223,38 @@ impl Family {
     }
 
     /// `J^T W B` by the plane's own parameters, ...
-    pub fn own(&self) -> DMatrixView<'_, f64> {
-        self.beside.rows(0, self.own)
+    pub fn plane_cross(&self) -> DMatrixView<'_, f64> {
+        self.cross_products.rows(0, self.plane_parameters)
     }
 
     /// ... and by the shared ones.
-    pub fn shared(&self) -> DMatrixView<'_, f64> {
-        self.beside
-            .rows(self.own, self.beside.nrows() - self.own - 1)
+    pub fn shared_cross(&self) -> DMatrixView<'_, f64> {
+        self.cross_products.rows(
+            self.plane_parameters,
+            self.cross_products.nrows() - self.plane_parameters - 1,
+        )
     }
 
     /// Eliminates the sides' displacements, of the given variance, from the equations; returns
     /// their contribution to minus twice the log likelihood.
     pub fn marginalise(&self, variance: f64, equations: &mut BlockEquations) -> Option<f64> {
         let (count, size) = (self.sides.len(), self.gram.nrows());
-        let mut displaced = DMatrix::zeros(size + self.beside.nrows(), size);
+        let mut displaced = DMatrix::zeros(size + self.cross_products.nrows(), size);
         displaced.rows_mut(0, size).copy_from(&self.gram);
         displaced
-            .rows_mut(size, self.beside.nrows())
-            .copy_from(&self.beside);
+            .rows_mut(size, self.cross_products.nrows())
+            .copy_from(&self.cross_products);
         let mut log_determinant = ORDERS as f64 * self.log_correlation;
         for k in 0..ORDERS {
-            let own = match k {
+            let order_variance = match k {
                 k if k < LINE_ORDERS => spectrum(k) * variance + self.line_variance,
                 _ => spectrum(k) * variance,
             };
-            log_determinant += count as f64 * own.ln();
+            log_determinant += count as f64 * order_variance.ln();
             for i in 0..count {
                 for j in 0..count {
                     displaced[(ORDERS * i + k, ORDERS * j + k)] +=
-                        self.inverse_correlation[(i, j)] / own;
+                        self.inverse_correlation[(i, j)] / order_variance;
                 }
             }
         }
@@ -260,7 +264,7 @@ impl Family {
 
 /// The Jacobian of a side as a smooth displacement: its coefficients in the basis along the side.
 struct SideJacobian {
-    own: DMatrix<f64>,
+    plane: DMatrix<f64>,
     shared: OMatrix<f64, Const<ORDERS>, Dyn>,
 }
 
@@ -275,7 +279,7 @@ impl SideJacobian {
         let lens = camera.lens;
         let (wanted, count) = (camera.free.columns(), camera.len());
         let mut gram = Gram::identity() * UNSEEN;
-        let mut by_line = Vec::new();
+        let mut line_derivatives = Vec::new();
         let mut shared = SMatrix::<f64, ORDERS, MAX_SHARED>::zeros();
         let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
         let nodes = nodes(&moments.places);
@@ -297,23 +301,23 @@ impl SideJacobian {
                     let sample = &side.samples[index];
                     let of = (lens, state);
                     // A positive height displaces the sample: the residual is reduced by that.
-                    let risen =
+                    let height_displacements =
                         board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
-                    heights.ger(-1.0, row, &risen, 1.0);
+                    heights.ger(-1.0, row, &height_displacements, 1.0);
                 }
             }
-            by_line.push((model, wrt_line));
+            line_derivatives.push((model, wrt_line));
         }
         let factor = gram.cholesky()?;
-        let own = by_line
+        let plane = line_derivatives
             .iter()
             .map(|(model, wrt_line)| factor.solve(wrt_line) * state.line_jacobian(figure, model));
-        let own = own.reduce(|a, b| a + b)?;
+        let plane = plane.reduce(|a, b| a + b)?;
         let heights = factor.solve(&heights);
-        let columns = own.ncols() + board_relief.map_or(0, |_| TERMS);
+        let columns = plane.ncols() + board_relief.map_or(0, |_| TERMS);
         Some(Self {
-            own: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(own.ncols()) {
-                None => own[(k, i)],
+            plane: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(plane.ncols()) {
+                None => plane[(k, i)],
                 Some(term) => heights[(k, term)],
             }),
             shared: factor.solve(&shared.columns(0, count)),
@@ -324,14 +328,14 @@ impl SideJacobian {
 /// Indices of the samples nearest to the Chebyshev points of the side, given their places in order
 /// along it.
 fn nodes(places: &[f64]) -> Vec<usize> {
-    let rises = places.first() <= places.last();
+    let is_ascending = places.first() <= places.last();
     let nearest = |j: usize| {
         let angle = std::f64::consts::PI * (j as f64 + 0.5) / NODES as f64;
         let place = angle.cos();
         let distance = |i: &usize| (places[*i] - place).abs();
-        let after = places.partition_point(|own| (*own < place) == rises);
-        let beside = after.saturating_sub(1)..places.len().min(after + 1);
-        beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        let after = places.partition_point(|sample_place| (*sample_place < place) == is_ascending);
+        let candidates = after.saturating_sub(1)..places.len().min(after + 1);
+        candidates.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
     (0..NODES).filter_map(nearest).collect()
 }

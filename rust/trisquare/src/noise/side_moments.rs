@@ -10,7 +10,7 @@ use crate::observations::{Curve, Side};
 use crate::refine::Residual;
 
 /// Limit of a sample's residual, in standard deviations, in the plain moments.
-const FARTHEST: f64 = 1e3;
+const MAX_RESIDUAL: f64 = 1e3;
 
 /// Window of neighbours, including the sample itself, within which a sample may be stray: two
 /// adjacent stray samples are still distinguished from a bend.
@@ -41,7 +41,7 @@ pub(crate) struct SideMoments {
     /// the neighbours are displaced as well.
     pub strays: Vec<usize>,
     /// Weight of the best sample.
-    pub strongest: f64,
+    pub largest_weight: f64,
 }
 
 /// Sums from which the moments follow.
@@ -69,31 +69,35 @@ impl SideMoments {
             Curve::Line(_) => places(&side.samples, &along),
             Curve::Circle(_) => places_on_arc(&side.samples),
         };
-        let (robust, plain, strongest, strays) = summed(&places, residuals, scale);
+        let (robust, plain, largest_weight, strays) = moment_sums(&places, residuals, scale);
         Self {
             along,
             places,
             robust: Moments::of(&robust),
             plain: Moments::of(&plain),
             strays,
-            strongest,
+            largest_weight,
         }
     }
 }
 
 /// The sums with the weights of the robust loss and with the samples' own, the largest weight, and
 /// the stray samples.
-fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f64, Vec<usize>) {
+fn moment_sums(
+    places: &[f64],
+    residuals: &[Residual],
+    scale: f64,
+) -> (Sums, Sums, f64, Vec<usize>) {
     let (mut robust, mut plain) = (Sums::new(), Sums::new());
-    let (mut strongest, mut strays) = (f64::MIN_POSITIVE, Vec::new());
+    let (mut largest_weight, mut strays) = (f64::MIN_POSITIVE, Vec::new());
     for first in (0..places.len()).step_by(LANES) {
-        let (places, own) = (&places[first..], &residuals[first..]);
-        let mut at = [0.0; LANES];
+        let (places, remaining) = (&places[first..], &residuals[first..]);
+        let mut lane_places = [0.0; LANES];
         let [mut weights, mut values, mut plain_weights, mut plain_values] = [[0.0; LANES]; 4];
-        for (i, (place, residual)) in places.iter().zip(own).take(LANES).enumerate() {
-            at[i] = *place;
+        for (i, (place, residual)) in places.iter().zip(remaining).take(LANES).enumerate() {
+            lane_places[i] = *place;
             let to_noise = residual.weight / scale;
-            strongest = strongest.max(to_noise);
+            largest_weight = largest_weight.max(to_noise);
             let value = residual.distance * to_noise;
             let (_, weight) = Loss::Tukey.cost_and_weight(value);
             if weight == 0.0 && is_stray(residuals, first + i, scale) {
@@ -104,13 +108,13 @@ fn summed(places: &[f64], residuals: &[Residual], scale: f64) -> (Sums, Sums, f6
             weights[i] = weight * square;
             values[i] = weights[i] * residual.distance;
             plain_weights[i] = square;
-            plain_values[i] = to_noise * value.clamp(-FARTHEST, FARTHEST);
+            plain_values[i] = to_noise * value.clamp(-MAX_RESIDUAL, MAX_RESIDUAL);
         }
-        let terms = polynomials(&at);
+        let terms = polynomials(&lane_places);
         robust.add(&terms, &weights, &values);
         plain.add(&terms, &plain_weights, &plain_values);
     }
-    (robust, plain, strongest, strays)
+    (robust, plain, largest_weight, strays)
 }
 
 /// Whether the robust loss would give a sample no weight relative to its neighbours' median,
@@ -121,8 +125,8 @@ fn is_stray(residuals: &[Residual], index: usize, scale: f64) -> bool {
     };
     let first = index.saturating_sub(NEIGHBOURS / 2).min(last);
     let to_noise = |residual: &Residual| residual.distance * residual.weight / scale;
-    let mut near: [f64; NEIGHBOURS] = array::from_fn(|k| to_noise(&residuals[first + k]));
-    near.sort_unstable_by(f64::total_cmp);
-    let off = to_noise(&residuals[index]) - near[NEIGHBOURS / 2];
-    Loss::Tukey.cost_and_weight(off).1 == 0.0
+    let mut neighbours: [f64; NEIGHBOURS] = array::from_fn(|k| to_noise(&residuals[first + k]));
+    neighbours.sort_unstable_by(f64::total_cmp);
+    let departure = to_noise(&residuals[index]) - neighbours[NEIGHBOURS / 2];
+    Loss::Tukey.cost_and_weight(departure).1 == 0.0
 }

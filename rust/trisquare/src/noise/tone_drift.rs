@@ -34,19 +34,19 @@ pub(crate) fn account_for_drift<L: Lens>(
         return None;
     }
     let pictures = pictures(planes);
-    let system = freed(planes, &pictures, judged, refined)?;
+    let system = drift_equations(planes, &pictures, judged, refined)?;
     let all: Vec<usize> = (0..free.len()).collect();
-    let mut step = step_of(&system, judged, &all)?;
+    let mut step = partial_step(&system, judged, &all)?;
     let mut view = refined.view.advanced(free, &step);
     // If the samples hardly determine the distortion, it may step to a lens that does not see the
     // picture.
-    if !free.is_seen_by(&view.lens) {
-        step = step_of(&system, judged, &free.of_matrix())?;
+    if !free.is_reach_met(&view.lens) {
+        step = partial_step(&system, judged, &free.camera_matrix_positions())?;
         view = refined.view.advanced(free, &step);
     }
     let mut planes = planes.to_vec();
     for plane in &mut planes {
-        plane.remove_tone_drift(step.shared[judged.len() + place(&pictures, plane)]);
+        plane.remove_tone_drift(step.shared[judged.len() + picture_position(&pictures, plane)]);
     }
     let refined = Refined {
         residuals: residuals(&planes, &view)?,
@@ -58,48 +58,59 @@ pub(crate) fn account_for_drift<L: Lens>(
 }
 
 /// The step in some of the free parameters and in all drifts; zero for all others.
-fn step_of(system: &ArrowSystem, judged: &FreeParameters, moved: &[usize]) -> Option<ArrowStep> {
+fn partial_step(
+    system: &ArrowSystem,
+    judged: &FreeParameters,
+    selected: &[usize],
+) -> Option<ArrowStep> {
     let count = system.prior.nrows();
-    let moved: Vec<usize> = moved.iter().copied().chain(judged.len()..count).collect();
-    let mut step = system.selected(&moved).solve(0.0)?;
-    let own = std::mem::replace(&mut step.shared, DVector::zeros(count));
-    for (place, own) in moved.iter().zip(own.iter()) {
-        step.shared[*place] = *own;
+    let selected: Vec<usize> = selected
+        .iter()
+        .copied()
+        .chain(judged.len()..count)
+        .collect();
+    let mut step = system.selected(&selected).solve(0.0)?;
+    let values = std::mem::replace(&mut step.shared, DVector::zeros(count));
+    for (place, value) in selected.iter().zip(values.iter()) {
+        step.shared[*place] = *value;
     }
     Some(step)
 }
 
 /// The samples corrected for a view of the planes that was not fitted to them: with the tone drift
 /// of each picture that minimises their residuals.
-pub(crate) fn drifted_to<L: Lens>(
+pub(crate) fn corrected_for_drift<L: Lens>(
     planes: &[ObservedPlane],
     view: &View<L>,
 ) -> Option<Vec<ObservedPlane>> {
-    let mut moved = planes.to_vec();
+    let mut corrected = planes.to_vec();
     if !planes.iter().any(ObservedPlane::has_tone_drift) {
-        return Some(moved);
+        return Some(corrected);
     }
-    moved
+    corrected
         .iter_mut()
         .for_each(|plane| plane.remove_tone_drift(1.0));
-    let (before, after) = (residuals(planes, view)?, residuals(&moved, view)?);
+    let (before, after) = (residuals(planes, view)?, residuals(&corrected, view)?);
     let mut sums = BTreeMap::<usize, (f64, f64)>::new();
     for (plane, (before, after)) in planes.iter().zip(before.iter().zip(&after)) {
         let (product, square) = sums.entry(plane.image).or_default();
-        let counting = before.iter().zip(after).filter(|(own, _)| own.counts);
-        for (before, after) in counting {
+        let counted = before
+            .iter()
+            .zip(after)
+            .filter(|(residual, _)| residual.is_counted);
+        for (before, after) in counted {
             let drift = after.distance - before.distance;
             let weight = before.weight * before.weight;
             *product += weight * drift * before.distance;
             *square += weight * drift * drift;
         }
     }
-    for moved in &mut moved {
-        let (product, square) = sums[&moved.image];
-        let least = if square > 0.0 { -product / square } else { 0.0 };
-        moved.remove_tone_drift(least - 1.0);
+    for corrected in &mut corrected {
+        let (product, square) = sums[&corrected.image];
+        let optimum = if square > 0.0 { -product / square } else { 0.0 };
+        corrected.remove_tone_drift(optimum - 1.0);
     }
-    Some(moved)
+    Some(corrected)
 }
 
 /// The numbers of the pictures, ascending. They are arbitrary labels.
@@ -128,13 +139,13 @@ pub(crate) fn check_drift_count(planes: &[ObservedPlane]) -> Result<(), Error> {
 }
 
 /// Position of a plane's picture among `pictures`.
-fn place(pictures: &[usize], plane: &ObservedPlane) -> usize {
+fn picture_position(pictures: &[usize], plane: &ObservedPlane) -> usize {
     pictures.partition_point(|number| *number < plane.image)
 }
 
 /// The normal equations with an additional shared parameter for each of the pictures, after all
 /// others.
-fn freed<L: Lens>(
+fn drift_equations<L: Lens>(
     planes: &[ObservedPlane],
     pictures: &[usize],
     judged: &FreeParameters,
@@ -146,7 +157,8 @@ fn freed<L: Lens>(
     let (_, system) = EdgeProblem::new(planes, judged, scale).evaluate(&refined.view)?;
     let count = known + pictures.len();
     let blocks = system.blocks.iter().zip(planes);
-    let blocks = blocks.map(|(block, plane)| block.extended(&[known + place(pictures, plane)]));
+    let blocks =
+        blocks.map(|(block, plane)| block.extended(&[known + picture_position(pictures, plane)]));
     let mut system = ArrowSystem {
         prior: system.prior.clone().resize(count, count, 0.0),
         prior_gradient: system.prior_gradient.clone().resize_vertically(count, 0.0),
@@ -196,11 +208,11 @@ fn add_drift<L: Lens>(
                 }
                 None => 0.0,
             };
-            let to_noise = side.trust() * sample.weight / scale;
+            let to_noise = side.weight_factor() * sample.weight / scale;
             let (_, weight) = LOSS.cost_and_weight(distance.value * to_noise);
             let mut shared = DVector::zeros(judged.len());
             judged.gather(&distance.wrt_lens, shared.as_mut_slice());
-            let own = line_jacobian.tr_mul(&distance.wrt_line);
+            let plane_jacobian = line_jacobian.tr_mul(&distance.wrt_line);
             // Products with the displacement, which belongs to one shared column.
             let weighted = weight * to_noise * to_noise * displacement;
             for (i, shared) in shared.iter().enumerate() {
@@ -209,7 +221,10 @@ fn add_drift<L: Lens>(
             }
             block.shared[(drift, drift)] += weighted * displacement;
             block.shared_gradient[drift] += weighted * distance.value;
-            block.cross.column_mut(drift).axpy(weighted, &own, 1.0);
+            block
+                .cross
+                .column_mut(drift)
+                .axpy(weighted, &plane_jacobian, 1.0);
         }
     }
     Some(())

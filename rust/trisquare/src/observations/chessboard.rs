@@ -63,14 +63,14 @@ impl Chessboard {
     pub fn new(picture: &Picture, corners: &[Vec<Vector2<f64>>]) -> Result<Self, Error> {
         let width = corners.first().map_or(0, Vec::len);
         check_families(corners.len(), width)?;
-        for (row, own) in corners.iter().enumerate() {
-            if own.len() != width {
+        for (row, row_corners) in corners.iter().enumerate() {
+            if row_corners.len() != width {
                 return Err(Error::InvalidArgument(format!(
                     "row {row} of the chessboard has {} corners, but row 0 has {width}",
-                    own.len()
+                    row_corners.len()
                 )));
             }
-            check_places(0, row, own)?;
+            check_places(0, row, row_corners)?;
         }
         let column = |place| corners.iter().map(|row: &Vec<_>| row[place]).collect();
         let columns: Vec<Vec<_>> = (0..width).map(column).collect();
@@ -90,12 +90,12 @@ impl Chessboard {
     /// columns. `first` is the index of the first one among all spans of the picture.
     #[must_use]
     pub fn spans(&self, first: usize) -> Vec<EdgeSpan> {
-        let span = |(index, own): (usize, &GridLine)| {
-            let others = if index < self.rows { self.rows } else { 0 };
-            let crossing = |place| (Some(first.saturating_add(others + place)), place);
+        let span = |(index, grid_line): (usize, &GridLine)| {
+            let crossing_offset = if index < self.rows { self.rows } else { 0 };
+            let crossing = |place| (Some(first.saturating_add(crossing_offset + place)), place);
             EdgeSpan {
-                crossings: (0..own.path.len()).map(crossing).collect(),
-                ..EdgeSpan::new(own.path.clone(), own.polarity)
+                crossings: (0..grid_line.path.len()).map(crossing).collect(),
+                ..EdgeSpan::new(grid_line.path.clone(), grid_line.polarity)
             }
         };
         self.lines.iter().enumerate().map(span).collect()
@@ -124,14 +124,16 @@ impl Chessboard {
         let pairs = self.lines.iter().zip(measured);
         let pairs = pairs.filter_map(|(line, samples)| Some((line, samples.as_ref().ok()?)));
         let (lines, mut samples): (Vec<_>, Vec<_>) = pairs
-            .map(|(own, samples)| (own.line, own.samples(samples)))
+            .map(|(grid_line, samples)| (grid_line.line, grid_line.samples(samples)))
             .unzip();
         remove_edge_shift(&mut samples);
-        let of_all = |line: &GridLineSamples| line.samples.iter().map(|it| it.point).collect();
-        let points = samples.iter().map(of_all).collect();
-        let of_all = |line: &GridLineSamples| line.samples.iter().map(|it| it.std).collect();
+        let line_points =
+            |line: &GridLineSamples| line.samples.iter().map(|sample| sample.point).collect();
+        let points = samples.iter().map(line_points).collect();
+        let line_stds =
+            |line: &GridLineSamples| line.samples.iter().map(|sample| sample.std).collect();
         Ok(PlaneEdges {
-            std: Some(samples.iter().map(of_all).collect()),
+            std: Some(samples.iter().map(line_stds).collect()),
             ..PlaneEdges::new(lines, points)
         })
     }
@@ -169,18 +171,18 @@ fn check_families(rows: usize, columns: usize) -> Result<(), Error> {
 
 /// Returns the rows or the columns as grid lines, one unit apart along an axis.
 fn family(picture: &Picture, paths: Vec<Vec<Vector2<f64>>>, axis: Vector2<f64>) -> Vec<GridLine> {
-    let of_first = polarity_of_first(picture, &paths);
+    let first_polarity = first_line_polarity(picture, &paths);
     let line = |(number, path): (usize, _)| GridLine {
         line: Line::with_unit_normal(axis.abs(), axis * number as f64),
         path,
-        polarity: of_first * alternation(number),
+        polarity: first_polarity * alternation(number),
     };
     paths.into_iter().enumerate().map(line).collect()
 }
 
 /// Returns +1 if the picture gets lighter toward the right-hand normal of line 0 after its corner
 /// 0, else -1. All stretches of all lines are used, because a cell may be hidden.
-fn polarity_of_first(picture: &Picture, lines: &[Vec<Vector2<f64>>]) -> f64 {
+fn first_line_polarity(picture: &Picture, lines: &[Vec<Vector2<f64>>]) -> f64 {
     let reader = picture.reader(Tone::Srgb);
     let shade = |point: Vector2<f64>| reader.bilinear(point.x, point.y);
     let mut sum = 0.0;

@@ -11,20 +11,20 @@ use crate::geometry::Line;
 
 /// Distance from a line, as a fraction of half its length, above which samples belong to another
 /// line; the bends of both lines are added.
-const BESIDE: f64 = 0.01;
+const COINCIDENCE_TOLERANCE: f64 = 0.01;
 
 /// # Errors
 /// [`Error::InvalidArgument`] if a figure is given twice: its noise would count as that of two
 /// measurements.
-pub(super) fn check_given_once(edges: &[PlaneEdges]) -> Result<(), Error> {
+pub(super) fn check_duplicates(edges: &[PlaneEdges]) -> Result<(), Error> {
     let mut known: HashMap<[u64; 2], usize> = HashMap::new();
-    for (index, own) in edges.iter().enumerate() {
-        let Some(first) = own.points.iter().flatten().next() else {
+    for (index, figure) in edges.iter().enumerate() {
+        let Some(first) = figure.points.iter().flatten().next() else {
             continue;
         };
         let bits = [first.x, first.y].map(f64::to_bits);
         let earlier = *known.entry(bits).or_insert(index);
-        if earlier != index && edges[earlier].points == own.points {
+        if earlier != index && edges[earlier].points == figure.points {
             return Err(Error::InvalidArgument(format!(
                 "figure {index} has the samples of figure {earlier}: give each measurement once"
             )));
@@ -38,15 +38,15 @@ pub(super) fn check_given_once(edges: &[PlaneEdges]) -> Result<(), Error> {
 /// its samples lie beside them, such as a frame's inner outline of which only the samples were
 /// given.
 pub(super) fn check_place(index: usize, edges: &[PlaneEdges]) -> Result<(), Error> {
-    let own = &edges[index];
-    if own.plane.is_none() || own.freedom != Freedom::Fixed {
+    let figure = &edges[index];
+    if figure.plane.is_none() || figure.freedom != Freedom::Fixed {
         return Ok(());
     }
-    let earlier = (0..index).filter(|other| edges[*other].plane == own.plane);
+    let earlier = (0..index).filter(|other| edges[*other].plane == figure.plane);
     let is_fixed =
         |(place, other): &(usize, usize)| *place == 0 || edges[*other].freedom == Freedom::Fixed;
     let mut fixed = earlier.enumerate().filter(is_fixed);
-    match fixed.find(|(_, other)| is_beside(own, &edges[*other])) {
+    match fixed.find(|(_, other)| is_displaced(figure, &edges[*other])) {
         None => Ok(()),
         Some((_, other)) => Err(Error::InvalidArgument(format!(
             "the lines of figure {index}, which is fixed on its plane, coincide with those of figure \
@@ -57,18 +57,18 @@ pub(super) fn check_place(index: usize, edges: &[PlaneEdges]) -> Result<(), Erro
 }
 
 /// Whether a figure has the lines of another one, but samples beside the other's samples.
-fn is_beside(own: &PlaneEdges, other: &PlaneEdges) -> bool {
-    let mut beside = false;
-    for (line, points) in own.lines.iter().zip(&own.points) {
+fn is_displaced(figure: &PlaneEdges, other: &PlaneEdges) -> bool {
+    let mut is_displaced = false;
+    for (line, points) in figure.lines.iter().zip(&figure.points) {
         let Some(twin) = other.lines.iter().position(|twin| twin == line) else {
             return false;
         };
         let twin = other.points.get(twin).and_then(|points| chord(points));
-        if let (Some((middle, _, slack)), Some((_, line, others))) = (chord(points), twin) {
-            beside |= line.distance(&middle).abs() > slack + others;
+        if let (Some((middle, _, slack)), Some((_, line, twin_slack))) = (chord(points), twin) {
+            is_displaced |= line.distance(&middle).abs() > slack + twin_slack;
         }
     }
-    beside
+    is_displaced
 }
 
 /// Returns the middle of samples, the line fitted to them, and the largest distance from it at
@@ -76,8 +76,8 @@ fn is_beside(own: &PlaneEdges, other: &PlaneEdges) -> bool {
 fn chord(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, Line, f64)> {
     let line = Line::fit(points.iter().map(|point| (*point, 1.0)))?;
     let middle = points.iter().sum::<Vector2<f64>>() / points.len() as f64;
-    let bends = points.iter().map(|point| line.distance(point).abs());
+    let distances = points.iter().map(|point| line.distance(point).abs());
     let lengths = points.iter().map(|point| (point - middle).norm());
-    let slack = bends.fold(0.0, f64::max) + BESIDE * lengths.fold(0.0, f64::max);
+    let slack = distances.fold(0.0, f64::max) + COINCIDENCE_TOLERANCE * lengths.fold(0.0, f64::max);
     Some((middle, line, slack))
 }

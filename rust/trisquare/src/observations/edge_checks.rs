@@ -91,7 +91,7 @@ impl PlaneEdges {
                 "figure {figure} needs one standard deviation for every sample"
             )));
         }
-        match first_other(std, |s| (SMALLEST_STD..=LARGEST_STD).contains(s)) {
+        match first_invalid(std, |s| (SMALLEST_STD..=LARGEST_STD).contains(s)) {
             Some((line, sample)) => Err(Error::InvalidArgument(format!(
                 "the standard deviation of sample {sample} of line {line} of figure {figure} must be \
                  positive and finite (pixels, {SMALLEST_STD:e} to {LARGEST_STD:e}), not {:e}",
@@ -139,7 +139,7 @@ impl PlaneEdges {
             )));
         }
         let is_drift = |drift: &Vector2<f64>| drift.iter().all(|v| v.abs() <= LARGEST_DRIFT);
-        match first_other(tone_drift, is_drift) {
+        match first_invalid(tone_drift, is_drift) {
             Some((line, sample)) => Err(Error::InvalidArgument(format!(
                 "the drift of sample {sample} of line {line} of figure {figure} must be finite, and \
                  not beyond {LARGEST_DRIFT} pixels: no tone curve displaces an edge further"
@@ -150,12 +150,12 @@ impl PlaneEdges {
 }
 
 /// Returns the line and the sample of the first invalid value.
-fn first_other<T>(lines: &[Vec<T>], is_right: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
-    let wrong = |(line, values): (usize, &Vec<T>)| {
-        let sample = values.iter().position(|value| !is_right(value))?;
+fn first_invalid<T>(lines: &[Vec<T>], is_valid: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
+    let invalid_sample = |(line, values): (usize, &Vec<T>)| {
+        let sample = values.iter().position(|value| !is_valid(value))?;
         Some((line, sample))
     };
-    lines.iter().enumerate().find_map(wrong)
+    lines.iter().enumerate().find_map(invalid_sample)
 }
 
 /// Returns the first figure with samples outside a picture of this size, their number, and the

@@ -61,7 +61,7 @@ const PERSPECTIVE: f64 = 0.3;
 
 /// Size of a line's own estimate, in its standard deviations, above which it is used whatever the
 /// other lines show.
-const BELIEVED: f64 = 3.0;
+const EVIDENT: f64 = 3.0;
 
 /// Number of bisections of the range of the variance between lines: to a millionth of it.
 const HALVINGS: usize = 20;
@@ -93,70 +93,73 @@ pub struct GridLineSamples {
 /// exceeds a sample's noise, the samples next to crossings are left out; otherwise their standard
 /// deviations are increased.
 pub fn remove_edge_shift(lines: &mut [GridLineSamples]) -> f64 {
-    let faded: Vec<_> = lines.iter().map(GridLineSamples::at_crossings).collect();
+    let faded: Vec<_> = lines.iter().map(GridLineSamples::faded_samples).collect();
     let pairs = lines.iter().zip(&faded);
     let clear: Vec<_> = pairs.map(|(line, faded)| line.without(faded)).collect();
     let zigzags: Vec<Zigzag> = clear.iter().map(Zigzag::of).collect();
     let shift = common_shift(&zigzags);
-    let deviations = lines.iter().flat_map(|line| &line.samples).map(|it| it.std);
-    let usual = median(deviations.collect()).unwrap_or(f64::INFINITY);
-    let is_evident = shift.abs() > MAX_DOUBT * usual;
+    let stds = lines
+        .iter()
+        .flat_map(|line| &line.samples)
+        .map(|sample| sample.std);
+    let median_std = median(stds.collect()).unwrap_or(f64::INFINITY);
+    let is_evident = shift.abs() > MAX_DOUBT * median_std;
     // The shift differs from line to line with the blur across them, and along a line with its
     // distance from the camera.
     let shifts = shifts_of_lines(&zigzags, shift, is_evident);
-    for (((line, clear), faded), own) in lines.iter_mut().zip(clear).zip(faded).zip(shifts) {
+    for (((line, clear), faded), line_shift) in lines.iter_mut().zip(clear).zip(faded).zip(shifts) {
         if is_evident {
             *line = clear;
         } else {
-            line.doubt(&faded, shift);
+            line.increase_stds(&faded, shift);
         }
-        line.move_back(own);
+        line.subtract_shift(line_shift);
     }
     shift
 }
 
 impl GridLineSamples {
     /// Marks the samples that do not have the full contrast of their cell.
-    fn at_crossings(&self) -> Vec<bool> {
-        let cells = self.samples.iter().map(|it| it.cell + 1).max();
-        let mut least = vec![f64::INFINITY; cells.unwrap_or(0)];
+    fn faded_samples(&self) -> Vec<bool> {
+        let cells = self.samples.iter().map(|sample| sample.cell + 1).max();
+        let mut smallest_stds = vec![f64::INFINITY; cells.unwrap_or(0)];
         for sample in &self.samples {
-            least[sample.cell] = least[sample.cell].min(sample.std);
+            smallest_stds[sample.cell] = smallest_stds[sample.cell].min(sample.std);
         }
-        let is_faded = |it: &CellSample| it.std > FADED * least[it.cell];
+        let is_faded = |sample: &CellSample| sample.std > FADED * smallest_stds[sample.cell];
         let faded: Vec<bool> = self.samples.iter().map(is_faded).collect();
         // On a line of few samples, the others may be too few for a line.
-        let is_line = faded.iter().filter(|it| !**it).count() > 1;
-        faded.iter().map(|it| *it && is_line).collect()
+        let is_line = faded.iter().filter(|is_faded| !**is_faded).count() > 1;
+        faded.iter().map(|is_faded| *is_faded && is_line).collect()
     }
 
     fn without(&self, faded: &[bool]) -> Self {
         let pairs = self.samples.iter().zip(faded);
         Self {
-            samples: pairs.filter(|it| !it.1).map(|it| *it.0).collect(),
+            samples: pairs.filter(|pair| !pair.1).map(|pair| *pair.0).collect(),
             ..*self
         }
     }
 
     /// Increases the standard deviations at crossings by the effect of a shift of the edges there.
-    fn doubt(&mut self, faded: &[bool], shift: f64) {
-        let stds = self.samples.iter().map(|it| it.std);
-        let Some(usual) = upper_median(stds.collect()) else {
+    fn increase_stds(&mut self, faded: &[bool], shift: f64) {
+        let stds = self.samples.iter().map(|sample| sample.std);
+        let Some(median_std) = upper_median(stds.collect()) else {
             return;
         };
-        let doubt = 1f64.hypot(shift / usual);
-        for (sample, _) in self.samples.iter_mut().zip(faded).filter(|it| *it.1) {
-            sample.std *= doubt;
+        let factor = 1f64.hypot(shift / median_std);
+        for (sample, _) in self.samples.iter_mut().zip(faded).filter(|pair| *pair.1) {
+            sample.std *= factor;
         }
     }
 
     /// Subtracts a shift from the samples: moves them toward the dark side if it is positive.
-    fn move_back(&mut self, shift: LineShift) {
+    fn subtract_shift(&mut self, shift: LineShift) {
         let (normal, sign) = (self.normal(), self.contrast_sign);
         let places = self.places();
         for (sample, place) in self.samples.iter_mut().zip(places) {
-            let by = shift.in_middle + shift.along * place;
-            sample.point -= normal * (by * sample.sign(sign));
+            let distance = shift.middle + shift.increase * place;
+            sample.point -= normal * (distance * sample.sign(sign));
         }
     }
 
@@ -164,10 +167,10 @@ impl GridLineSamples {
     fn places(&self) -> Vec<f64> {
         let normal = self.normal();
         let along = Vector2::new(normal.y, -normal.x);
-        let places = self.samples.iter().map(|it| it.point.dot(&along));
+        let places = self.samples.iter().map(|sample| sample.point.dot(&along));
         let middle = places.clone().sum::<f64>() / self.samples.len() as f64;
-        let farthest = places.clone().fold(f64::MIN_POSITIVE, |most, place| {
-            most.max((place - middle).abs())
+        let farthest = places.clone().fold(f64::MIN_POSITIVE, |largest, place| {
+            largest.max((place - middle).abs())
         });
         places.map(|place| (place - middle) / farthest).collect()
     }
@@ -181,8 +184,8 @@ impl GridLineSamples {
 }
 
 impl CellSample {
-    fn sign(&self, of_even: f64) -> f64 {
-        of_even * alternation(self.cell)
+    fn sign(&self, even_sign: f64) -> f64 {
+        even_sign * alternation(self.cell)
     }
 }
 
@@ -195,8 +198,8 @@ pub(super) fn alternation(number: usize) -> f64 {
 /// increase from there to their end.
 #[derive(Debug, Clone, Copy)]
 struct LineShift {
-    in_middle: f64,
-    along: f64,
+    middle: f64,
+    increase: f64,
 }
 
 /// A sample of a zigzag: its offset from the line's chord, the sign of its shift, and that sign
@@ -218,17 +221,23 @@ impl Zigzag {
     fn of(line: &GridLineSamples) -> Self {
         let normal = line.normal();
         let degree = LINE_DEGREE.min(line.samples.len().saturating_sub(2));
-        let first = line.samples.first().map(|it| it.point);
-        let sample = |(it, place): (&CellSample, f64)| {
-            let sign = it.sign(line.contrast_sign);
-            let offset = (it.point - first.unwrap_or_default()).dot(&normal);
+        let first = line.samples.first().map(|sample| sample.point);
+        let zigzag_sample = |(sample, place): (&CellSample, f64)| {
+            let sign = sample.sign(line.contrast_sign);
+            let offset = (sample.point - first.unwrap_or_default()).dot(&normal);
             ZigzagSample {
                 values: RowVector3::new(offset, sign, sign * place),
                 basis: legendre(place, degree),
-                precision: 1.0 / it.std,
+                precision: 1.0 / sample.std,
             }
         };
-        Self(line.samples.iter().zip(line.places()).map(sample).collect())
+        Self(
+            line.samples
+                .iter()
+                .zip(line.places())
+                .map(zigzag_sample)
+                .collect(),
+        )
     }
 
     /// Returns the weighted offsets and signs without the part that a polynomial explains.
@@ -245,16 +254,17 @@ impl Zigzag {
             }
         }
         let explained = gram.lu().solve(&right).unwrap_or_default();
-        let left = |it: &ZigzagSample| it.values - it.basis.transpose() * explained;
+        let remainder =
+            |sample: &ZigzagSample| sample.values - sample.basis.transpose() * explained;
         let pairs = self.0.iter().zip(weights);
         pairs
-            .map(|(sample, weight)| left(sample) * *weight)
+            .map(|(sample, weight)| remainder(sample) * *weight)
             .collect()
     }
 
     /// Whether about as many samples are shifted one way as the other.
     fn has_cells_of_one_length(&self) -> bool {
-        let surplus: f64 = self.0.iter().map(|it| it.values.y).sum();
+        let surplus: f64 = self.0.iter().map(|sample| sample.values.y).sum();
         surplus.abs() < MAX_SURPLUS * self.0.len() as f64
     }
 
@@ -285,12 +295,19 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
     let mut shift = 0.0;
     for _ in 0..ROUNDS {
         let pairs = lines.iter().zip(&weights);
-        let left: Vec<_> = pairs
-            .map(|(line, own)| line.without_polynomial(own))
+        let remainders: Vec<_> = pairs
+            .map(|(line, weights)| line.without_polynomial(weights))
             .collect();
-        let (squares, products) = sums(left.iter().flatten().map(|it| (it.y, it.x)));
+        let (squares, products) = sums(remainders.iter().flatten().map(|row| (row.y, row.x)));
         // The polynomials explain the signs up to rounding.
-        if squares <= ROUNDING * weights.iter().flatten().map(|it| it * it).sum::<f64>() {
+        if squares
+            <= ROUNDING
+                * weights
+                    .iter()
+                    .flatten()
+                    .map(|weight| weight * weight)
+                    .sum::<f64>()
+        {
             return 0.0;
         }
         let previous = shift;
@@ -299,11 +316,11 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
             break;
         }
         let used = weights.iter().flatten().zip(precisions.iter().flatten());
-        let sizes: Vec<f64> = left
+        let sizes: Vec<f64> = remainders
             .iter()
             .flatten()
             .zip(used)
-            .map(|(left, (weight, precision))| (left.x - shift * left.y).abs() * precision / weight)
+            .map(|(row, (weight, precision))| (row.x - shift * row.y).abs() * precision / weight)
             .collect();
         let limit = HUBER_LIMIT * median(sizes.clone()).unwrap_or(0.0);
         let limit = limit.max(SMALLEST_LIMIT);
@@ -317,8 +334,8 @@ fn common_shift(lines: &[Zigzag]) -> f64 {
 
 /// Returns the sum of squares of the remaining signs, and the sum of their products with the
 /// remaining offsets.
-fn sums(left: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
-    left.fold((0.0, 0.0), |(squares, products), (sign, offset)| {
+fn sums(remainders: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
+    remainders.fold((0.0, 0.0), |(squares, products), (sign, offset)| {
         (squares + sign * sign, products + sign * offset)
     })
 }
@@ -329,46 +346,54 @@ fn sums(left: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
 /// Ink that spreads evenly on the board does not do so in the picture: nearer edges are shifted by
 /// more, in proportion to the distance from the lines' vanishing point.
 fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineShift> {
-    let least = if is_evident {
+    let min_known = if is_evident {
         MIN_KNOWN_IF_EVIDENT
     } else {
         MIN_KNOWN
     };
     let precisions: Vec<_> = lines.iter().map(Zigzag::precisions).collect();
     let pairs = lines.iter().zip(&precisions);
-    let left: Vec<_> = pairs
-        .map(|(line, own)| line.without_polynomial(own))
+    let remainders: Vec<_> = pairs
+        .map(|(line, weights)| line.without_polynomial(weights))
         .collect();
     // Samples whose stated standard deviations a wrong tone curve has raised scatter less than
     // stated.
-    let scatter = left
+    let scatter = remainders
         .iter()
         .flatten()
-        .map(|it| (it.x - shift * it.y).powi(2));
+        .map(|row| (row.x - shift * row.y).powi(2));
     let scatter = median(scatter.collect()).unwrap_or(0.0) / MEDIAN_SQUARE;
     // For a line, the coefficient of one of its columns of signs in the remaining offsets, and its
     // variance; `None` if the line hardly determines it.
-    let said = |line: usize, shift: f64, column: usize| {
-        let rest = left[line].iter();
-        let (known, products) = sums(rest.map(|it| (it[column], it.x - shift * it.y)));
-        let all: f64 = precisions[line].iter().map(|it| it * it).sum();
+    let line_estimate = |line: usize, shift: f64, column: usize| {
+        let rows = remainders[line].iter();
+        let (known, products) = sums(rows.map(|row| (row[column], row.x - shift * row.y)));
+        let all: f64 = precisions[line]
+            .iter()
+            .map(|precision| precision * precision)
+            .sum();
         let variance = scatter / known + f64::MIN_POSITIVE;
-        (known > least * all).then(|| (products / known, variance))
+        (known > min_known * all).then(|| (products / known, variance))
     };
     let departures: Vec<_> = (0..lines.len())
-        .map(|line| said(line, shift, SIGNS))
+        .map(|line| line_estimate(line, shift, SIGNS))
         .collect();
-    let beforehand = (PERSPECTIVE * shift).powi(2);
-    let departures = drawn_to_none(&departures, beforehand);
-    let in_middle: Vec<f64> = departures.iter().map(|own| shift + own).collect();
-    let changes = lines.iter().zip(&in_middle).enumerate();
+    let prior_variance = (PERSPECTIVE * shift).powi(2);
+    let departures = shrunk_estimates(&departures, prior_variance);
+    let middles: Vec<f64> = departures
+        .iter()
+        .map(|departure| shift + departure)
+        .collect();
+    let changes = lines.iter().zip(&middles).enumerate();
     let changes = changes.map(|(number, (line, shift))| {
-        said(number, *shift, SIGNS_BY_PLACE).filter(|_| line.has_cells_of_one_length())
+        line_estimate(number, *shift, SIGNS_BY_PLACE).filter(|_| line.has_cells_of_one_length())
     });
-    let shifts = in_middle.iter().zip(changes);
-    let shifts = shifts.map(|(&in_middle, change)| LineShift {
-        in_middle,
-        along: change.map_or(0.0, |said| drawn(said, (PERSPECTIVE * in_middle).powi(2))),
+    let shifts = middles.iter().zip(changes);
+    let shifts = shifts.map(|(&middle, change)| LineShift {
+        middle,
+        increase: change.map_or(0.0, |estimate| {
+            shrunk(estimate, (PERSPECTIVE * middle).powi(2))
+        }),
     });
     shifts.collect()
 }
@@ -379,34 +404,37 @@ fn shifts_of_lines(lines: &[Zigzag], shift: f64, is_evident: bool) -> Vec<LineSh
 /// or a tilt. Each estimate is therefore shrunk by the ratio of its variance to the variance
 /// between the lines. That one is chosen such that the median of the squared estimates, in units of
 /// both variances together, is that of chance (R. C. Paule & J. Mandel, J. Res. NBS 87 (1982)
-/// 377-385), and does not exceed `most`. An estimate that evidently differs from zero is used
-/// whatever the others are.
-fn drawn_to_none(said: &[Option<(f64, f64)>], most: f64) -> Vec<f64> {
-    let seen = || said.iter().flatten();
-    let largest = seen().fold(0.0, |most: f64, (value, _)| most.max(value.powi(2)));
-    let (mut low, mut high) = (0.0, most.min(largest / MEDIAN_SQUARE));
+/// 377-385), and does not exceed `max_variance`. An estimate that evidently differs from zero is
+/// used whatever the others are.
+fn shrunk_estimates(estimates: &[Option<(f64, f64)>], max_variance: f64) -> Vec<f64> {
+    let known = || estimates.iter().flatten();
+    let largest = known().fold(0.0, |largest: f64, (value, _)| largest.max(value.powi(2)));
+    let (mut low, mut high) = (0.0, max_variance.min(largest / MEDIAN_SQUARE));
     for _ in 0..HALVINGS {
         let between = 0.5 * (low + high);
-        let ratios = seen().map(|(value, variance)| value.powi(2) / (variance + between));
+        let ratios = known().map(|(value, variance)| value.powi(2) / (variance + between));
         if median(ratios.collect()).is_some_and(|ratio| ratio > MEDIAN_SQUARE) {
             low = between;
         } else {
             high = between;
         }
     }
-    let drawn = |said: (f64, f64)| drawn(said, own_variance(said).max(low));
-    said.iter().map(|own| own.map_or(0.0, drawn)).collect()
+    let shrink = |estimate: (f64, f64)| shrunk(estimate, evident_variance(estimate).max(low));
+    estimates
+        .iter()
+        .map(|estimate| estimate.map_or(0.0, shrink))
+        .collect()
 }
 
 /// Shrinks an estimate with its variance towards zero: the posterior mean under a normal prior with
-/// the variance `beforehand`.
-fn drawn((value, variance): (f64, f64), beforehand: f64) -> f64 {
-    value * beforehand / (beforehand + variance)
+/// the variance `prior_variance`.
+fn shrunk((value, variance): (f64, f64), prior_variance: f64) -> f64 {
+    value * prior_variance / (prior_variance + variance)
 }
 
 /// Prior variance from a line's own estimate: zero unless the estimate is evident.
-fn own_variance((value, variance): (f64, f64)) -> f64 {
-    (value * value - BELIEVED.powi(2) * variance).max(0.0)
+fn evident_variance((value, variance): (f64, f64)) -> f64 {
+    (value * value - EVIDENT.powi(2) * variance).max(0.0)
 }
 
 #[cfg(test)]
@@ -499,9 +527,8 @@ mod tests {
         let mut lines = zigzag(0.1, 9, 16, &mut noise);
         lines.extend(zigzag(0.3, 9, 16, &mut noise));
         let own = shifts_of_lines(&zigzags(&lines), 0.2, false);
-        let mean = |part: &[LineShift]| {
-            part.iter().map(|own| own.in_middle).sum::<f64>() / part.len() as f64
-        };
+        let mean =
+            |part: &[LineShift]| part.iter().map(|own| own.middle).sum::<f64>() / part.len() as f64;
         assert!((mean(&own[..9]) - 0.1).abs() < 0.02);
         assert!((mean(&own[9..]) - 0.3).abs() < 0.02);
     }
@@ -514,9 +541,9 @@ mod tests {
             .map(|line| common_shift(std::slice::from_ref(line)));
         let spread = |shifts: Vec<f64>| shifts.iter().map(|s| (s - 0.1).powi(2)).sum::<f64>();
         let own = shifts_of_lines(&lines, 0.1, false);
-        let in_middle = own.iter().map(|own| own.in_middle).collect();
-        assert!(spread(in_middle) < 0.25 * spread(each.collect()));
-        assert!(own.iter().all(|own| own.along.abs() < 0.1 * NOISE));
+        let middle = own.iter().map(|own| own.middle).collect();
+        assert!(spread(middle) < 0.25 * spread(each.collect()));
+        assert!(own.iter().all(|own| own.increase.abs() < 0.1 * NOISE));
     }
 
     #[test]
@@ -528,7 +555,7 @@ mod tests {
             let mut lines = zigzag(shift - off, 9, 16, &mut noise);
             lines.extend(zigzag(shift + off, 9, 16, &mut noise));
             let own = shifts_of_lines(&zigzags(&lines), shift, false);
-            let departures = own.iter().map(|own| (own.in_middle - shift).abs());
+            let departures = own.iter().map(|own| (own.middle - shift).abs());
             let usual = median(departures.collect()).unwrap();
             assert!(usual <= most && usual >= 0.25 * most, "{usual}");
         }
@@ -546,11 +573,11 @@ mod tests {
             }
         }
         for own in shifts_of_lines(&zigzags(&lines), 0.2, false) {
-            assert!((own.in_middle - 0.2).abs() < 0.03, "{own:?}");
-            assert!((own.along - 0.1).abs() < 0.04, "{own:?}");
+            assert!((own.middle - 0.2).abs() < 0.03, "{own:?}");
+            assert!((own.increase - 0.1).abs() < 0.04, "{own:?}");
         }
         for own in shifts_of_lines(&zigzags(&even), 0.2, false) {
-            assert!(own.along.abs() < 0.03, "{own:?}");
+            assert!(own.increase.abs() < 0.03, "{own:?}");
         }
     }
 
@@ -559,11 +586,11 @@ mod tests {
         let mut noise = Noise(6);
         let lines = zigzags(&zigzag(0.0, 20, 2, &mut noise));
         for own in shifts_of_lines(&lines, 0.01, false) {
-            assert_eq!((own.in_middle, own.along), (0.01, 0.0));
+            assert_eq!((own.middle, own.increase), (0.01, 0.0));
         }
         let own = shifts_of_lines(&lines, 0.0, true);
         let most = 10.0 * NOISE;
-        let is_small = |own: &LineShift| own.in_middle.abs() < most && own.along.abs() < most;
+        let is_small = |own: &LineShift| own.middle.abs() < most && own.increase.abs() < most;
         assert!(own.iter().all(is_small));
     }
 

@@ -18,7 +18,7 @@ struct Chord {
     middle: Vector2<f64>,
     ends: [Vector2<f64>; 2],
     /// Largest distance of the samples from it, in pixels.
-    bend: f64,
+    deviation: f64,
 }
 
 impl Chord {
@@ -35,16 +35,16 @@ impl Chord {
             line,
             middle: points.iter().sum::<Vector2<f64>>() / points.len() as f64,
             ends: ends.map(|end| *end),
-            bend: distances.fold(0.0, f64::max),
+            deviation: distances.fold(0.0, f64::max),
         })
     }
 
     /// Whether two chords cross between their ends by more than noise and distortion explain.
     fn crosses(&self, other: &Self) -> bool {
-        let bend = self.bend.max(other.bend);
+        let tolerance = self.deviation.max(other.deviation);
         let passes = |chord: &Self, line: &Line| {
             let [first, last] = chord.ends.map(|end| line.distance(&end));
-            first * last < 0.0 && first.abs().min(last.abs()) > bend
+            first * last < 0.0 && first.abs().min(last.abs()) > tolerance
         };
         passes(self, &other.line) && passes(other, &self.line)
     }
@@ -67,8 +67,8 @@ pub(super) fn outermost_lines(
 ) -> Result<[usize; 4], Error> {
     let runs_along = |line: &Line, across: Vector2<f64>| line.normal().dot(&across) == 0.0;
     let family = |across| {
-        let own = (0..lines.len()).filter(|line| runs_along(&lines[*line], across));
-        own.collect::<Vec<_>>()
+        let indices = (0..lines.len()).filter(|line| runs_along(&lines[*line], across));
+        indices.collect::<Vec<_>>()
     };
     let (along_x, along_y) = (family(Vector2::x()), family(Vector2::y()));
     if along_x.len() + along_y.len() != lines.len() {
@@ -115,15 +115,18 @@ impl PlaneEdges {
         let Some(sides) = outermost else {
             return self.clone();
         };
-        fn of_sides<T: Clone>(lines: &[Vec<T>], sides: [usize; 4]) -> Vec<Vec<T>> {
+        fn select_sides<T: Clone>(lines: &[Vec<T>], sides: [usize; 4]) -> Vec<Vec<T>> {
             sides.iter().map(|side| lines[*side].clone()).collect()
         }
-        let chosen = |lines: &Vec<Vec<f64>>| of_sides(lines, sides);
+        let chosen = |lines: &Vec<Vec<f64>>| select_sides(lines, sides);
         Self {
             lines: rectangle_lines(1.0, 1.0).to_vec(),
-            points: of_sides(&self.points, sides),
+            points: select_sides(&self.points, sides),
             std: self.std.as_ref().map(chosen),
-            tone_drift: self.tone_drift.as_ref().map(|own| of_sides(own, sides)),
+            tone_drift: self
+                .tone_drift
+                .as_ref()
+                .map(|drift| select_sides(drift, sides)),
             freedom: Freedom::Aspect,
             ..self.clone()
         }
@@ -136,14 +139,14 @@ fn farthest_apart(figure: usize, family: &[usize], chords: &[Chord]) -> Result<[
     for (place, first) in family.iter().enumerate() {
         for second in &family[place + 1..] {
             let pair = [*first, *second];
-            let [one, other] = pair.map(|line| &chords[line]);
-            if one.crosses(other) {
+            let [first_chord, second_chord] = pair.map(|line| &chords[line]);
+            if first_chord.crosses(second_chord) {
                 return Err(Error::CrossedParallels {
                     figure,
                     lines: pair,
                 });
             }
-            let distance = one.distance(other);
+            let distance = first_chord.distance(second_chord);
             if distance > farthest.0 {
                 farthest = (distance, pair);
             }

@@ -68,31 +68,31 @@ impl FreeParameters {
     /// Returns the same parameters with priors on the coefficients beyond the default model: the
     /// usual spread over lenses of about the given one's focal length. Coefficients with a prior
     /// under a poorer model keep that prior.
-    pub fn held_like<L: Lens>(
+    pub fn with_priors<L: Lens>(
         mut self,
         model: L::Model,
         (lens, size): (&L, ImageSize),
         poorer: &Self,
     ) -> Self {
-        let usual = lens.coefficient_priors(size);
+        let spreads = lens.coefficient_priors(size);
         let further = model.further_columns();
         let free = further
             .iter()
             .filter(|column| self.columns.contains(column));
         let prior = |column: usize| {
             let known = poorer.priors.iter().find(|(other, _)| *other == column);
-            let usual = PRIOR_SLACK * usual[column - INTRINSICS];
-            (column, known.map_or(usual, |(_, std)| *std))
+            let spreads = PRIOR_SLACK * spreads[column - INTRINSICS];
+            (column, known.map_or(spreads, |(_, std)| *std))
         };
         self.priors = free.map(prior).collect();
         self
     }
 
-    /// Returns the same parameters for a lens that has to see all of a picture, to within `short`
-    /// pixels (a standard deviation).
-    pub fn seeing_all_of(self, size: ImageSize, short: f64) -> Self {
+    /// Returns the same parameters for a lens that has to see all of a picture, to within
+    /// `shortfall` pixels (a standard deviation).
+    pub fn with_reach(self, size: ImageSize, shortfall: f64) -> Self {
         Self {
-            reach: Some((size, short)),
+            reach: Some((size, shortfall)),
             ..self
         }
     }
@@ -103,12 +103,12 @@ impl FreeParameters {
     }
 
     /// Whether a lens sees all of the picture that it has to see.
-    pub fn is_seen_by<L: Lens>(&self, lens: &L) -> bool {
+    pub fn is_reach_met<L: Lens>(&self, lens: &L) -> bool {
         self.reach.is_none_or(|(size, _)| lens.sees_all_of(size))
     }
 
     /// Returns the positions of the camera matrix's parameters among the free ones.
-    pub fn of_matrix(&self) -> Vec<usize> {
+    pub fn camera_matrix_positions(&self) -> Vec<usize> {
         let names = self.names().into_iter().enumerate();
         let places = names.filter_map(|(place, name)| MATRIX.contains(&name).then_some(place));
         places.collect()
@@ -129,7 +129,7 @@ impl FreeParameters {
     /// The distortion folds back at the rim: to first order a parameter moves the rim as it moves
     /// the pixel there.
     pub fn add_reach<L: Lens>(&self, lens: &L, system: &mut ArrowSystem) -> f64 {
-        let Some((size, short)) = self.reach else {
+        let Some((size, shortfall)) = self.reach else {
             return 0.0;
         };
         let centre = lens.principal_point();
@@ -142,10 +142,11 @@ impl FreeParameters {
                 continue;
             };
             let outwards = (target - rim).normalize();
-            let residual = (target - rim).norm() / short;
-            let moved = lens.projection_jacobian(&ray).transpose() * outwards / -short;
+            let residual = (target - rim).norm() / shortfall;
+            let residual_derivative =
+                lens.projection_jacobian(&ray).transpose() * outwards / -shortfall;
             let mut gradient = DVector::zeros(self.len());
-            self.gather(&moved.into(), gradient.as_mut_slice());
+            self.gather(&residual_derivative.into(), gradient.as_mut_slice());
             system.prior += &gradient * gradient.transpose();
             system.prior_gradient += gradient * residual;
             cost += 0.5 * residual * residual;
@@ -212,9 +213,9 @@ impl FreeParameters {
             (true, false) => held.push("aspect"),
             (true, true) => {}
         }
-        let of_matrix =
+        let is_camera_matrix =
             |column: &usize| *column < INTRINSICS || self.names.get(*column) == Some(&SKEW);
-        if !held.is_empty() && self.columns.iter().all(of_matrix) {
+        if !held.is_empty() && self.columns.iter().all(is_camera_matrix) {
             held.push(DISTORTION);
         }
         held
@@ -326,7 +327,7 @@ mod tests {
             height: 960,
         };
         assert!(!lens.sees_all_of(size));
-        let free = FreeParameters::all::<Brown>().seeing_all_of(size, 10.0);
+        let free = FreeParameters::all::<Brown>().with_reach(size, 10.0);
         let (_, gradient) = reach(&free, &lens);
         for (i, name) in free.names().into_iter().enumerate() {
             let step = if name.starts_with(['k', 'p']) {

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector2;
 
-use super::coinciding::{check_given_once, check_place};
+use super::coinciding::{check_duplicates, check_place};
 use super::curve::{Curve, Radius};
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
@@ -54,7 +54,7 @@ const OUTLIER_WEIGHT: f64 = 1e-5;
 
 impl Side {
     /// Factor on the weights of its samples.
-    pub fn trust(&self) -> f64 {
+    pub fn weight_factor(&self) -> f64 {
         if self.is_outlier { OUTLIER_WEIGHT } else { 1.0 }
     }
 
@@ -107,7 +107,7 @@ impl Figure {
 impl ObservedPlane {
     /// Returns the same plane with at most `samples_per_side` samples of each side, evenly spread.
     pub fn subsampled(&self, samples_per_side: usize) -> Self {
-        let of_side = |side: &Side| {
+        let subsampled_side = |side: &Side| {
             let step = side.samples.len().div_ceil(samples_per_side).max(1);
             Side {
                 samples: side.samples.iter().step_by(step).copied().collect(),
@@ -115,12 +115,12 @@ impl ObservedPlane {
                 ..*side
             }
         };
-        let of_figure = |figure: &Figure| Figure {
-            sides: figure.sides.iter().map(of_side).collect(),
+        let subsampled_figure = |figure: &Figure| Figure {
+            sides: figure.sides.iter().map(subsampled_side).collect(),
             ..*figure
         };
         Self {
-            figures: self.figures.iter().map(of_figure).collect(),
+            figures: self.figures.iter().map(subsampled_figure).collect(),
             relations: self.relations.clone(),
             ..*self
         }
@@ -165,10 +165,10 @@ impl ObservedPlane {
 
     /// Number of equations for the camera matrix: one where only the right angle between its sides
     /// is known and not their lengths, otherwise two.
-    pub fn equations(&self) -> usize {
-        let right_angle_alone =
+    pub fn equation_count(&self) -> usize {
+        let is_right_angle_only =
             |figure: &Figure| matches!(figure.freedom, Freedom::Aspect | Freedom::Offsets);
-        match self.figures.iter().all(right_angle_alone) {
+        match self.figures.iter().all(is_right_angle_only) {
             true => 1,
             false => 2,
         }
@@ -180,7 +180,7 @@ impl ObservedPlane {
     }
 
     /// Multiplies the weight of every sample.
-    pub fn weigh(&mut self, factor: f64) {
+    pub fn scale_weights(&mut self, factor: f64) {
         for side in self.sides_mut() {
             side.samples.iter_mut().for_each(|s| s.weight *= factor);
         }
@@ -227,14 +227,17 @@ pub(crate) fn has_grid(figure: &Figure) -> bool {
 
 /// Checks the lines of the scene among the figures and returns each as a plane with one side.
 pub(crate) fn lines_of_scene(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
-    let lines = edges.iter().enumerate().filter(|(_, own)| is_line(own));
-    let observed = |(index, own): (usize, &PlaneEdges)| {
-        own.check(index)?;
+    let lines = edges
+        .iter()
+        .enumerate()
+        .filter(|(_, figure_edges)| is_line(figure_edges));
+    let observed = |(index, figure_edges): (usize, &PlaneEdges)| {
+        figure_edges.check(index)?;
         Ok(ObservedPlane {
-            image: own.image,
-            figures: vec![figure(index, own)],
+            image: figure_edges.image,
+            figures: vec![figure(index, figure_edges)],
             board_relief: None,
-            side_error: own.side_error,
+            side_error: figure_edges.side_error,
             relations: Vec::new(),
         })
     };
@@ -248,10 +251,13 @@ fn is_line(edges: &PlaneEdges) -> bool {
 /// Checks all figures and sorts them by plane, in the order in which planes first appear; lines of
 /// the scene are left out.
 pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, Error> {
-    check_given_once(edges)?;
+    check_duplicates(edges)?;
     let mut planes: Vec<ObservedPlane> = Vec::new();
     let mut known: HashMap<u64, usize> = HashMap::new();
-    let figures_of_planes = edges.iter().enumerate().filter(|(_, own)| !is_line(own));
+    let figures_of_planes = edges
+        .iter()
+        .enumerate()
+        .filter(|(_, figure_edges)| !is_line(figure_edges));
     for (index, figure_edges) in figures_of_planes {
         figure_edges.check(index)?;
         check_place(index, edges)?;
@@ -363,7 +369,7 @@ fn figure(index: usize, edges: &PlaneEdges) -> Figure {
             .enumerate()
             .flat_map(|(number, (curve, points))| {
                 let stretches = match curve {
-                    Curve::Line(_) => vec![in_order_along(points)],
+                    Curve::Line(_) => vec![ordered_along_line(points)],
                     Curve::Circle(_) => arcs(points),
                 };
                 stretches
@@ -397,7 +403,7 @@ fn side(edges: &PlaneEdges, (number, curve): (usize, Curve), stretch: &[usize]) 
 }
 
 /// Returns the indices of a straight side's samples, from one end to the other.
-fn in_order_along(points: &[Vector2<f64>]) -> Vec<usize> {
+fn ordered_along_line(points: &[Vector2<f64>]) -> Vec<usize> {
     let line = Line::fit(points.iter().map(|point| (*point, 1.0)));
     let normal = line.map_or_else(Vector2::zeros, |line| line.normal());
     let along = normal

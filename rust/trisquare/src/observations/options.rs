@@ -200,8 +200,8 @@ impl<L: Lens> Options<L> {
                 });
             }
             let focals = parameters[..2].iter();
-            let far = parameters.iter().any(|v| v.abs() > LARGEST_PARAMETER);
-            if focals.copied().any(|f| f < SMALLEST_FOCAL) || far {
+            let is_too_large = parameters.iter().any(|v| v.abs() > LARGEST_PARAMETER);
+            if focals.copied().any(|f| f < SMALLEST_FOCAL) || is_too_large {
                 return Err(Error::InvalidArgument(format!(
                     "the initial camera's focal lengths must be at least {SMALLEST_FOCAL} px, \
                      and none of its parameters beyond {LARGEST_PARAMETER:e}"

@@ -78,23 +78,23 @@ impl Placement {
     /// the radii.
     pub fn line_derivatives(&self, model: &ModelLine) -> impl Iterator<Item = Vector3<f64>> {
         let placement = self;
-        let own = model.radius;
+        let radius_index = model.radius;
         let (stretched, wrt_stretch) = self.stretched(&model.line);
         let normal = self.rotate(stretched.xy());
-        let turned = Vector2::new(-normal.y, normal.x);
-        let of_radius = move |k: usize| match own == Some(k) {
+        let tangent = Vector2::new(-normal.y, normal.x);
+        let radius_derivative = move |k: usize| match radius_index == Some(k) {
             true => Vector3::new(0.0, 0.0, -placement.scale),
             false => Vector3::zeros(),
         };
-        let of_parameter = move |parameter: &PlacementParameter| match parameter {
+        let parameter_derivative = move |parameter: &PlacementParameter| match parameter {
             Stretch => placement.placed(&wrt_stretch),
             Scale => Vector3::new(0.0, 0.0, stretched.z),
-            Angle => turned.push(-turned.dot(&placement.shift)),
+            Angle => tangent.push(-tangent.dot(&placement.shift)),
             ShiftX => Vector3::new(0.0, 0.0, -normal.x),
             ShiftY => Vector3::new(0.0, 0.0, -normal.y),
         };
-        let radii = (0..self.radii.len()).map(of_radius);
-        self.free.iter().map(of_parameter).chain(radii)
+        let radii = (0..self.radii.len()).map(radius_derivative);
+        self.free.iter().map(parameter_derivative).chain(radii)
     }
 
     /// Number of free parameters, radii included.
@@ -125,8 +125,8 @@ impl Placement {
     /// Returns the placement after a step of its free parameters.
     pub fn moved(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
-        let (own, radii) = step.split_at(self.free.len());
-        for (parameter, change) in self.free.iter().zip(own) {
+        let (shape_step, radii) = step.split_at(self.free.len());
+        for (parameter, change) in self.free.iter().zip(shape_step) {
             let value = match parameter {
                 Stretch => &mut next.stretch,
                 Scale => &mut next.scale,

@@ -224,19 +224,22 @@ impl PlaneEdges {
         }
     }
 
-    /// Returns the same edges with at most `most` samples of each line, evenly chosen.
-    pub(crate) fn thinned(&self, most: usize) -> Self {
-        fn chosen<T: Clone>(lines: &[Vec<T>], most: usize) -> Vec<Vec<T>> {
-            let line = |own: &Vec<T>| {
-                let step = own.len().div_ceil(most.max(1)).max(1);
-                own.iter().step_by(step).cloned().collect()
+    /// Returns the same edges with at most `max_samples` samples of each line, evenly chosen.
+    pub(crate) fn thinned(&self, max_samples: usize) -> Self {
+        fn chosen<T: Clone>(lines: &[Vec<T>], max_samples: usize) -> Vec<Vec<T>> {
+            let line = |samples: &Vec<T>| {
+                let step = samples.len().div_ceil(max_samples.max(1)).max(1);
+                samples.iter().step_by(step).cloned().collect()
             };
             lines.iter().map(line).collect()
         }
         Self {
-            points: chosen(&self.points, most),
-            std: self.std.as_ref().map(|own| chosen(own, most)),
-            tone_drift: self.tone_drift.as_ref().map(|own| chosen(own, most)),
+            points: chosen(&self.points, max_samples),
+            std: self.std.as_ref().map(|lines| chosen(lines, max_samples)),
+            tone_drift: self
+                .tone_drift
+                .as_ref()
+                .map(|lines| chosen(lines, max_samples)),
             ..self.clone()
         }
     }

@@ -55,7 +55,7 @@ pub fn relate_planes(
 const MAX_TURNS: usize = 50;
 
 /// Cosine below which the remaining error of a relation is rounding.
-const HELD: f64 = 1e-12;
+const SATISFIED: f64 = 1e-12;
 
 /// Starting directions of the planes in the test whether relations can be satisfied at all: a
 /// single start may lie halfway between two solutions.
@@ -105,7 +105,7 @@ impl<L: Lens> View<L> {
         for _ in 0..MAX_TURNS {
             let equations: Vec<Equation> = self.equations().collect();
             let gaps = DVector::from_iterator(equations.len(), equations.iter().map(|e| e.gap));
-            if gaps.amax() < HELD {
+            if gaps.amax() < SATISFIED {
                 return true;
             }
             let mut by_turn = DMatrix::zeros(equations.len(), 3 * self.planes.len());
@@ -164,7 +164,7 @@ impl<L: Lens> View<L> {
 /// [`Error::InvalidArgument`].
 pub(crate) fn check_relations<L: Lens>(planes: &[ObservedPlane]) -> Result<(), Error> {
     let relations = relations_of(planes);
-    let turned = |start: f64, plane: usize| {
+    let rotated_plane = |start: f64, plane: usize| {
         let angle = start * (plane + 1) as f64;
         let axis = Vector3::new(angle.sin(), (1.7 * angle).cos(), (2.6 * angle).sin());
         let pose = Pose {
@@ -176,15 +176,17 @@ pub(crate) fn check_relations<L: Lens>(planes: &[ObservedPlane]) -> Result<(), E
             figures: Vec::new(),
         }
     };
-    let can_hold = |start: &f64| {
+    let is_satisfiable = |start: &f64| {
         let mut view = View {
             lens: L::from_camera_matrix(&nalgebra::Matrix3::identity()),
-            planes: (0..planes.len()).map(|p| turned(*start, p)).collect(),
+            planes: (0..planes.len())
+                .map(|p| rotated_plane(*start, p))
+                .collect(),
             relations: relations.clone(),
         };
         view.hold_relations()
     };
-    match relations.is_empty() || STARTS.iter().any(can_hold) {
+    match relations.is_empty() || STARTS.iter().any(is_satisfiable) {
         true => Ok(()),
         false => Err(Error::InvalidArgument(
             "the orthogonal and parallel relations contradict each other: no arrangement of planes \

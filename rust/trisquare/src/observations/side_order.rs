@@ -37,7 +37,7 @@ impl SideOrder {
             check_samples(0, side, points, MIN_LINE_SAMPLES)?;
         }
         let line = |side: usize, neighbour: usize| {
-            let near = half_toward(&sides[side], &sides[neighbour]);
+            let near = nearer_half(&sides[side], &sides[neighbour]);
             Line::fit(near.iter().map(|p| (*p, 1.0))).ok_or(Error::TooFewSamples {
                 figure: 0,
                 line: side,
@@ -49,19 +49,19 @@ impl SideOrder {
         let mut corners = [Vector2::zeros(); 4];
         for side in 0..4 {
             let before = (side + 3) % 4;
-            let (one, other) = (line(before, side)?, line(side, before)?);
-            let corner = one.intersection(&other);
+            let (line_before, line_after) = (line(before, side)?, line(side, before)?);
+            let corner = line_before.intersection(&line_after);
             corners[side] = corner.ok_or(crossed(side))?;
         }
         let mut turns = [0.0; 4];
         for side in 0..4 {
             let (start, end) = (corners[side], corners[(side + 1) % 4]);
             let along = end - start;
-            let follows = sides[side].iter().all(|p| {
+            let is_between_corners = sides[side].iter().all(|p| {
                 let fraction = (p - start).dot(&along) / along.norm_squared();
                 (-CORNER_SLACK..=1.0 + CORNER_SLACK).contains(&fraction)
             });
-            if !follows {
+            if !is_between_corners {
                 return Err(crossed(side));
             }
             turns[side] = along.perp(&(corners[(side + 2) % 4] - end));
@@ -82,9 +82,9 @@ impl SideOrder {
 pub(super) fn stray_sample(sides: &[Vec<Vector2<f64>>]) -> Option<Error> {
     (0..sides.len()).find_map(|line| {
         let sample = farthest(&sides[line])?;
-        let mut others = sides.to_vec();
-        others[line].remove(sample);
-        SideOrder::of(&others).ok()?;
+        let mut remaining = sides.to_vec();
+        remaining[line].remove(sample);
+        SideOrder::of(&remaining).ok()?;
         Some(Error::StraySample {
             figure: 0,
             line,
@@ -103,7 +103,7 @@ fn farthest(side: &[Vector2<f64>]) -> Option<usize> {
 }
 
 /// Returns the half of a side's samples that is nearer to its neighbour, because a side may bulge.
-fn half_toward(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+fn nearer_half(side: &[Vector2<f64>], neighbour: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
     let centre = neighbour.iter().sum::<Vector2<f64>>() / neighbour.len() as f64;
     let mut samples = side.to_vec();
     samples.sort_by(|a, b| (a - centre).norm().total_cmp(&(b - centre).norm()));

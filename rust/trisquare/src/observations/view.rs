@@ -164,9 +164,9 @@ impl PlaneState {
         );
         let mut offset = POSE_PARAMETERS;
         let figures = self.figures.iter().map(|figure| {
-            let own = &step[offset..offset + figure.parameter_count()];
+            let figure_step = &step[offset..offset + figure.parameter_count()];
             offset += figure.parameter_count();
-            figure.moved(own)
+            figure.moved(figure_step)
         });
         Self {
             figures: figures.collect(),
@@ -178,9 +178,9 @@ impl PlaneState {
 impl<L: Lens> View<L> {
     /// Number of unknowns of the camera and of all planes.
     pub fn unknowns(&self, free: &FreeParameters) -> usize {
-        let own: usize = self.planes.iter().map(PlaneState::unknowns).sum();
+        let plane_unknowns: usize = self.planes.iter().map(PlaneState::unknowns).sum();
         let held: usize = self.relations.iter().map(Related::count).sum();
-        free.len() + own - held.min(own)
+        free.len() + plane_unknowns - held.min(plane_unknowns)
     }
 
     /// Returns the view after a step of the free parameters.
@@ -189,7 +189,7 @@ impl<L: Lens> View<L> {
         let mut next = Self {
             lens: free.advance(&self.lens, &step.shared),
             planes: planes
-                .map(|(plane, own)| plane.moved(own.as_slice()))
+                .map(|(plane, plane_step)| plane.moved(plane_step.as_slice()))
                 .collect(),
             relations: self.relations.clone(),
         };

@@ -50,7 +50,7 @@ impl<'a, L: Lens> Bands<'a, L> {
         let figure = |(f, outline): (usize, &Outline)| {
             let polarity = self.edges[plane.figures[f].index].polarity;
             let dark_inside = polarity.ok_or(Refusal::NotApplicable)? == Polarity::DarkInside;
-            let reach = outline.reach_beside(&outlines, f, width);
+            let reach = outline.reach(&outlines, f, width);
             if reach < MIN_REACH {
                 return Err(Refusal::Reason(
                     "two outlines of a plane are too close together",

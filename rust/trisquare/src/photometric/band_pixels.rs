@@ -106,7 +106,7 @@ pub(crate) struct PixelFigure {
     /// Maximum distance (px) of its pixels from the outline.
     pub reach: f64,
     /// Empty if they are read again for every use: see
-    /// [`PixelFit::unheld`](super::fit::PixelFit::unheld).
+    /// [`PixelFit::pixel_source`](super::fit::PixelFit::pixel_source).
     pub pixels: Vec<BandPixel>,
     /// The side that each stretch of the outline belongs to.
     pub stretch_sides: Vec<u8>,

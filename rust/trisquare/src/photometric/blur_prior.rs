@@ -9,10 +9,10 @@ use crate::numeric::{Block, variance_about_zero};
 
 /// Prior standard deviation of a difference, as a fraction of the blur, before any of the picture's
 /// data.
-const WIDEST: f64 = 0.5;
+const MAX_STD: f64 = 0.5;
 /// Lower bound of the standard deviation: differences of this size shift an edge by less than the
 /// noise of its best samples.
-const LEAST: f64 = 1e-3;
+const MIN_STD: f64 = 1e-3;
 
 /// Number of variances: one of the sides' own differences, one of the variation over the figure.
 const KINDS: usize = 2;
@@ -31,7 +31,7 @@ impl BlurDifferences {
     pub fn precisions(&self) -> [f64; KINDS] {
         std::array::from_fn(|kind| {
             let std = variance_about_zero(&self.0[kind]).sqrt();
-            std.clamp(LEAST, WIDEST).powi(-2) - WIDEST.powi(-2)
+            std.clamp(MIN_STD, MAX_STD).powi(-2) - MAX_STD.powi(-2)
         })
     }
 }
@@ -43,7 +43,7 @@ fn kind(difference: usize) -> usize {
 /// Adds the prior on the differences to a block, in which the exposure's parameters begin at
 /// `offset`; returns the cost.
 pub(super) fn add_wide(exposure: &Exposure, block: &mut Block, offset: usize) -> f64 {
-    add(exposure, [WIDEST.powi(-2); KINDS], block, offset)
+    add(exposure, [MAX_STD.powi(-2); KINDS], block, offset)
 }
 
 /// `add_wide` with differences of these precisions.
@@ -55,9 +55,9 @@ pub(super) fn add(
 ) -> f64 {
     let mut cost = 0.0;
     for (k, difference) in exposure.differences.all().into_iter().enumerate() {
-        let (own, precision) = (offset + DIFFERENCES + k, precisions[kind(k)]);
-        block.hessian[(own, own)] += precision;
-        block.gradient[own] += precision * difference;
+        let (column, precision) = (offset + DIFFERENCES + k, precisions[kind(k)]);
+        block.hessian[(column, column)] += precision;
+        block.gradient[column] += precision * difference;
         cost += 0.5 * precision * difference * difference;
     }
     cost

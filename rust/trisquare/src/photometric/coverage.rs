@@ -51,12 +51,12 @@ impl Corner {
     }
 
     /// The part inside both sides at distances in blurs, and its derivatives by these.
-    fn covered(&self, [a, b]: [f64; 2]) -> (f64, [f64; 2]) {
-        let given = |h: f64, k: f64| {
+    fn coverage(&self, [a, b]: [f64; 2]) -> (f64, [f64; 2]) {
+        let conditional = |h: f64, k: f64| {
             let (_, density) = cdf_and_pdf(h);
             density * cdf((k - self.correlation * h) / self.across)
         };
-        (self.joint.cdf(a, b), [given(a, b), given(b, a)])
+        (self.joint.cdf(a, b), [conditional(a, b), conditional(b, a)])
     }
 }
 
@@ -114,17 +114,17 @@ pub(crate) fn coverage(
         }
         // With three sides at one pixel the square is as small as its blur: the first two are used,
         // and the robust loss absorbs the rest.
-        _ => between_two([cutting[0], cutting[1]], z, corners),
+        _ => coverage_by_two([cutting[0], cutting[1]], z, corners),
     }
 }
 
 /// The coverage of two sides.
 #[inline(never)]
-fn between_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Coverage {
+fn coverage_by_two([a, b]: [usize; 2], z: &[f64; 4], corners: &[Corner; 4]) -> Coverage {
     let pair = [z[a], z[b]];
     let (value, [by_a, by_b]) = match (a, b) {
-        (0, 3) => corners[0].covered(pair),
-        (a, b) if b == a + 1 => corners[b].covered(pair),
+        (0, 3) => corners[0].coverage(pair),
+        (a, b) if b == a + 1 => corners[b].coverage(pair),
         _ => {
             let [(part_a, density_a), (part_b, density_b)] = pair.map(cdf_and_pdf);
             (part_a * part_b, [density_a * part_b, density_b * part_a])

@@ -48,19 +48,19 @@ pub(super) struct Mark {
 
 /// The stripe across a trace in which a point may be the nearest one, given its two neighbours: a
 /// disc around every point would mark each pixel many times.
-enum Across {
+enum NearestStripe {
     /// The end of a side: no limit.
     End,
     /// Direction of the trace, and half the stripe's width along it.
     Middle(Vector2<f64>, f64),
 }
 
-impl Across {
+impl NearestStripe {
     fn of(trace: &[TracePoint], index: usize) -> Self {
         let side = trace[index].side;
-        let other = |i: usize| trace.get(i).filter(|p| p.side == side);
-        let before = index.checked_sub(1).and_then(other);
-        let (Some(before), Some(after)) = (before, other(index + 1)) else {
+        let neighbour = |i: usize| trace.get(i).filter(|p| p.side == side);
+        let before = index.checked_sub(1).and_then(neighbour);
+        let (Some(before), Some(after)) = (before, neighbour(index + 1)) else {
             return Self::End;
         };
         let along = after.place - before.place;
@@ -70,16 +70,16 @@ impl Across {
     }
 
     /// Entry and exit of the row `dy` below the point into the stripe, relative to the point's `x`.
-    fn stripe(&self, dy: f64) -> (f64, f64) {
+    fn row_range(&self, dy: f64) -> (f64, f64) {
         match self {
             Self::End => (f64::NEG_INFINITY, f64::INFINITY),
             Self::Middle(along, half) => {
-                let (one, other) = (
+                let (first, second) = (
                     (-half - dy * along.y) / along.x,
                     (half - dy * along.y) / along.x,
                 );
                 // For a row along the stripe these are infinite, or NaN exactly on its edge.
-                (one.min(other), one.max(other))
+                (first.min(second), first.max(second))
             }
         }
     }
@@ -103,7 +103,7 @@ impl DistanceMap {
             clip((high.x + near).ceil() + 1.0, picture.width()),
             clip((high.y + near).ceil() + 1.0, picture.height()),
         );
-        let far = Mark {
+        let unmarked = Mark {
             square: f32::INFINITY,
             nearest: 0,
             near: 0,
@@ -113,16 +113,16 @@ impl DistanceMap {
             y0,
             full_density: width.factor() * FULL_DENSITY,
             width: x1 - x0,
-            marks: vec![far; (x1 - x0) * (y1 - y0)],
+            marks: vec![unmarked; (x1 - x0) * (y1 - y0)],
         };
         for (index, point) in trace.iter().enumerate() {
             let p = point.place;
-            let across = Across::of(trace, index);
+            let stripe = NearestStripe::of(trace, index);
             let (bit, number) = (1 << point.side, index as u16);
             for y in clip((p.y - near).ceil(), y1).max(y0)..clip((p.y + near).floor() + 1.0, y1) {
                 let dy = y as f64 - p.y;
                 let half = (near * near - dy * dy).max(0.0).sqrt();
-                let (from, to) = across.stripe(dy);
+                let (from, to) = stripe.row_range(dy);
                 let left = clip((p.x + from.max(-half)).ceil(), x1).max(x0);
                 let right = clip((p.x + to.min(half)).floor() + 1.0, x1);
                 let row = (y - y0) * map.width;
@@ -135,9 +135,9 @@ impl DistanceMap {
                     dx += 1.0;
                     mark.near |= bit;
                     // Branchless: a branch here would be unpredictable.
-                    let nearer = square < mark.square;
-                    mark.square = if nearer { square } else { mark.square };
-                    mark.nearest = if nearer { number } else { mark.nearest };
+                    let is_nearer = square < mark.square;
+                    mark.square = if is_nearer { square } else { mark.square };
+                    mark.nearest = if is_nearer { number } else { mark.nearest };
                 }
             }
         }
@@ -148,13 +148,13 @@ impl DistanceMap {
     pub fn expected_count(&self, points: usize, reach: f64) -> usize {
         let dense = self.full_density.min(reach);
         // On both sides; beyond the dense part every second pixel.
-        let across = 2.0 * dense + (reach - dense);
-        let along = TRACE_SPACING * points as f64;
-        ((along * across) as usize).min(self.marks.len())
+        let width = 2.0 * dense + (reach - dense);
+        let length = TRACE_SPACING * points as f64;
+        ((length * width) as usize).min(self.marks.len())
     }
 
     /// Visits the pixels that are used: all near the outline, every second one beyond.
-    pub fn for_each_within(&self, reach: f64, mut give: impl FnMut(usize, usize, &Mark)) {
+    pub fn for_each_within(&self, reach: f64, mut visit: impl FnMut(usize, usize, &Mark)) {
         let (dense, sparse) = (self.full_density.powi(2) as f32, (reach * reach) as f32);
         for (y, row) in self.marks.chunks_exact(self.width.max(1)).enumerate() {
             for (run, marks) in row.chunks(RUN).enumerate() {
@@ -167,7 +167,7 @@ impl DistanceMap {
                     let is_used =
                         mark.square <= dense || mark.square <= sparse && (x + y).is_multiple_of(2);
                     if is_used {
-                        give(self.x0 + x, self.y0 + y, mark);
+                        visit(self.x0 + x, self.y0 + y, mark);
                     }
                 }
             }

@@ -119,10 +119,10 @@ impl BlurDifferences {
 
     /// Approximate minimum and maximum of the factor by which the blur is multiplied along a side.
     fn range(&self) -> [f64; 2] {
-        let [least, greatest] = self.variation.range();
+        let [lowest, highest] = self.variation.range();
         let [low, high] = [f64::min, f64::max]
             .map(|extreme| self.sides.into_iter().reduce(extreme).unwrap_or(0.0));
-        [least + low, greatest + high]
+        [lowest + low, highest + high]
     }
 }
 
@@ -159,7 +159,9 @@ impl Exposure {
     #[inline]
     pub fn blurs(&self, place: &Vector2<f64>) -> [f64; 4] {
         let varied = self.differences.variation.factor(place);
-        self.differences.sides.map(|own| self.blur * (varied + own))
+        self.differences
+            .sides
+            .map(|difference| self.blur * (varied + difference))
     }
 
     /// Matrix that maps derivatives by a side's own blur, times `1` and the derivatives of a
@@ -206,7 +208,10 @@ impl Exposure {
         }
         let [ground, within] = [self.ground, self.ground + self.contrast].map(|light| {
             let (_, slope) = picture.curve.encode_with_slope(light);
-            picture.curve.sensitivity(light).map(|by| -by / slope)
+            picture
+                .curve
+                .sensitivity(light)
+                .map(|derivative| -derivative / slope)
         });
         std::array::from_fn(|i| [ground[i], within[i] - ground[i]])
     }

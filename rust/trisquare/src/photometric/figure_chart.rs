@@ -43,7 +43,7 @@ impl SideChart {
     #[inline(never)] // inlined, it is not vectorised
     fn distances(&self, pixels: &PixelLanes) -> [f64; LANES] {
         let terms = polynomials::<NODES>(&self.image.places(pixels));
-        let beside = self.image.beside(pixels, &terms);
+        let heights = self.image.distances(pixels, &terms);
         let mut sums = [[0.0; LANES]; 2];
         for (coefficients, term) in self.slopes.iter().zip(&terms) {
             for (sum, coefficient) in sums.iter_mut().zip(coefficients) {
@@ -52,7 +52,7 @@ impl SideChart {
                 }
             }
         }
-        std::array::from_fn(|i| beside[i] * (sums[0][i] + beside[i] * sums[1][i]))
+        std::array::from_fn(|i| heights[i] * (sums[0][i] + heights[i] * sums[1][i]))
     }
 }
 
@@ -70,15 +70,15 @@ impl FigureChart {
             let image = LineImage::over(line, chord, ends.into_iter(), (beyond, TOLERANCE))?;
             let across = image.across();
             let mut slopes = [[0.0; 2]; NODES];
-            for (own, node) in slopes.iter_mut().zip(&image.nodes) {
-                let at = |beside: f64| {
+            for (slope, node) in slopes.iter_mut().zip(&image.nodes) {
+                let distance_at = |offset: f64| {
                     let ray = scene
                         .lens
-                        .unproject_with_jacobian(&(node + across * beside))?;
+                        .unproject_with_jacobian(&(node + across * offset))?;
                     Some(scene.lens.line_distance(&ray, line.1))
                 };
-                let [low, high] = [at(-height)?, at(height)?];
-                *own = [
+                let [low, high] = [distance_at(-height)?, distance_at(height)?];
+                *slope = [
                     (high - low) / (2.0 * height),
                     (high + low) / (2.0 * height * height),
                 ];
@@ -105,8 +105,8 @@ impl FigureChart {
                 continue;
             }
             let distances = side.distances(&lanes);
-            for (own, distance) in found.iter_mut().zip(distances) {
-                own[s] = distance + self.shift;
+            for (pixel_distances, distance) in found.iter_mut().zip(distances) {
+                pixel_distances[s] = distance + self.shift;
             }
         }
         found
@@ -141,17 +141,17 @@ impl FigureChart {
     }
 }
 
-/// Distances (px) of the pixels of a figure to the sides near them; may be zero where `is_asked` is
-/// false.
+/// Distances (px) of the pixels of a figure to the sides near them; may be zero where `is_needed`
+/// is false.
 pub(super) fn all_distances<L: Lens>(
     scene: &Scene<'_, L>,
     figure: &PixelFigure,
-    is_asked: impl Fn(&BandPixel) -> bool,
+    is_needed: impl Fn(&BandPixel) -> bool,
 ) -> Option<Vec<[f64; 4]>> {
     let chart = FigureChart::of(scene)?;
     let mut found = Vec::with_capacity(figure.pixels.len());
     for pixels in figure.pixels.chunks(LANES) {
-        let distances = match pixels.iter().any(&is_asked) {
+        let distances = match pixels.iter().any(&is_needed) {
             true => chart.distances(pixels),
             false => [[0.0; 4]; LANES],
         };

@@ -50,13 +50,13 @@ impl CutSums {
     }
 
     #[inline]
-    fn add(&mut self, (place, gain): (f64, f64), others: &[f64; CUT - TERMS], weight: f64) {
+    fn add(&mut self, (place, gain): (f64, f64), row_rest: &[f64; CUT - TERMS], weight: f64) {
         let lane = self.waiting;
         self.places[lane] = place;
         self.gains[lane] = gain;
         self.weights[lane] = weight;
-        for (column, other) in self.columns[TERMS..].iter_mut().zip(others) {
-            column[lane] = *other;
+        for (column, value) in self.columns[TERMS..].iter_mut().zip(row_rest) {
+            column[lane] = *value;
         }
         self.waiting += 1;
         if self.waiting == LANES {
@@ -105,21 +105,25 @@ impl FlatPixels {
         if self.squares[0] == 0.0 {
             self.first = *place;
         }
-        let beside = place - self.first;
-        let (by_x, by_y) = (weight * beside.x, weight * beside.y);
-        let of_pixel = [
+        let offset = place - self.first;
+        let (weighted_x, weighted_y) = (weight * offset.x, weight * offset.y);
+        let products = [
             weight,
-            by_x,
-            by_x * beside.x,
-            by_y,
-            by_y * beside.x,
-            by_y * beside.y,
+            weighted_x,
+            weighted_x * offset.x,
+            weighted_y,
+            weighted_y * offset.x,
+            weighted_y * offset.y,
         ];
-        for (sum, own) in self.squares.iter_mut().zip(of_pixel) {
-            *sum += own;
+        for (sum, product) in self.squares.iter_mut().zip(products) {
+            *sum += product;
         }
-        for (sum, own) in self.residuals.iter_mut().zip([weight, by_x, by_y]) {
-            *sum += own * residual;
+        for (sum, product) in self
+            .residuals
+            .iter_mut()
+            .zip([weight, weighted_x, weighted_y])
+        {
+            *sum += product * residual;
         }
     }
 
@@ -127,18 +131,25 @@ impl FlatPixels {
     /// position with weight and residual, and two steps from it whose residuals are changes.
     fn places_and_steps(&self) -> [(Vector2<f64>, f64, f64); 3] {
         let [all, x, xx, y, xy, yy] = self.squares;
-        let [of_all, of_x, of_y] = self.residuals;
+        let [residual_all, residual_x, residual_y] = self.residuals;
         let middle = Vector2::new(x / all, y / all);
         // Centred on the mean, and y made orthogonal to x.
         let (xx, xy, yy) = (xx - x * middle.x, xy - x * middle.y, yy - y * middle.y);
-        let (of_x, of_y) = (of_x - of_all * middle.x, of_y - of_all * middle.y);
+        let (residual_x, residual_y) = (
+            residual_x - residual_all * middle.x,
+            residual_y - residual_all * middle.y,
+        );
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
-        let (rest, of_rest) = (yy - slope * xy, of_y - slope * of_x);
-        let mean = |of: f64, weight: f64| if weight > 0.0 { of / weight } else { 0.0 };
+        let (rest, residual_rest) = (yy - slope * xy, residual_y - slope * residual_x);
+        let mean = |residual: f64, weight: f64| if weight > 0.0 { residual / weight } else { 0.0 };
         [
-            (self.first + middle, all, mean(of_all, all)),
-            (Vector2::new(1.0, slope), xx.max(0.0), mean(of_x, xx)),
-            (Vector2::new(0.0, 1.0), rest.max(0.0), mean(of_rest, rest)),
+            (self.first + middle, all, mean(residual_all, all)),
+            (Vector2::new(1.0, slope), xx.max(0.0), mean(residual_x, xx)),
+            (
+                Vector2::new(0.0, 1.0),
+                rest.max(0.0),
+                mean(residual_rest, rest),
+            ),
         ]
     }
 }
@@ -157,7 +168,7 @@ pub(super) struct FigureSums<'a> {
     /// Outside and inside of each stretch.
     flats: Vec<[FlatPixels; 2]>,
     /// Derivatives of one pixel at a corner, by the plane's own parameters and the shared ones.
-    corner_own: DVector<f64>,
+    corner_plane: DVector<f64>,
     corner_shared: Vec<f64>,
 }
 
@@ -166,11 +177,11 @@ impl<'a> FigureSums<'a> {
         free: &'a FreeParameters,
         shared: usize,
         jacobians: [DMatrix<f64>; 4],
-        (own_count, exposure_offset): (usize, usize),
+        (plane_parameters, exposure_offset): (usize, usize),
         stretches: usize,
     ) -> Self {
         Self {
-            corner_own: DVector::zeros(own_count),
+            corner_plane: DVector::zeros(plane_parameters),
             corner_shared: vec![0.0; shared],
             free,
             shared,
@@ -194,11 +205,11 @@ impl<'a> FigureSums<'a> {
         let cut = shade.coverage.cuts[0];
         let (side, _) = cut;
         let gain = scene.gain(shade, cut);
-        let mut others = [shade.residual; CUT - TERMS];
-        others[PICTURE - TERMS..LIGHT - TERMS].copy_from_slice(&scene.wrt_picture(shade));
-        others[LIGHT - TERMS..BLUR - TERMS].copy_from_slice(&scene.wrt_light(shade));
-        others[BLUR - TERMS..].copy_from_slice(&scene.blur_row(shade, cut));
-        self.sides[side].add((chart.place(side, pixel), gain), &others, weight);
+        let mut row_rest = [shade.residual; CUT - TERMS];
+        row_rest[PICTURE - TERMS..LIGHT - TERMS].copy_from_slice(&scene.wrt_picture(shade));
+        row_rest[LIGHT - TERMS..BLUR - TERMS].copy_from_slice(&scene.wrt_light(shade));
+        row_rest[BLUR - TERMS..].copy_from_slice(&scene.blur_row(shade, cut));
+        self.sides[side].add((chart.place(side, pixel), gain), &row_rest, weight);
     }
 
     /// Adds a pixel cut by two sides.
@@ -212,9 +223,9 @@ impl<'a> FigureSums<'a> {
     ) -> Option<()> {
         let pixel_ray = scene.lens.unproject_with_jacobian(&pixel.place())?;
         let picture = self.has_picture().then(|| scene.wrt_picture(shade));
-        let (own, shared) = (&mut self.corner_own, &mut self.corner_shared);
-        own.fill(0.0);
-        shared.fill(0.0);
+        let (wrt_plane, wrt_shared) = (&mut self.corner_plane, &mut self.corner_shared);
+        wrt_plane.fill(0.0);
+        wrt_shared.fill(0.0);
         let camera = self.free.len();
         let mut part = [0.0; MAX_LENS_COLUMNS];
         for cut in shade.coverage.cuts {
@@ -225,26 +236,27 @@ impl<'a> FigureSums<'a> {
                 .line_distance_jacobian(&pixel_ray, line, self.free.columns());
             let gain = scene.gain(shade, cut);
             let jacobian = &self.jacobians[side];
-            let mut geometry = own.rows_mut(0, jacobian.ncols());
+            let mut geometry = wrt_plane.rows_mut(0, jacobian.ncols());
             geometry.gemv_tr(gain, jacobian, &distance.wrt_line, 1.0);
             self.free.gather(&distance.wrt_lens, &mut part[..camera]);
-            for (sum, value) in shared.iter_mut().zip(&part[..camera]) {
+            for (sum, value) in wrt_shared.iter_mut().zip(&part[..camera]) {
                 *sum += gain * value;
             }
         }
         if let Some(picture) = picture {
-            shared[camera..].copy_from_slice(&picture);
+            wrt_shared[camera..].copy_from_slice(&picture);
         }
-        own.rows_mut(self.exposure_offset, EXPOSURE_PARAMETERS)
+        wrt_plane
+            .rows_mut(self.exposure_offset, EXPOSURE_PARAMETERS)
             .copy_from_slice(&scene.wrt_exposure(shade));
-        block.hessian.ger(weight, own, own, 1.0);
-        block.gradient.axpy(weight * shade.residual, own, 1.0);
-        for (row, by_row) in shared.iter().enumerate() {
+        block.hessian.ger(weight, wrt_plane, wrt_plane, 1.0);
+        block.gradient.axpy(weight * shade.residual, wrt_plane, 1.0);
+        for (row, row_value) in wrt_shared.iter().enumerate() {
             let mut cross = block.cross.column_mut(row);
-            cross.axpy(weight * by_row, own, 1.0);
-            block.shared_gradient[row] += weight * shade.residual * by_row;
-            for (column, by_column) in shared.iter().enumerate() {
-                block.shared[(row, column)] += weight * by_row * by_column;
+            cross.axpy(weight * row_value, wrt_plane, 1.0);
+            block.shared_gradient[row] += weight * shade.residual * row_value;
+            for (column, column_value) in wrt_shared.iter().enumerate() {
+                block.shared[(row, column)] += weight * row_value * column_value;
             }
         }
         Some(())
@@ -269,8 +281,8 @@ impl<'a> FigureSums<'a> {
                 add_rank_one(&mut self.plateau, &row, weight);
                 for (step, weight, residual) in steps {
                     let mut change = plateau_row(scene, &(middle + step), inside);
-                    for (own, start) in change.iter_mut().zip(&row) {
-                        *own -= start;
+                    for (value, start) in change.iter_mut().zip(&row) {
+                        *value -= start;
                     }
                     change[PLATEAU_ROW - 1] = residual;
                     add_rank_one(&mut self.plateau, &change, weight);
@@ -318,33 +330,42 @@ impl<'a> FigureSums<'a> {
         let residual = DVector::from_fn(CUT - 1, |i, _| at(source(i), RESIDUAL));
 
         let jacobian = &self.jacobians[side];
-        let mut own = DMatrix::zeros(CUT - 1, block.hessian.nrows());
+        let mut plane_map = DMatrix::zeros(CUT - 1, block.hessian.nrows());
         let geometry = terms.columns(0, 3) * jacobian;
-        own.view_mut((0, 0), geometry.shape()).copy_from(&geometry);
+        plane_map
+            .view_mut((0, 0), geometry.shape())
+            .copy_from(&geometry);
         for i in 0..LIGHT_PARAMETERS {
-            own[(LIGHT - 1 + i, self.exposure_offset + i)] = 1.0;
+            plane_map[(LIGHT - 1 + i, self.exposure_offset + i)] = 1.0;
         }
         for (j, row) in exposure.blur_jacobian(side).iter().enumerate() {
-            for (k, by) in row.iter().enumerate() {
-                own[(BLUR - 1 + k, self.exposure_offset + LIGHT_PARAMETERS + j)] = *by;
+            for (k, derivative) in row.iter().enumerate() {
+                plane_map[(BLUR - 1 + k, self.exposure_offset + LIGHT_PARAMETERS + j)] =
+                    *derivative;
             }
         }
         let camera = self.free.len();
-        let mut shared = DMatrix::zeros(CUT - 1, self.shared);
-        let by_camera = terms.columns(3, camera);
-        shared
+        let mut shared_map = DMatrix::zeros(CUT - 1, self.shared);
+        let camera_terms = terms.columns(3, camera);
+        shared_map
             .view_mut((0, 0), (TERMS, camera))
-            .copy_from(&by_camera);
+            .copy_from(&camera_terms);
         for i in camera..self.shared {
-            shared[(PICTURE - 1 + i - camera, i)] = 1.0;
+            shared_map[(PICTURE - 1 + i - camera, i)] = 1.0;
         }
 
-        let by_shared = &square * &shared;
-        block.hessian.gemm_tr(1.0, &own, &(square * &own), 1.0);
-        block.gradient.gemv_tr(1.0, &own, &residual, 1.0);
-        block.cross.gemm_tr(1.0, &own, &by_shared, 1.0);
-        block.shared.gemm_tr(1.0, &shared, &by_shared, 1.0);
-        block.shared_gradient.gemv_tr(1.0, &shared, &residual, 1.0);
+        let weighted_shared = &square * &shared_map;
+        block
+            .hessian
+            .gemm_tr(1.0, &plane_map, &(square * &plane_map), 1.0);
+        block.gradient.gemv_tr(1.0, &plane_map, &residual, 1.0);
+        block.cross.gemm_tr(1.0, &plane_map, &weighted_shared, 1.0);
+        block
+            .shared
+            .gemm_tr(1.0, &shared_map, &weighted_shared, 1.0);
+        block
+            .shared_gradient
+            .gemv_tr(1.0, &shared_map, &residual, 1.0);
     }
 }
 
@@ -376,13 +397,13 @@ fn add_plateau(
         return;
     };
     for i in 0..PICTURE_PARAMETERS {
-        let (row, own) = (picture + i, LIGHT_PARAMETERS + i);
+        let (row, source) = (picture + i, LIGHT_PARAMETERS + i);
         for k in 0..LIGHT_PARAMETERS {
-            block.cross[(light_offset + k, row)] += symmetric_entry(sums, own, k);
+            block.cross[(light_offset + k, row)] += symmetric_entry(sums, source, k);
         }
         for j in 0..PICTURE_PARAMETERS {
-            block.shared[(row, picture + j)] += symmetric_entry(sums, own, LIGHT_PARAMETERS + j);
+            block.shared[(row, picture + j)] += symmetric_entry(sums, source, LIGHT_PARAMETERS + j);
         }
-        block.shared_gradient[row] += symmetric_entry(sums, own, residual);
+        block.shared_gradient[row] += symmetric_entry(sums, source, residual);
     }
 }

@@ -39,7 +39,7 @@ impl<L> PixelState<L> {
 pub(crate) struct PixelFit<'a> {
     pub figures: &'a [PixelFigure],
     /// Source of the pixels of figures that do not store theirs; `None` if all do.
-    pub unheld: Option<&'a dyn Pixels>,
+    pub pixel_source: Option<&'a dyn Pixels>,
     pub free: &'a FreeParameters,
     /// Number of pictures with parameters of their own: all, or 0 if all tones are known.
     pub free_pictures: usize,
@@ -79,8 +79,10 @@ impl PixelFit<'_> {
 
     /// The pixels of a figure, read again if it does not store them.
     fn pixels_of<'b>(&self, figure: &'b PixelFigure) -> Option<Cow<'b, [BandPixel]>> {
-        Some(match self.unheld {
-            Some(unheld) if figure.pixels.is_empty() => Cow::Owned(unheld.read(figure)?),
+        Some(match self.pixel_source {
+            Some(pixel_source) if figure.pixels.is_empty() => {
+                Cow::Owned(pixel_source.read(figure)?)
+            }
             _ => Cow::Borrowed(&figure.pixels),
         })
     }
@@ -128,10 +130,10 @@ impl PixelFit<'_> {
         let exposure_offset = self.exposure_offset(state, index);
         let block = &mut sum.block;
         let shared = block.columns.len();
-        let own = (block.hessian.nrows(), exposure_offset);
+        let plane_layout = (block.hessian.nrows(), exposure_offset);
         let chart = FigureChart::of(&scene)?;
         let stretches = figure.stretch_sides.len();
-        let mut sums = FigureSums::new(self.free, shared, jacobians, own, stretches);
+        let mut sums = FigureSums::new(self.free, shared, jacobians, plane_layout, stretches);
         let to_noise = 1.0 / self.scales[index];
         for pixels in self.pixels_of(figure)?.chunks(LANES) {
             let distances = match pixels.iter().any(|pixel| scene.may_cut(pixel)) {
@@ -207,10 +209,10 @@ impl PixelFit<'_> {
 
     fn of_plane<L: Lens>(&self, state: &PixelState<L>, p: usize) -> Option<PlaneSystem> {
         let plane = &state.view.planes[p];
-        let own = plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len();
+        let size = plane.parameter_count() + EXPOSURE_PARAMETERS * plane.figures.len();
         let mut sum = PlaneSystem {
             cost: 0.0,
-            block: Block::zeros(own, self.shared_columns(p)),
+            block: Block::zeros(size, self.shared_columns(p)),
             spread: ResidualSpread::default(),
         };
         let figures = self.figures_of(p);
@@ -283,9 +285,10 @@ impl PixelFit<'_> {
         let pictures = self.advanced_pictures(state, step);
         let exposures = state.exposures.iter().enumerate().map(|(index, exposure)| {
             let figure = &self.figures[index];
-            let own = &step.blocks[figure.plane];
+            let plane_step = &step.blocks[figure.plane];
             let offset = self.exposure_offset(state, index);
-            let moved = exposure.moved(&own.as_slice()[offset..offset + EXPOSURE_PARAMETERS]);
+            let moved =
+                exposure.moved(&plane_step.as_slice()[offset..offset + EXPOSURE_PARAMETERS]);
             let [from, to] = [&state.pictures, &pictures].map(|all| all[figure.image].curve.tone());
             if from == to {
                 moved
@@ -434,7 +437,7 @@ mod tests {
     fn problem<'a>(figures: &'a [PixelFigure], free: &'a FreeParameters) -> PixelFit<'a> {
         PixelFit {
             figures,
-            unheld: None,
+            pixel_source: None,
             free,
             free_pictures: 1,
             loss: Loss::Tukey,
@@ -485,12 +488,12 @@ mod tests {
         let free = free();
         let mut emptied = figures.clone();
         emptied[1].pixels.clear();
-        let unheld = PixelFit {
-            unheld: Some(&Held(&figures)),
+        let without_pixels = PixelFit {
+            pixel_source: Some(&Held(&figures)),
             ..problem(&emptied, &free)
         };
         let [found, expected] =
-            [unheld, problem(&figures, &free)].map(|fit| fit.subsampled(5).unwrap());
+            [without_pixels, problem(&figures, &free)].map(|fit| fit.subsampled(5).unwrap());
         assert_eq!(format!("{found:?}"), format!("{expected:?}"));
         for (some, all) in expected.iter().zip(&figures) {
             assert!((some.pixels.len() * 5).abs_diff(all.pixels.len()) < all.pixels.len() / 20);

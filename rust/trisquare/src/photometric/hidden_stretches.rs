@@ -51,7 +51,7 @@ pub(super) struct Disturbed {
     pub stretches: Vec<bool>,
     /// Stretches with disturbed light beside the edge. A disturbed edge alone may be due to a
     /// displaced edge.
-    beside: Vec<bool>,
+    beside_edge: Vec<bool>,
 }
 
 /// Residuals of the pixels of a figure, in units of their noise and clamped; `None` if the lens
@@ -109,10 +109,13 @@ pub(super) fn plain_reach(
         let mut sums = ring.as_flattened().iter();
         sums.all(|sum| deviation(sum).abs() < limit)
     };
-    let of_edge = (PLATEAU * blur) as usize;
-    let first_other = rings.iter().skip(of_edge).position(|ring| !is_plain(ring));
+    let edge_rings = (PLATEAU * blur) as usize;
+    let first_disturbed = rings
+        .iter()
+        .skip(edge_rings)
+        .position(|ring| !is_plain(ring));
     // What disturbs a ring already affects the ring before it.
-    first_other.map_or(f64::INFINITY, |ring| (of_edge + ring) as f64 - 1.0)
+    first_disturbed.map_or(f64::INFINITY, |ring| (edge_rings + ring) as f64 - 1.0)
 }
 
 /// Finds the stretches of a figure that are not to be used.
@@ -129,8 +132,9 @@ pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
     let limit = limit(sums.iter().flatten().map(deviation));
     let is_disturbed = |zone: &Sum| deviation(zone).abs() > limit;
     let mut marks: Vec<bool> = sums.iter().map(|s| s.iter().any(is_disturbed)).collect();
-    let beside = |[outside, _, inside]: &[_; ZONES]| is_disturbed(outside) || is_disturbed(inside);
-    let beside = sums.iter().map(beside).collect();
+    let beside_edge =
+        |[outside, _, inside]: &[_; ZONES]| is_disturbed(outside) || is_disturbed(inside);
+    let beside_edge = sums.iter().map(beside_edge).collect();
     for side in 0..4 {
         if part_of_side(figure, &marks, side) > MAX_PART {
             let stretches = marks.iter_mut().zip(&figure.stretch_sides);
@@ -141,10 +145,10 @@ pub(super) fn disturbed(figure: &PixelFigure, departures: &[f64]) -> Disturbed {
     }
     let count = marks.len();
     // A disturbance extends into the adjacent stretches, and a corner belongs to two sides.
-    let near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
+    let is_near = |i: usize| marks[(i + count - 1) % count] || marks[i] || marks[(i + 1) % count];
     Disturbed {
-        stretches: (0..count).map(near).collect(),
-        beside,
+        stretches: (0..count).map(is_near).collect(),
+        beside_edge,
     }
 }
 
@@ -156,16 +160,16 @@ pub(super) fn disturbed_sides(figure: &PixelFigure, disturbed: &Disturbed) -> Ve
             figure: figure.figure,
             side,
             part: part_of_side(figure, &disturbed.stretches, side),
-            is_hidden: part_of_side(figure, &disturbed.beside, side) > 0.0,
+            is_hidden: part_of_side(figure, &disturbed.beside_edge, side) > 0.0,
         })
         .filter(|side| side.part >= MIN_REPORTED)
         .collect()
 }
 
 fn part_of_side(figure: &PixelFigure, marks: &[bool], side: usize) -> f64 {
-    let own = figure.stretch_sides.iter().zip(marks);
-    let own = own.filter(|(s, _)| usize::from(**s) == side);
-    let (all, marked) = own.fold((0.0, 0.0), |(all, marked), (_, &mark)| {
+    let stretches = figure.stretch_sides.iter().zip(marks);
+    let stretches = stretches.filter(|(s, _)| usize::from(**s) == side);
+    let (all, marked) = stretches.fold((0.0, 0.0), |(all, marked), (_, &mark)| {
         (all + 1.0, marked + f64::from(u8::from(mark)))
     });
     marked / f64::max(all, 1.0)

@@ -10,7 +10,7 @@ use crate::observations::PlaneEdges;
 
 /// Maximum distance (px) of the fitted outline from the samples and from the extrapolation of their
 /// ends: twice the deviation that a lens causes over half a side.
-const SEEN_WITHIN: f64 = 6.0;
+const MAX_DEVIATION: f64 = 6.0;
 
 /// The pixels that [`calibrate_photographs`](crate::calibrate_photographs) reads of a picture in
 /// which these figures were measured, with sides of at most this [`blur`](crate::SpanEdges::blur)
@@ -21,7 +21,7 @@ pub fn pixels_to_keep(picture: &Picture, figures: &[PlaneEdges], blur: f64) -> K
     let outlines: Vec<Vec<Vector2<f64>>> = figures.iter().filter_map(outline).collect();
     picture.near(outlines.iter().map(|outline| {
         let (low, high) = bounds(outline.iter());
-        let reach = width.reach((high - low).norm()) + SEEN_WITHIN;
+        let reach = width.reach((high - low).norm()) + MAX_DEVIATION;
         (&outline[..], reach)
     }))
 }
@@ -32,13 +32,15 @@ fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
     let mut path = Vec::with_capacity(figure.sample_count() + 4);
     for i in 0..4 {
         let (side, before, after) = (&sides[i], &sides[(i + 3) % 4], &sides[(i + 1) % 4]);
-        path.extend(half_toward(side, before)?.rev());
-        path.extend(half_toward(side, after)?);
-        let [own, next] = [half_toward(side, after)?, half_toward(after, side)?];
-        let [own, next] = [own, next].map(|half| Line::fit(half.map(|point| (*point, 1.0))));
+        path.extend(nearer_half(side, before)?.rev());
+        path.extend(nearer_half(side, after)?);
+        let [current, next] = [nearer_half(side, after)?, nearer_half(after, side)?];
+        let [current, next] =
+            [current, next].map(|half| Line::fit(half.map(|point| (*point, 1.0))));
         path.extend(
-            own.zip(next)
-                .and_then(|(own, next)| own.intersection(&next)),
+            current
+                .zip(next)
+                .and_then(|(current, next)| current.intersection(&next)),
         );
     }
     Some(path)
@@ -46,7 +48,7 @@ fn outline(figure: &PlaneEdges) -> Option<Vec<Vector2<f64>>> {
 
 /// The half of a side's samples that is nearer to another side, ordered towards it; `None` if there
 /// are no samples.
-fn half_toward<'a>(
+fn nearer_half<'a>(
     side: &'a [Vector2<f64>],
     other: &[Vector2<f64>],
 ) -> Option<impl DoubleEndedIterator<Item = &'a Vector2<f64>> + Clone> {

@@ -54,20 +54,20 @@ impl Outline {
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
             let inside = sides[i].normal();
-            let see_beside = |t: f64, depth: f64| {
+            let projection = |t: f64, depth: f64| {
                 let point = a.lerp(&b, t) + inside * depth;
                 let point = state.figures[figure].point(point);
                 lens.project(&state.pose.transform(&point))
             };
-            let see = |t: f64| see_beside(t, 0.0);
-            let length = (see(1.0)? - see(0.0)?).norm();
+            let side_pixel = |t: f64| projection(t, 0.0);
+            let length = (side_pixel(1.0)? - side_pixel(0.0)?).norm();
             let count = (length / TRACE_SPACING).ceil().clamp(1.0, MAX_TRACE);
             // Both ends included: a corner belongs to both of its sides.
             for step in 0..=count as usize {
                 let t = step as f64 / count;
-                let place = see(t)?;
-                let along = (see(1.0)? - see(0.0)?).normalize();
-                let inward = match border.and_then(|border| see_beside(t, BORDER_SHARE * border)) {
+                let place = side_pixel(t)?;
+                let along = (side_pixel(1.0)? - side_pixel(0.0)?).normalize();
+                let inward = match border.and_then(|border| projection(t, BORDER_SHARE * border)) {
                     Some(end) => along.perp(&(end - place)).abs(),
                     None => f64::INFINITY,
                 };
@@ -96,10 +96,10 @@ impl Outline {
     }
 
     /// Distance (px) from this outline up to which pixels belong to it.
-    pub fn reach_beside(&self, outlines: &[Outline], own: usize, width: Width) -> f64 {
+    pub fn reach(&self, outlines: &[Outline], index: usize, width: Width) -> f64 {
         let mut nearest = f64::INFINITY;
         for (other, outline) in outlines.iter().enumerate() {
-            if other == own {
+            if other == index {
                 continue;
             }
             for a in self.trace.iter().step_by(4) {
@@ -148,7 +148,7 @@ impl Outline {
         let map = DistanceMap::around(&self.trace, low, high, reader.kept(), width);
         let (stretches, stretch_sides) = self.stretches();
         let inward = self.inward_normals();
-        let own = |x: usize, y: usize, mark: &Mark| {
+        let band_pixel = |x: usize, y: usize, mark: &Mark| {
             let place = Vector2::new(x as f64, y as f64);
             let nearest = usize::from(mark.nearest);
             let point = &self.trace[nearest];
@@ -170,7 +170,7 @@ impl Outline {
             })
         };
         let mut pixels = Vec::with_capacity(map.expected_count(self.trace.len(), reach));
-        map.for_each_within(reach, |x, y, mark| pixels.extend(own(x, y, mark)));
+        map.for_each_within(reach, |x, y, mark| pixels.extend(band_pixel(x, y, mark)));
         (pixels, stretch_sides)
     }
 
@@ -199,8 +199,8 @@ impl Outline {
     /// Direction of the outline at a point of its trace; `None` at a corner.
     fn direction(&self, index: usize) -> Option<Vector2<f64>> {
         let side = self.trace[index].side;
-        let other = |i: usize| self.trace.get(i).filter(|p| p.side == side);
-        let (previous, next) = (other(index.checked_sub(1)?)?, other(index + 1)?);
+        let neighbour = |i: usize| self.trace.get(i).filter(|p| p.side == side);
+        let (previous, next) = (neighbour(index.checked_sub(1)?)?, neighbour(index + 1)?);
         Some(next.place - previous.place)
     }
 
@@ -220,6 +220,8 @@ impl Outline {
 pub(super) fn bounds<'a>(
     points: impl Iterator<Item = &'a Vector2<f64>>,
 ) -> (Vector2<f64>, Vector2<f64>) {
-    let far = Vector2::repeat(f64::INFINITY);
-    points.fold((far, -far), |(low, high), p| (low.inf(p), high.sup(p)))
+    let infinity = Vector2::repeat(f64::INFINITY);
+    points.fold((infinity, -infinity), |(low, high), p| {
+        (low.inf(p), high.sup(p))
+    })
 }

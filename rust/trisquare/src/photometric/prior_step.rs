@@ -35,7 +35,7 @@ fn add_blur_priors<L: Lens>(
     system: &mut ArrowSystem,
     covariance_factor: f64,
 ) -> Option<()> {
-    let mut differences_of: Vec<BlurDifferences> = state
+    let mut picture_differences: Vec<BlurDifferences> = state
         .pictures
         .iter()
         .map(|_| BlurDifferences::default())
@@ -45,18 +45,18 @@ fn add_blur_priors<L: Lens>(
         // Marginal over the pose, which is correlated with them; other figures of the plane hardly
         // matter.
         let exposure = offset..offset + EXPOSURE_PARAMETERS;
-        let own: Vec<usize> = (0..POSE_PARAMETERS).chain(exposure).collect();
+        let columns: Vec<usize> = (0..POSE_PARAMETERS).chain(exposure).collect();
         let hessian = &system.blocks[figure.plane].hessian;
-        let information = hessian.select_rows(&own).select_columns(&own);
+        let information = hessian.select_rows(&columns).select_columns(&columns);
         let covariance = information.cholesky()?.inverse() * covariance_factor;
-        let first = own.len() - BLUR_DIFFERENCES;
+        let first = columns.len() - BLUR_DIFFERENCES;
         let differences = state.exposures[index].differences.all();
         for (k, difference) in differences.into_iter().enumerate() {
             let value = difference + free.blocks[figure.plane][offset + DIFFERENCES + k];
-            differences_of[figure.image].add(k, value, covariance[(first + k, first + k)]);
+            picture_differences[figure.image].add(k, value, covariance[(first + k, first + k)]);
         }
     }
-    let precisions: Vec<_> = differences_of
+    let precisions: Vec<_> = picture_differences
         .iter()
         .map(BlurDifferences::precisions)
         .collect();
@@ -80,27 +80,27 @@ fn add_shift_priors<L: Lens>(
     covariance_factor: f64,
 ) -> Option<()> {
     let pictures = state.pictures.iter().enumerate().take(fit.free_pictures);
-    let unsure: Vec<_> = pictures
+    let uncertain_shifts: Vec<_> = pictures
         .filter_map(|(image, picture)| Some((image, picture.shift, picture.unlikely_shift()?)))
         .collect();
-    if unsure.is_empty() {
+    if uncertain_shifts.is_empty() {
         return Some(());
     }
     let covariance = system.reduced_information()?.cholesky()?.inverse() * covariance_factor;
-    for (image, shift, widest) in unsure {
-        let own = fit.picture_offset(image) + SHIFT;
+    for (image, shift, widest) in uncertain_shifts {
+        let column = fit.picture_offset(image) + SHIFT;
         let prior = widest.powi(-2);
         // Information of the pixels alone, without the prior.
-        let posterior = 1.0 / covariance[(own, own)];
+        let posterior = 1.0 / covariance[(column, column)];
         let information = posterior - prior;
         if information <= 0.0 {
             continue;
         }
-        let value = (shift + free.shared[own]) * posterior / information;
+        let value = (shift + free.shared[column]) * posterior / information;
         let std = variance_about_zero(&[(value, 1.0 / information)]).sqrt();
         let precision = std.max(MIN_SHIFT).min(widest).powi(-2) - prior;
-        system.prior[(own, own)] += precision;
-        system.prior_gradient[own] += precision * shift;
+        system.prior[(column, column)] += precision;
+        system.prior_gradient[column] += precision * shift;
     }
     Some(())
 }

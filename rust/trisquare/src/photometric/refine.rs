@@ -23,7 +23,7 @@ use super::scene::Scene;
 use super::stated_tone::contradicted_tone;
 use crate::image::{KurtosisRole, PictureState, PictureTone, Tone};
 use crate::lens::Lens;
-use crate::noise::drifted_to;
+use crate::noise::corrected_for_drift;
 use crate::numeric::{Loss, each};
 use crate::observations::{FreeParameters, PlaneEdges, View};
 use crate::refine::{Refined, residuals};
@@ -112,10 +112,10 @@ fn attempt<L: Lens>(
     calibration: &Calibration<L>,
 ) -> Result<(Calibration<L>, Solution<L>), Refusal> {
     let tones = photographs.tones;
-    let known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
+    let is_known = tones.iter().all(|t| matches!(t, PictureTone::Known(_)));
     let view = &solution.refined.view;
     let source = Bands::new(edges, &solution.planes, view, photographs);
-    let start = begin(&source, solution, tones)?.ok_or(BROKEN)?;
+    let start = start_fit(&source, solution, tones)?.ok_or(BROKEN)?;
     let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
     if unused > MAX_HIDDEN * 4.0 * start.figures.len() as f64 {
         return Err(Refusal::Reason(
@@ -124,39 +124,45 @@ fn attempt<L: Lens>(
     }
     let fit = PixelFit {
         figures: &start.figures,
-        unheld: Some(&source),
+        pixel_source: Some(&source),
         free: &problem.free,
-        free_pictures: if known { 0 } else { tones.len() },
+        free_pictures: if is_known { 0 } else { tones.len() },
         loss: Loss::WideTukey,
         scales: start.scales,
     };
     let near = approach(&fit, start.state, start.pixels).ok_or(BROKEN)?;
     let (state, found) = optimum(&fit, near).ok_or(BROKEN)?;
-    let contradicted = match known {
+    let contradicted = match is_known {
         true => contradicted_tone(&fit, &state),
         false => None,
     };
     // The samples' stated deviations are informative of the pixels' only if measured from them.
-    let of_planes = solution.planes.iter().flat_map(|plane| &plane.figures);
-    let measured = of_planes
+    let figures = solution.planes.iter().flat_map(|plane| &plane.figures);
+    let has_deviations = figures
         .into_iter()
         .all(|figure| edges[figure.index].std.is_some());
-    let (mut better, fitted) =
-        answer(&fit, state.clone(), found, (problem, solution), measured).ok_or(BROKEN)?;
+    let (mut better, fitted) = answer(
+        &fit,
+        state.clone(),
+        found,
+        (problem, solution),
+        has_deviations,
+    )
+    .ok_or(BROKEN)?;
     check_improvement(&problem.free, calibration, &better)?;
     // With a wrong stated tone curve they contradict as well, and a warning says so.
-    if !known && better.rms > MAX_RESIDUALS * calibration.rms {
+    if !is_known && better.rms > MAX_RESIDUALS * calibration.rms {
         return Err(CONTRADICTED);
     }
     if let Some(doubted) = doubted_kurtosis(&fit, &state)? {
-        doubted.widen(&mut better);
+        doubted.add_to_covariance(&mut better);
     }
     if let Some((warning, change)) = contradicted {
         better.covariance += &change * change.transpose();
         better.warnings.insert(0, warning);
     }
-    let turns_back = |_| Refusal::Reason("with them the distortion turns back inside the picture");
-    problem.check_reach(&better.camera).map_err(turns_back)?;
+    let folding = |_| Refusal::Reason("with them the distortion turns back inside the picture");
+    problem.check_reach(&better.camera).map_err(folding)?;
     let hidden = start.disturbed.into_iter().filter(|side| side.is_hidden);
     better
         .warnings
@@ -176,7 +182,7 @@ const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show 
 
 /// Exposures and noise of all figures under the edges' camera, and their pixels; `None` if these do
 /// not show blurred squares.
-fn begin<L: Lens>(
+fn start_fit<L: Lens>(
     bands: &Bands<'_, L>,
     solution: &Solution<L>,
     tones: &[PictureTone],
@@ -185,30 +191,31 @@ fn begin<L: Lens>(
     let pictures: Vec<PictureState> = tones.iter().map(|tone| PictureState::of(*tone)).collect();
     // Which figures keep their pixels depends on the threads, but pixels read again are the same.
     let held = AtomicUsize::new(0);
-    let in_bands = |p: usize, width| {
+    let starts_in_bands = |p: usize, width| {
         let figures = bands.of_plane(p, width)?.into_iter().map(|figure| {
             let (tone, picture) = (tones[figure.image].tone(), &pictures[figure.image]);
             let sides = &solution.planes[p].figures[figure.figure].sides;
             let is_outlier: Vec<bool> = sides.iter().map(|side| side.is_outlier).collect();
-            Begun::of(figure, (view, picture, tone), &is_outlier)
+            FigureStart::of(figure, (view, picture, tone), &is_outlier)
         });
-        Ok(figures.collect::<Option<Vec<Begun>>>())
+        Ok(figures.collect::<Option<Vec<FigureStart>>>())
     };
-    let of_plane = |p: usize| {
-        let mut begun = match in_bands(p, Width::Usual)? {
-            Some(begun) if begun.iter().all(Begun::holds_blur) => Some(begun),
-            _ => in_bands(p, Width::Wide)?,
+    let plane_starts = |p: usize| {
+        let mut figure_starts = match starts_in_bands(p, Width::Usual)? {
+            Some(starts) if starts.iter().all(FigureStart::fits_blur) => Some(starts),
+            _ => starts_in_bands(p, Width::Wide)?,
         };
-        for own in begun.iter_mut().flatten() {
-            let pixels = &mut own.figure.pixels;
+        for start in figure_starts.iter_mut().flatten() {
+            let pixels = &mut start.figure.pixels;
             if held.fetch_add(pixels.len(), Ordering::Relaxed) > HELD_PIXELS {
                 *pixels = Vec::new();
             }
         }
-        Ok(begun)
+        Ok(figure_starts)
     };
-    let planes = each(solution.planes.len(), |p| Some(of_plane(p))).unwrap_or_default();
-    let planes: Vec<Option<Vec<Begun>>> = planes.into_iter().collect::<Result<_, Refusal>>()?;
+    let planes = each(solution.planes.len(), |p| Some(plane_starts(p))).unwrap_or_default();
+    let planes: Vec<Option<Vec<FigureStart>>> =
+        planes.into_iter().collect::<Result<_, Refusal>>()?;
     let Some(planes) = planes.into_iter().collect::<Option<Vec<_>>>() else {
         return Ok(None);
     };
@@ -223,24 +230,24 @@ fn begin<L: Lens>(
         disturbed: Vec::new(),
         pixels: held.into_inner(),
     };
-    for begun in planes.into_iter().flatten() {
-        start.figures.push(begun.figure);
-        start.scales.push(begun.scale);
-        start.state.exposures.push(begun.exposure);
-        start.disturbed.extend(begun.disturbed);
+    for figure_start in planes.into_iter().flatten() {
+        start.figures.push(figure_start.figure);
+        start.scales.push(figure_start.scale);
+        start.state.exposures.push(figure_start.exposure);
+        start.disturbed.extend(figure_start.disturbed);
     }
     Ok(Some(start))
 }
 
 /// Start of the joint fit of one figure.
-struct Begun {
+struct FigureStart {
     figure: PixelFigure,
     scale: f64,
     exposure: Exposure,
     disturbed: Vec<DisturbedSide>,
 }
 
-impl Begun {
+impl FigureStart {
     fn of<L: Lens>(
         mut figure: PixelFigure,
         (view, picture, tone): (&View<L>, &PictureState, Tone),
@@ -251,15 +258,15 @@ impl Begun {
         let (exposure, scale) = fit_exposure(&few, view, picture, guess)?;
         let judged = figure.subsampled(JUDGED_STRIDE);
         let departures = departures(&Scene::new(&judged, picture, view, &exposure)?, scale)?;
-        let own = disturbed(&judged, &departures);
+        let stretches = disturbed(&judged, &departures);
         figure.limit_reach(plain_reach(
             &judged,
             &departures,
-            &own,
+            &stretches,
             exposure.widest_blur(),
         ));
-        let disturbed = disturbed_sides(&figure, &own);
-        let mut dropped = own.stretches;
+        let disturbed = disturbed_sides(&figure, &stretches);
+        let mut dropped = stretches.stretches;
         for (mark, side) in dropped.iter_mut().zip(&figure.stretch_sides) {
             *mark |= is_outlier[usize::from(*side)];
         }
@@ -274,7 +281,7 @@ impl Begun {
 
     /// Whether the band is wide enough for the blur; in a band that is not, the fit stops at the
     /// limit.
-    fn holds_blur(&self) -> bool {
+    fn fits_blur(&self) -> bool {
         self.exposure.widest_blur() < WIDEST_BLUR * self.figure.width.widest_blur()
     }
 }
@@ -286,9 +293,9 @@ fn approach<L: Lens>(
     state: PixelState<L>,
     pixels: usize,
 ) -> Option<PixelState<L>> {
-    let some = FIRST_PIXELS * fit.figures.len().max(1);
-    let stride = pixels / some;
-    if stride < MIN_STRIDE || some > HELD_PIXELS {
+    let first_pixels = FIRST_PIXELS * fit.figures.len().max(1);
+    let stride = pixels / first_pixels;
+    if stride < MIN_STRIDE || first_pixels > HELD_PIXELS {
         return Some(state);
     }
     let few = PixelFit {
@@ -305,7 +312,7 @@ fn answer<L: Lens>(
     state: PixelState<L>,
     PixelSystem { system, spread, .. }: PixelSystem,
     (problem, solution): (&JointProblem<'_, L>, &Solution<L>),
-    measured: bool,
+    has_deviations: bool,
 ) -> Option<(Calibration<L>, Solution<L>)> {
     let Solution {
         planes,
@@ -324,19 +331,19 @@ fn answer<L: Lens>(
     let system = system.marginal(lens)?;
     // Dependent noise of pixels shows in the samples measured from them.
     let residual_correlation = &correlated.residual_correlation;
-    let dependence = match measured {
+    let dependence = match has_deviations {
         true => residual_correlation.pixels,
         false => residual_correlation.neighbours,
     };
     let independent = covariance(&system, covariance_factor)?;
     let total = independent * dependence + &residual_correlation.added;
     // The known errors of sides are the effect of an unknown tone curve on each of them.
-    let tone_growth = held_tone.and_then(|own| {
-        let own = own * dependence + &residual_correlation.added - &correlated.known;
-        largest_growth(&total, &own)
+    let tone_growth = held_tone.and_then(|held| {
+        let held = held * dependence + &residual_correlation.added - &correlated.known;
+        largest_growth(&total, &held)
     });
     // The samples were measured with a less certain tone curve.
-    let planes = drifted_to(planes, &state.view)?;
+    let planes = corrected_for_drift(planes, &state.view)?;
     let fitted = Solution {
         correlated: Correlated {
             covariance: total,
@@ -353,7 +360,7 @@ fn answer<L: Lens>(
         noise: None,
     };
     let mut better = Calibration::assemble(problem, &fitted, Stage::Pixels);
-    better.state_poses(&fitted);
+    better.set_pose_uncertainties(&fitted);
     better.tones = tones;
     better.tone_growth = tone_growth;
     Some((better, fitted))
@@ -369,7 +376,7 @@ struct Doubted {
 
 impl Doubted {
     /// Adds the change to the covariance, as a possible error of the result.
-    fn widen<L: Lens>(&self, answer: &mut Calibration<L>) {
+    fn add_to_covariance<L: Lens>(&self, answer: &mut Calibration<L>) {
         answer.covariance += &self.lens * self.lens.transpose();
         for (tone, change) in answer.tones.iter_mut().zip(&self.curves) {
             if let Some(covariance) = &mut tone.covariance {
@@ -384,7 +391,7 @@ fn doubted_kurtosis<L: Lens>(
     fit: &PixelFit<'_>,
     held: &PixelState<L>,
 ) -> Result<Option<Doubted>, Refusal> {
-    let is_doubted = |own: &PictureState| own.kurtosis_role == KurtosisRole::Doubted;
+    let is_doubted = |picture: &PictureState| picture.kurtosis_role == KurtosisRole::Doubted;
     if !held.pictures.iter().any(is_doubted) {
         return Ok(None);
     }
@@ -395,7 +402,7 @@ fn doubted_kurtosis<L: Lens>(
     ))?;
     let pairs = freed.pictures.iter().zip(&held.pictures);
     let curves = pairs.map(|(freed, held)| {
-        let [freed, held] = [freed, held].map(|own| own.curve.tone().power());
+        let [freed, held] = [freed, held].map(|picture| picture.curve.tone().power());
         Vector2::new((freed.gamma / held.gamma).ln(), freed.toe - held.toe)
     });
     Ok(Some(Doubted {
@@ -420,18 +427,22 @@ fn check_improvement<L: Lens>(
     if free.len() == 0 {
         return Ok(());
     }
-    let unsure = || Refusal::Reason("they are less certain than the edge samples");
-    let factor = edges.covariance.clone().cholesky().ok_or_else(unsure)?;
+    let less_certain = || Refusal::Reason("they are less certain than the edge samples");
+    let factor = edges
+        .covariance
+        .clone()
+        .cholesky()
+        .ok_or_else(less_certain)?;
     // Mean log ratio of the standard deviations, over all directions equally.
     let log_ratio = pixels
         .covariance
         .clone()
         .cholesky()
-        .ok_or_else(unsure)?
+        .ok_or_else(less_certain)?
         .ln_determinant()
         - factor.ln_determinant();
     if !(log_ratio < MAX_LOG_RATIO * 2.0 * free.len() as f64) {
-        return Err(unsure());
+        return Err(less_certain());
     }
     let shift = free.difference(&pixels.camera, &edges.camera);
     let mean_square = shift.dot(&factor.solve(&shift)) / free.len() as f64;

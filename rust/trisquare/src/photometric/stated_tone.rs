@@ -26,19 +26,19 @@ const KNOWN: f64 = 0.05;
 /// of free curves.
 pub(super) fn contradicted_tone<L: Lens>(
     fit: &PixelFit<'_>,
-    of_stated: &PixelState<L>,
+    stated_state: &PixelState<L>,
 ) -> Option<(Warning, DVector<f64>)> {
-    let stated: Vec<_> = of_stated
+    let stated: Vec<_> = stated_state
         .pictures
         .iter()
-        .map(|own| own.curve.tone().power())
+        .map(|picture| picture.curve.tone().power())
         .collect();
     // First as if all blurs were normal, as those of nearly all cameras are: whether another blur
     // would do as well is tested at the optimum below.
     let freed = |curve: &_| PictureState::of(PictureTone::Estimated(*curve)).with_held_kurtosis();
     let state = PixelState {
         pictures: stated.iter().map(freed).collect(),
-        ..of_stated.clone()
+        ..stated_state.clone()
     };
     let fit = PixelFit {
         free_pictures: stated.len(),
@@ -50,30 +50,30 @@ pub(super) fn contradicted_tone<L: Lens>(
     let factor = found.spread.covariance_factor(fit.free.len() as f64);
     let near = fit.advance(&state, &step).with_free_kurtosis();
     let fits = fit.tone_fits(&near, &found.system, factor)?;
-    let deviations = |(own, stated): (&ToneFit, &PowerCurve)| {
-        let away = own.curve.effective_gamma() - stated.effective_gamma();
-        Some(away.abs() / own.effective_gamma_std()?)
+    let deviations = |(fitted, stated): (&ToneFit, &PowerCurve)| {
+        let difference = fitted.curve.effective_gamma() - stated.effective_gamma();
+        Some(difference.abs() / fitted.effective_gamma_std()?)
     };
-    let asked = fits.iter().zip(&stated).map(deviations).enumerate();
-    let asked = asked.filter_map(|(picture, deviations)| Some((deviations?, picture)));
-    let (farthest, picture) = asked.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let tested = fits.iter().zip(&stated).map(deviations).enumerate();
+    let tested = tested.filter_map(|(picture, deviations)| Some((deviations?, picture)));
+    let (farthest, picture) = tested.max_by(|a, b| a.0.total_cmp(&b.0))?;
     if farthest <= CONTRADICTED {
         return None;
     }
     // It is far from the stated one. If the steps do not converge, the first step is used: it is
     // accurate to first order.
-    let arrived = optimum(&fit, near.clone()).and_then(|(free, _)| optimum(&fit, free));
-    let (free, own) = match arrived {
+    let optima = optimum(&fit, near.clone()).and_then(|(free, _)| optimum(&fit, free));
+    let (free, fitted) = match optima {
         Some((free, found)) => {
-            let own = fit.tone_fits(&free, &found.system, factor)?[picture];
-            (free, own)
+            let fitted = fit.tone_fits(&free, &found.system, factor)?[picture];
+            (free, fitted)
         }
         None => (near, fits[picture]),
     };
-    let ratio = own.curve.effective_gamma() / stated[picture].effective_gamma();
-    let is_other = (ratio - 1.0).abs() > KNOWN
-        && deviations((&own, &stated[picture]))? > CONTRADICTED_BY_ANY_BLUR;
-    if !is_other {
+    let ratio = fitted.curve.effective_gamma() / stated[picture].effective_gamma();
+    let is_contradicted = (ratio - 1.0).abs() > KNOWN
+        && deviations((&fitted, &stated[picture]))? > CONTRADICTED_BY_ANY_BLUR;
+    if !is_contradicted {
         return None;
     }
     // Profiles that fit no curve contradict none: free curves left 0.0017 to 0.04 in pictures
@@ -82,11 +82,13 @@ pub(super) fn contradicted_tone<L: Lens>(
     if misfit(&fit, &free, picture)? > MAX_MISFIT {
         return None;
     }
-    let change = fit.free.difference(&free.view.lens, &of_stated.view.lens);
+    let change = fit
+        .free
+        .difference(&free.view.lens, &stated_state.view.lens);
     let warning = Warning::ToneContradicted {
         picture,
-        gamma: own.curve.effective_gamma(),
-        std: own.effective_gamma_std()?,
+        gamma: fitted.curve.effective_gamma(),
+        std: fitted.effective_gamma_std()?,
         parameter: (*fit.free.names().first()?).into(),
         change: change[0],
     };

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use nalgebra::Vector3;
 
-use super::line_sums::{LineSums, OnLine, RESIDUAL, SHARED_OFFSET};
+use super::line_sums::{LineProducts, LineSums, RESIDUAL, SHARED_OFFSET};
 use super::side_curve::{SideCurve, SideCurves};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{ArrowStep, ArrowSystem, Block, Loss, Problem, add_rank_one, each};
@@ -40,7 +40,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
     }
 
     /// The problem with curves near the views at which it will be evaluated, if any.
-    pub(super) fn near(self, curves: Option<&'a SideCurves>) -> Self {
+    pub(super) fn with_curves(self, curves: Option<&'a SideCurves>) -> Self {
         Self { curves, ..self }
     }
 
@@ -59,13 +59,13 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        (samples, trust): (&[Sample], f64),
+        (samples, weight_factor): (&[Sample], f64),
     ) -> Option<LineSums<N>> {
         let mut sums = LineSums {
             cost: 0.0,
             products: [[0.0; N]; N],
         };
-        let to_scale = trust / self.scale;
+        let to_scale = weight_factor / self.scale;
         for sample in samples {
             let pixel_ray = lens.unproject_with_jacobian(&sample.pixel)?;
             let row = self.row(lens, &pixel_ray, line);
@@ -83,15 +83,15 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        (samples, trust, curve): (&[Sample], f64, Option<&SideCurve>),
+        (samples, weight_factor, curve): (&[Sample], f64, Option<&SideCurve>),
         block: &mut Block,
-    ) -> Option<OnLine> {
+    ) -> Option<LineProducts> {
         let sums = match curve {
             Some(curve) => {
                 let row = |ray: &L::PixelRay| self.row(lens, ray, line);
-                curve.sums::<L, N>((lens, line), (self.loss, trust / self.scale), row)
+                curve.sums::<L, N>((lens, line), (self.loss, weight_factor / self.scale), row)
             }
-            None => self.sum_samples::<N>(lens, line, (samples, trust)),
+            None => self.sum_samples::<N>(lens, line, (samples, weight_factor)),
         }?;
         Some(sums.split(self.free.len(), block))
     }
@@ -126,20 +126,20 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             _ => Self::sums::<{ SHARED_OFFSET + MAX_LENS_COLUMNS }>,
         };
         let sums = sums(self, lens, &line, samples, block)?;
-        let wrt_own = state.line_jacobian(figure, model);
+        let wrt_plane = state.line_jacobian(figure, model);
         let line_shared = sums.line_shared.columns(0, self.free.len());
         block
             .hessian
-            .gemm_tr(1.0, &wrt_own, &(sums.line_square * &wrt_own), 1.0);
-        block.cross.gemm_tr(1.0, &wrt_own, &line_shared, 1.0);
+            .gemm_tr(1.0, &wrt_plane, &(sums.line_square * &wrt_plane), 1.0);
+        block.cross.gemm_tr(1.0, &wrt_plane, &line_shared, 1.0);
         block
             .gradient
-            .gemv_tr(1.0, &wrt_own, &sums.line_residual, 1.0);
+            .gemv_tr(1.0, &wrt_plane, &sums.line_residual, 1.0);
         Some(sums.cost)
     }
 
     /// The cost of a plane's samples, and its block.
-    fn of_plane(&self, view: &View<L>, p: usize) -> Option<(f64, Block)> {
+    fn plane_sums(&self, view: &View<L>, p: usize) -> Option<(f64, Block)> {
         let state = &view.planes[p];
         let mut block = Block::zeros(state.parameter_count(), (0..self.free.len()).collect());
         let mut cost = 0.0;
@@ -147,7 +147,7 @@ impl<'a, L: Lens> EdgeProblem<'a, L> {
             let curve = self.curves.and_then(|curves| curves.get(p, s));
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
-                let samples = (&side.samples[range], side.trust(), curve);
+                let samples = (&side.samples[range], side.weight_factor(), curve);
                 cost += self.add_samples(view, (p, f, &model), samples, &mut block)?;
             }
         }
@@ -160,7 +160,7 @@ impl<L: Lens> Problem for EdgeProblem<'_, L> {
     type State = View<L>;
 
     fn evaluate(&self, view: &View<L>) -> Option<(f64, ArrowSystem)> {
-        let found = each(self.planes.len(), |p| self.of_plane(view, p))?;
+        let found = each(self.planes.len(), |p| self.plane_sums(view, p))?;
         let (costs, blocks): (Vec<f64>, Vec<Block>) = found.into_iter().unzip();
         let mut system = ArrowSystem::of(self.free.len(), blocks.into_iter());
         let cost = self.free.add_prior(&view.lens, &mut system)
@@ -399,7 +399,7 @@ mod tests {
         for view in [view, near] {
             let [all, by_curves] = [None, Some(&curves)].map(|curves| {
                 let problem = EdgeProblem::new(&planes, &free, NOISE);
-                problem.near(curves).evaluate(&view).unwrap()
+                problem.with_curves(curves).evaluate(&view).unwrap()
             });
             assert!((by_curves.0 / all.0 - 1.0).abs() < 1e-4);
             for (found, expected) in by_curves.1.blocks.iter().zip(&all.1.blocks) {

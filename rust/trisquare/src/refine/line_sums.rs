@@ -18,7 +18,7 @@ pub(super) struct LineSums<const N: usize> {
 }
 
 /// The sums that involve the line.
-pub(super) struct OnLine {
+pub(super) struct LineProducts {
     pub cost: f64,
     pub line_square: Matrix3<f64>,
     pub line_residual: Vector3<f64>,
@@ -31,7 +31,7 @@ impl<const N: usize> LineSums<N> {
     // Not inlined: inlined where the sums are made, rustc 1.95 computes wrong ones, with eight
     // columns, in a test program that is optimised across crates. `make test-release` shows it.
     #[inline(never)]
-    pub fn split(&self, shared: usize, block: &mut Block) -> OnLine {
+    pub fn split(&self, shared: usize, block: &mut Block) -> LineProducts {
         let at = |i: usize, j: usize| symmetric_entry(&self.products, i, j);
         for i in 0..shared {
             for j in 0..shared {
@@ -39,7 +39,7 @@ impl<const N: usize> LineSums<N> {
             }
             block.shared_gradient[i] += at(SHARED_OFFSET + i, RESIDUAL);
         }
-        OnLine {
+        LineProducts {
             cost: self.cost,
             line_square: Matrix3::from_fn(at),
             line_residual: Vector3::from_fn(|i, _| at(i, RESIDUAL)),

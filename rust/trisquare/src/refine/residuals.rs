@@ -21,7 +21,7 @@ pub(crate) struct Residual {
     /// One over the standard deviation given for the sample.
     pub weight: f64,
     /// Whether the sample and its side belong to the scene: outliers do not count for the noise.
-    pub counts: bool,
+    pub is_counted: bool,
 }
 
 /// The residuals of all samples, by plane.
@@ -29,9 +29,9 @@ pub(crate) type Residuals = Vec<Vec<Residual>>;
 
 /// Root mean square distance, in pixels, of the residuals that count, or of all if none does.
 pub(crate) fn root_mean_square<'a>(residuals: impl Iterator<Item = &'a Residual> + Clone) -> f64 {
-    let any_counts = residuals.clone().any(|residual| residual.counts);
+    let has_counted = residuals.clone().any(|residual| residual.is_counted);
     let (mut squares, mut count) = (0.0, 0.0);
-    for residual in residuals.filter(|residual| residual.counts || !any_counts) {
+    for residual in residuals.filter(|residual| residual.is_counted || !has_counted) {
         squares += residual.distance * residual.distance;
         count += 1.0;
     }
@@ -49,8 +49,8 @@ pub(super) fn residuals_near<L: Lens>(
     view: &View<L>,
     curves: Option<&SideCurves>,
 ) -> Option<Residuals> {
-    let own = |plane: &ObservedPlane| Vec::with_capacity(plane.samples().count());
-    let mut all: Residuals = planes.iter().map(own).collect();
+    let empty = |plane: &ObservedPlane| Vec::with_capacity(plane.samples().count());
+    let mut all: Residuals = planes.iter().map(empty).collect();
     for_each_residual(planes, view, curves, |plane, residual| {
         all[plane].push(residual)
     })?;
@@ -65,21 +65,21 @@ pub(super) fn scale_near<L: Lens>(
 ) -> Option<f64> {
     let mut normalised = Vec::with_capacity(planes.iter().map(|p| p.samples().count()).sum());
     for_each_residual(planes, view, curves, |_, residual| {
-        if residual.counts {
+        if residual.is_counted {
             normalised.push(residual.distance * residual.weight);
         }
     })?;
     Some(bulk_scale(normalised, unknowns))
 }
 
-/// Calls `give` with every residual, in order, and the index of its plane; `None` if the lens is
+/// Calls `visit` with every residual, in order, and the index of its plane; `None` if the lens is
 /// not invertible at a sample.
 #[inline]
 fn for_each_residual<L: Lens>(
     planes: &[ObservedPlane],
     view: &View<L>,
     curves: Option<&SideCurves>,
-    mut give: impl FnMut(usize, Residual),
+    mut visit: impl FnMut(usize, Residual),
 ) -> Option<()> {
     for (p, (plane, state)) in planes.iter().zip(&view.planes).enumerate() {
         for (s, (f, side)) in plane.sides_by_figure().enumerate() {
@@ -89,9 +89,9 @@ fn for_each_residual<L: Lens>(
                     distance,
                     normal,
                     weight: sample.weight,
-                    counts: !side.is_outlier,
+                    is_counted: !side.is_outlier,
                 };
-                give(p, residual);
+                visit(p, residual);
             };
             for found in state.model_lines(&view.lens, f, side) {
                 let (model, range) = found?;
@@ -134,7 +134,7 @@ pub(crate) fn straightness_residuals<L: Lens>(lens: &L, side: &Side) -> Option<V
             distance,
             normal,
             weight: sample.weight,
-            counts: true,
+            is_counted: true,
         }
     };
     Some(pixel_rays.iter().zip(&side.samples).map(residual).collect())
@@ -147,8 +147,8 @@ const MEDIAN_ERROR: f64 = 1.16;
 /// The scale of the bulk of the residuals, in units of their given standard deviations, after the
 /// fit of `unknowns` parameters.
 pub(crate) fn robust_scale(residuals: &Residuals, unknowns: usize) -> f64 {
-    let counting = residuals.iter().flatten().filter(|r| r.counts);
-    let normalised = counting.map(|r| r.distance * r.weight);
+    let counted = residuals.iter().flatten().filter(|r| r.is_counted);
+    let normalised = counted.map(|r| r.distance * r.weight);
     bulk_scale(normalised.collect(), unknowns)
 }
 
@@ -158,10 +158,10 @@ pub(crate) fn robust_scale(residuals: &Residuals, unknowns: usize) -> f64 {
 fn bulk_scale(normalised: Vec<f64>, unknowns: usize) -> f64 {
     let count = normalised.len().max(1) as f64;
     let freedom = (count - unknowns as f64).max(1.0);
-    let left = (freedom / count).sqrt();
+    let reduction = (freedom / count).sqrt();
     let scale = median_scale(normalised.into_iter()).max(MIN_SCALE);
-    match 1.0 - left < MEDIAN_ERROR / count.sqrt() {
+    match 1.0 - reduction < MEDIAN_ERROR / count.sqrt() {
         true => scale,
-        false => scale / left,
+        false => scale / reduction,
     }
 }

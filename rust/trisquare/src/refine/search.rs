@@ -67,14 +67,14 @@ impl<L: Lens> Refined<L> {
     }
 
     /// Measures the spread of the residuals around a view.
-    pub fn around(
+    pub fn with_spread(
         (view, residuals, system): (View<L>, Residuals, ArrowSystem),
         scale: f64,
         unknowns: usize,
         iterations: usize,
     ) -> Self {
         let mut spread = ResidualSpread::default();
-        for residual in residuals.iter().flatten().filter(|r| r.counts) {
+        for residual in residuals.iter().flatten().filter(|r| r.is_counted) {
             let x = residual.distance * residual.weight / scale;
             spread.add(Loss::Tukey, x, Loss::Tukey.cost_and_weight(x).1);
         }
@@ -101,20 +101,25 @@ impl<L: Lens> Refined<L> {
         let unknowns = view.unknowns(free);
         let scale = robust_scale(&residuals, unknowns);
         let (_, system) = information(planes, judged, (&view, scale))?;
-        Some(Self::around((view, residuals, system), scale, unknowns, 0))
+        Some(Self::with_spread(
+            (view, residuals, system),
+            scale,
+            unknowns,
+            0,
+        ))
     }
 }
 
 /// Root mean square distance (px) below which samples were computed and not measured: the residuals
 /// are rounding errors, and give no estimate of the noise.
-const COMPUTED: f64 = 1e-5;
+const MAX_EXACT_RMS: f64 = 1e-5;
 
 impl<L: Lens> Refined<L> {
     /// Whether the samples' distances are only rounding errors.
     pub fn is_exact(&self) -> bool {
         let all = || self.residuals.iter().flatten();
         let squares: f64 = all().map(|r| r.distance * r.distance).sum();
-        squares <= COMPUTED * COMPUTED * all().count() as f64
+        squares <= MAX_EXACT_RMS * MAX_EXACT_RMS * all().count() as f64
     }
 
     /// Start of a search from this optimum.
@@ -146,7 +151,7 @@ pub(crate) fn system_at<L: Lens>(
     optimum: &Refined<L>,
 ) -> Option<ArrowSystem> {
     let curves = SideCurves::of(planes, &optimum.view, optimum.scale);
-    let problem = EdgeProblem::new(planes, free, optimum.scale).near(Some(&curves));
+    let problem = EdgeProblem::new(planes, free, optimum.scale).with_curves(Some(&curves));
     Some(problem.evaluate(&optimum.view)?.1)
 }
 
@@ -198,8 +203,8 @@ pub(crate) fn search<L: Lens>(
             &mut found.scale,
             scale_near(planes, (&found.view, unknowns), None)?,
         );
-        let settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
-        if settled || found.termination != Termination::Converged {
+        let is_settled = round > 0 && (found.scale / last - 1.0).abs() < SCALE_TOLERANCE;
+        if is_settled || found.termination != Termination::Converged {
             break;
         }
     }
@@ -240,7 +245,7 @@ fn finish_near<L: Lens>(
     let mut rescalings = 0;
     let mut last_cost = f64::INFINITY;
     for _ in 0..MAX_FINAL_STEPS {
-        let problem = EdgeProblem::new(planes, judged, scale).near(curves);
+        let problem = EdgeProblem::new(planes, judged, scale).with_curves(curves);
         let (cost, system) = problem.evaluate(&view)?;
         iterations += 1;
         if cost > last_cost * (1.0 + FINAL_ROUNDING) {
@@ -252,27 +257,27 @@ fn finish_near<L: Lens>(
             .solve(0.0)?
             .scaled(problem.loss.newton_factor());
         view = view.advanced(free, &step);
-        let arrived = step.predicted_decrease < LAST_FINAL_DECREASE;
-        if !arrived && rescalings > 0 {
+        let is_converged = step.predicted_decrease < LAST_FINAL_DECREASE;
+        if !is_converged && rescalings > 0 {
             continue;
         }
         // The weights must not depend on the start of the search.
-        let (next, residuals) = if arrived {
+        let (next, residuals) = if is_converged {
             let residuals = residuals_near(planes, &view, curves)?;
             (robust_scale(&residuals, unknowns), Some(residuals))
         } else {
             (scale_near(planes, (&view, unknowns), curves)?, None)
         };
-        let settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
+        let is_settled = (next / scale - 1.0).abs() < FINAL_SCALE_TOLERANCE;
         if let Some(residuals) = residuals
-            && (settled || rescalings == MAX_RESCALINGS)
+            && (is_settled || rescalings == MAX_RESCALINGS)
         {
             let system = match judged.has_reach() {
                 true => information(planes, judged, (&view, scale))?.1,
                 false => system,
             };
             let found = (view, residuals, system);
-            return Some(Refined::around(found, scale, unknowns, iterations));
+            return Some(Refined::with_spread(found, scale, unknowns, iterations));
         }
         (scale, last_cost) = (next, f64::INFINITY);
         rescalings += 1;

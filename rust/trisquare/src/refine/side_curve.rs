@@ -34,7 +34,7 @@ struct Samples {
     /// Positions along the side, from -1 to 1.
     places: [f64; LANES],
     /// Distances from the curve, across the chord, pixels.
-    beside: [f64; LANES],
+    distances: [f64; LANES],
     /// One over the standard deviation; zero for unused lanes.
     weights: [f64; LANES],
 }
@@ -55,14 +55,14 @@ pub(super) struct SideCurves(Vec<Vec<Option<SideCurve>>>);
 impl SideCurves {
     /// Curves near the images of the lines in a view, for noise of a scale.
     pub fn of<L: Lens>(planes: &[ObservedPlane], view: &View<L>, scale: f64) -> Self {
-        let own = |(plane, state): (&ObservedPlane, &PlaneState)| {
+        let plane_curves = |(plane, state): (&ObservedPlane, &PlaneState)| {
             let curve = |(f, side): (usize, &Side)| {
                 let line = state.line(f, &side.line()?);
                 SideCurve::of(&view.lens, &line, side, scale)
             };
             plane.sides_by_figure().map(curve).collect()
         };
-        Self(planes.iter().zip(&view.planes).map(own).collect())
+        Self(planes.iter().zip(&view.planes).map(plane_curves).collect())
     }
 
     /// Whether any side has a curve.
@@ -90,15 +90,15 @@ impl SideCurve {
         let samples = side.samples.chunks(LANES).map(|chunk| {
             let pixels = PixelLanes::of(chunk.iter().map(|sample| sample.pixel));
             let places = image.places(&pixels);
-            let mut own = Samples {
+            let mut lanes = Samples {
                 places,
-                beside: image.beside(&pixels, &polynomials::<NODES>(&places)),
+                distances: image.distances(&pixels, &polynomials::<NODES>(&places)),
                 weights: [0.0; LANES],
             };
-            for (weight, sample) in own.weights.iter_mut().zip(chunk) {
+            for (weight, sample) in lanes.weights.iter_mut().zip(chunk) {
                 *weight = sample.weight;
             }
-            own
+            lanes
         });
         Some(Self {
             nodes: image.nodes,
@@ -117,9 +117,9 @@ impl SideCurve {
     ) -> Option<LineSums<N>> {
         let mut rows = [[0.0; N]; NODES];
         let mut cosines = [[0.0]; NODES];
-        for ((own, cosine), node) in rows.iter_mut().zip(&mut cosines).zip(&self.nodes) {
+        for ((node_row, cosine), node) in rows.iter_mut().zip(&mut cosines).zip(&self.nodes) {
             let ray = lens.unproject_with_jacobian(node)?;
-            *own = row(&ray);
+            *node_row = row(&ray);
             let (_, normal) = lens.line_distance_and_normal(&ray, line);
             *cosine = [normal.dot(&self.across)];
         }
@@ -137,7 +137,7 @@ impl SideCurve {
 
         let distances = rows.map(|row| row[RESIDUAL]);
         let cosines = cosines.map(|[cosine]| cosine);
-        let (cost, sums) = weighed(&self.samples, (&distances, &cosines), (loss, to_scale));
+        let (cost, sums) = weighted_sums(&self.samples, (&distances, &cosines), (loss, to_scale));
         let (gram, residuals) = sums.finish();
 
         let mut weighted = [[0.0; N]; TERMS];
@@ -163,7 +163,7 @@ impl SideCurve {
         LineSums { cost, products }
     }
 
-    /// Calls `give` with the distances of the samples to a line's image, and its unit normals
+    /// Calls `visit` with the distances of the samples to a line's image, and its unit normals
     /// there; a few calls for unused lanes may follow the last sample. `None` if the lens is not
     /// invertible at a node.
     #[inline]
@@ -171,19 +171,19 @@ impl SideCurve {
         &self,
         lens: &L,
         line: &Vector3<f64>,
-        mut give: impl FnMut(f64, Vector2<f64>),
+        mut visit: impl FnMut(f64, Vector2<f64>),
     ) -> Option<()> {
         let mut values = [[0.0; 4]; NODES];
-        for (own, node) in values.iter_mut().zip(&self.nodes) {
+        for (node_values, node) in values.iter_mut().zip(&self.nodes) {
             let ray = lens.unproject_with_jacobian(node)?;
             let (distance, normal) = lens.line_distance_and_normal(&ray, line);
-            *own = [distance, normal.dot(&self.across), normal.x, normal.y];
+            *node_values = [distance, normal.dot(&self.across), normal.x, normal.y];
         }
         let values = coefficients(&values);
         for samples in &self.samples {
             let terms = polynomials::<NODES>(&samples.places);
             // One by one: normals that a caller does not use are not computed.
-            let at = |which: usize| {
+            let interpolated = |which: usize| {
                 let mut sums = [0.0; LANES];
                 for (values, terms) in values.iter().zip(&terms) {
                     for i in 0..LANES {
@@ -192,10 +192,15 @@ impl SideCurve {
                 }
                 sums
             };
-            let [distances, cosines, x, y] = [at(0), at(1), at(2), at(3)];
+            let [distances, cosines, x, y] = [
+                interpolated(0),
+                interpolated(1),
+                interpolated(2),
+                interpolated(3),
+            ];
             for i in 0..LANES {
-                let distance = distances[i] + samples.beside[i] * cosines[i];
-                give(distance, Vector2::new(x[i], y[i]));
+                let distance = distances[i] + samples.distances[i] * cosines[i];
+                visit(distance, Vector2::new(x[i], y[i]));
             }
         }
         Some(())
@@ -204,7 +209,7 @@ impl SideCurve {
 
 /// The cost of samples and their weighted sums, from the polynomials of their distance to a line
 /// and of its slope across the curve.
-fn weighed(
+fn weighted_sums(
     samples: &[Samples],
     (distances, cosines): (&[f64; NODES], &[f64; NODES]),
     (loss, to_scale): (Loss, f64),
@@ -222,10 +227,10 @@ fn weighed(
         }
         let (mut weights, mut values) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            distance[i] += samples.beside[i] * slope[i];
+            distance[i] += samples.distances[i] * slope[i];
             let to_noise = samples.weights[i] * to_scale;
-            let (own, factor) = loss.cost_and_weight(distance[i] * to_noise);
-            cost[i] += own;
+            let (sample_cost, factor) = loss.cost_and_weight(distance[i] * to_noise);
+            cost[i] += sample_cost;
             weights[i] = factor * to_noise * to_noise;
             values[i] = weights[i] * distance[i];
         }

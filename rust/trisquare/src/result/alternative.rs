@@ -54,7 +54,7 @@ pub(super) fn held_focal(setting: Setting<'_>, held: Option<f64>, wrong: &str) -
 pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, str>]) -> String {
     match cure {
         Some((model, focal)) => {
-            let (setting, focal) = (cured_by(model, held), *focal);
+            let (setting, focal) = (cure_setting(model, held), *focal);
             format!(" {}", Alternative { setting, focal })
         }
         None => " No richer model of its family fits it either: try one of another family".into(),
@@ -62,8 +62,8 @@ pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, st
 }
 
 /// Returns the setting under which a model fits a lens.
-pub(super) fn cured_by<'a>(model: &'a str, held: &[Cow<'static, str>]) -> Setting<'a> {
-    match held.iter().any(|it| it == DISTORTION) {
+pub(super) fn cure_setting<'a>(model: &'a str, held: &[Cow<'static, str>]) -> Setting<'a> {
+    match held.iter().any(|name| name == DISTORTION) {
         true => Setting::DistortionFree(model),
         false => Setting::Model(model),
     }

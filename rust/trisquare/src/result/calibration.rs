@@ -173,12 +173,15 @@ pub struct Calibration<L: Lens = DefaultLens> {
 impl<L: Lens> Calibration<L> {
     /// Returns the index of a parameter among the free ones, if it is free.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
-        self.parameters.iter().position(|own| *own == name)
+        self.parameters
+            .iter()
+            .position(|parameter| *parameter == name)
     }
 
     /// Sorts the warnings, the most severe first; those of one severity keep their order.
     pub(crate) fn sort_warnings(&mut self) {
-        self.warnings.sort_by_key(|own| Reverse(own.severity()));
+        self.warnings
+            .sort_by_key(|warning| Reverse(warning.severity()));
     }
 
     /// Returns the standard deviation of a free parameter.
@@ -209,7 +212,11 @@ impl<L: Lens> Calibration<L> {
     /// ```
     pub fn estimates(&self) -> Vec<Estimate> {
         let all = self.std();
-        let std = |name| all.iter().find(|(own, _)| *own == name).map(|own| own.1);
+        let std = |name| {
+            all.iter()
+                .find(|(parameter, _)| *parameter == name)
+                .map(|entry| entry.1)
+        };
         let names = L::parameter_names().iter().copied();
         names
             .zip(self.camera.parameters())

@@ -62,8 +62,8 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
             ));
         }
     }
-    let twice = |i: &usize| read.parameters[..*i].contains(&read.parameters[*i]);
-    if let Some(i) = (0..count).find(twice) {
+    let is_repeated = |i: &usize| read.parameters[..*i].contains(&read.parameters[*i]);
+    if let Some(i) = (0..count).find(is_repeated) {
         return Some(format!("parameters has {} twice", read.parameters[i]));
     }
     if !is_covariance(&read.covariance) {
@@ -74,7 +74,10 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
     }
     let names = L::parameter_names().len();
     for (i, plane) in read.planes.iter().enumerate() {
-        let columns = plane.uncertainty.as_ref().map(|own| own.by_camera.ncols());
+        let columns = plane
+            .uncertainty
+            .as_ref()
+            .map(|uncertainty| uncertainty.by_camera.ncols());
         if let Some(columns) = columns.filter(|columns| *columns != names) {
             return Some(format!(
                 "planes[{i}].uncertainty.by_camera has {columns} columns, but the lens {names} \
@@ -103,13 +106,13 @@ fn fault<L: Lens>(read: &Calibration<L>) -> Option<String> {
 /// Returns the name and the value of the first number that is negative or NaN although it must be
 /// zero or more.
 fn negative<L: Lens>(read: &Calibration<L>) -> Option<(String, f64)> {
-    let own = [("rms", read.rms), ("noise_scale", read.noise_scale)];
-    let own = own.map(|(name, value)| (name.to_owned(), value));
+    let totals = [("rms", read.rms), ("noise_scale", read.noise_scale)];
+    let totals = totals.map(|(name, value)| (name.to_owned(), value));
     let planes = read.planes.iter().enumerate();
     let planes = planes.map(|(i, plane)| (format!("planes[{i}].rms"), plane.rms));
     let lines = read.lines.iter().enumerate();
     let lines = lines.filter_map(|(i, line)| Some((format!("lines[{i}].rms"), line.rms?)));
-    let mut all = own.into_iter().chain(planes).chain(lines);
+    let mut all = totals.into_iter().chain(planes).chain(lines);
     all.find(|(_, value)| !(*value >= 0.0))
 }
 
@@ -122,7 +125,7 @@ pub(super) fn parameter_names<'de, L: Lens, D: Deserializer<'de>>(
 ) -> Result<Vec<&'static str>, D::Error> {
     let known = |name: &String| {
         let names = L::parameter_names().iter();
-        let mut found = names.copied().filter(|own| own == name);
+        let mut found = names.copied().filter(|known_name| known_name == name);
         let found = found.next();
         found.ok_or_else(|| D::Error::custom(format!("the lens has no parameter {name:?}")))
     };

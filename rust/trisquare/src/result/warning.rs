@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use super::alternative::{Alternative, Setting, cured_by, held_focal, richer_focal};
+use super::alternative::{Alternative, Setting, cure_setting, held_focal, richer_focal};
 use super::warning_words::{
-    after_rejections, beside_rough, cause_of_errors, causes_of_variation, contradiction, groups,
-    lines_not_used, numbered_sample, of_figure, or_held, part_of_whole, planes_in_directions,
-    raised, signed_two_digits, times, two_digits, untrue, what_leaves_open, with_its_std,
-    without_it,
+    cause_of_errors, causes_of_variation, contradiction, deformation, figure_phrase,
+    focal_change_phrase, groups, held_phrase, lines_not_used, numbered_sample,
+    open_parameter_advice, part_of_whole, planes_in_directions, rejection_phrase, rough_phrase,
+    signed_two_digits, std_increase, times, two_digits, with_its_std,
 };
 use crate::error::counted;
 
@@ -60,14 +60,14 @@ pub enum Warning {
     #[error(
         "plane {} disagrees with the rest by {:.1} standard deviations{}: is it flat, and \
          exactly square (or of the stated shape)?",
-        .0.plane, .0.sigmas, without_it(.0.focal_change)
+        .0.plane, .0.sigmas, focal_change_phrase(.0.focal_change)
     )]
     Disagreement(Disagreement),
     /// One side does not fit the square that the others show.
     #[error(
         "plane {plane}: side {side}{} is rejected: its samples lie {distance:.2} px (rms) from the \
          line that the other sides predict (is it bent, torn, or covered?)",
-        of_figure(*.figure)
+        figure_phrase(*.figure)
     )]
     SideRejected {
         /// Index of the plane.
@@ -140,7 +140,7 @@ pub enum Warning {
     #[error(
         "the targets are not flat, or not exactly square (or of the stated shape), or the lens is beyond \
          its model{}: their sides lie {displacement:.1} px off{}",
-        or_held(.held), raised(.parameter, *.factor)
+        held_phrase(.held), std_increase(.parameter, *.factor)
     )]
     NoSquares {
         /// Distance of the sides from there, px.
@@ -196,8 +196,8 @@ pub enum Warning {
         "the lens {} beyond its model{}: all planes have the same residuals at the same place in the \
          picture{}.{}",
         if *.certain && .cure.is_some() { "is" } else { "may be" },
-        or_held(.held),
-        raised(.parameter, *.factor),
+        held_phrase(.held),
+        std_increase(.parameter, *.factor),
         richer_focal(.cure.as_ref(), .held)
     )]
     LensBeyondModel {
@@ -312,8 +312,8 @@ pub enum Warning {
         "the targets cannot be checked{}: {} no more than this camera needs{}. If {}, fx is off by \
          {} px, which its standard deviation, {} px, does not include. Show one more, tilted another \
          way",
-        after_rejections(*.rejected), planes_in_directions(*.planes, *.directions), beside_rough(*.rough),
-        untrue(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
+        rejection_phrase(*.rejected), planes_in_directions(*.planes, *.directions), rough_phrase(*.rough),
+        deformation(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
     TargetsUnchecked {
         /// Number of planes that determine the camera.
@@ -343,7 +343,7 @@ pub enum Warning {
     #[error(
         "the standard deviation of {parameter} is {std:.0} px ({:.0} % of {of}): {}",
         100.0 * .part,
-        what_leaves_open(*.by_tone)
+        open_parameter_advice(*.by_tone)
     )]
     BarelyDetermined {
         /// The parameter that is known worst.
@@ -439,7 +439,7 @@ pub enum Warning {
     #[error(
         "plane {plane}: {:.0} % of side {side}{} is left out: it shows no plain edge there (a \
          finger, glare, a stain, a pattern, a torn edge?)",
-        100.0 * .part, of_figure(*.figure)
+        100.0 * .part, figure_phrase(*.figure)
     )]
     PartlyHidden {
         /// Index of the plane.
@@ -515,7 +515,7 @@ impl Warning {
                 cure: Some((model, focal)),
                 held,
                 ..
-            } => (cured_by(model, held), Some(*focal)),
+            } => (cure_setting(model, held), Some(*focal)),
             Self::LensOfAnotherFamily { model, focal, .. } => (Setting::Model(model), Some(*focal)),
             Self::PixelsNotSquare { held, .. } => (Setting::AspectHeld, *held),
             Self::PrincipalPointOffCentre { held, .. } => (Setting::PrincipalPointHeld, *held),

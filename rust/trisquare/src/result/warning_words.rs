@@ -46,7 +46,7 @@ pub(super) fn times(factor: f64) -> String {
 }
 
 /// Text on the factor by which a standard deviation was raised; empty if it rounds to 1.
-pub(super) fn raised(parameter: &str, factor: f64) -> String {
+pub(super) fn std_increase(parameter: &str, factor: f64) -> String {
     if factor < 1.05 {
         return String::new();
     }
@@ -57,7 +57,7 @@ pub(super) fn raised(parameter: &str, factor: f64) -> String {
 }
 
 /// Reason why a parameter is hardly known, and what to do.
-pub(super) fn what_leaves_open(by_tone: bool) -> &'static str {
+pub(super) fn open_parameter_advice(by_tone: bool) -> &'static str {
     if by_tone {
         "the tone curve is not known, and may have shifted all edges. State it if you know it, take the \
          picture without sharpening, or show more planes"
@@ -93,7 +93,7 @@ pub(super) fn contradiction(
         1 => ("the plane contradicts the camera", "it"),
         _ => ("the planes contradict each other", "one of them"),
     };
-    let suspected = or_held(held);
+    let suspected = held_phrase(held);
     // Warnings stored by older versions do not contain the displacement.
     let off = match displacement {
         0.0 => "off by".into(),
@@ -113,7 +113,7 @@ pub(super) fn contradiction(
 }
 
 /// Further possible cause where something is held.
-pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
+pub(super) fn held_phrase(held: &[Cow<'static, str>]) -> String {
     match held {
         [] => String::new(),
         _ => format!(", or what is held ({}) is wrong", held.join(", ")),
@@ -121,7 +121,7 @@ pub(super) fn or_held(held: &[Cow<'static, str>]) -> String {
 }
 
 /// Figure of its plane to which a side belongs, unless it is the first.
-pub(super) fn of_figure(figure: usize) -> String {
+pub(super) fn figure_phrase(figure: usize) -> String {
     match figure {
         0 => String::new(),
         1 => " of its other outline".into(),
@@ -130,7 +130,7 @@ pub(super) fn of_figure(figure: usize) -> String {
 }
 
 /// Change of `fx` without a plane, unless `fx` is held.
-pub(super) fn without_it(focal_change: f64) -> String {
+pub(super) fn focal_change_phrase(focal_change: f64) -> String {
     match focal_change {
         0.0 => String::new(),
         _ => format!(
@@ -146,12 +146,12 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
         1 => ("", " lies"),
         _ => ("the farthest, ", ", lies"),
     };
-    let figure = of_figure(figure);
+    let figure = figure_phrase(figure);
     format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
 }
 
 /// Text on rejected planes where the others cannot be checked.
-pub(super) fn after_rejections(rejected: usize) -> &'static str {
+pub(super) fn rejection_phrase(rejected: usize) -> &'static str {
     match rejected {
         0 => "",
         1 => ", nor whether the rejected plane is the false one",
@@ -171,7 +171,7 @@ pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
 }
 
 /// Number of further planes whose shape is not known well enough.
-pub(super) fn beside_rough(rough: usize) -> String {
+pub(super) fn rough_phrase(rough: usize) -> String {
     match rough {
         0 => String::new(),
         1 => " (one more is too small or too rough to check them)".into(),
@@ -180,7 +180,7 @@ pub(super) fn beside_rough(rough: usize) -> String {
 }
 
 /// Possible fault of targets that cannot be checked.
-pub(super) fn untrue(stretch: f64, are_angles: bool) -> String {
+pub(super) fn deformation(stretch: f64, are_angles: bool) -> String {
     match are_angles {
         true => format!(
             "their right angles are off by {:.1} degrees",

@@ -12,7 +12,7 @@ use crate::solver::JointProblem;
 pub(crate) struct Pool<L> {
     /// Mean square curvature of the sides under the lens that makes them straightest, in units of
     /// their noise; at least 1.
-    pub bent: f64,
+    pub curvature: f64,
     pub undistortion: Undistortion<L>,
     /// Indices of the planes, ascending.
     pub places: Vec<usize>,
@@ -23,27 +23,30 @@ pub(crate) struct Pool<L> {
 
 impl<L: Lens> Pool<L> {
     pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
-        Self::by(Straightness::of(planes, problem), planes, problem)
+        Self::under_lens(Straightness::of(planes, problem), planes, problem)
     }
 
     /// The pool under the lens of `straightness`.
-    pub fn by(
+    pub fn under_lens(
         straightness: Straightness<L>,
         planes: &[ObservedPlane],
         problem: &JointProblem<'_, L>,
     ) -> Self {
-        let Straightness { undistortion, bent } = straightness;
+        let Straightness {
+            undistortion,
+            curvature,
+        } = straightness;
         let mut pool = Self {
-            bent,
+            curvature,
             undistortion,
             places: Vec::new(),
             candidates: Vec::new(),
             homographies: Vec::new(),
         };
         for (i, plane) in planes.iter().enumerate() {
-            let one = std::slice::from_ref(plane);
+            let single = std::slice::from_ref(plane);
             let candidate = CandidatePlane::of(plane, &pool.undistortion, problem.size);
-            let homographies = Homographies::estimate(one, &pool.undistortion);
+            let homographies = Homographies::estimate(single, &pool.undistortion);
             if let (Ok(candidate), Ok(homographies)) = (candidate, homographies) {
                 pool.places.push(i);
                 pool.candidates.push(candidate);
@@ -55,10 +58,10 @@ impl<L: Lens> Pool<L> {
 
     /// The pool without one plane.
     pub fn without(&self, plane: usize) -> Self {
-        let of_others = |i: &usize| self.places[*i] != plane;
-        let rest: Vec<usize> = (0..self.places.len()).filter(of_others).collect();
+        let is_other = |i: &usize| self.places[*i] != plane;
+        let rest: Vec<usize> = (0..self.places.len()).filter(is_other).collect();
         Self {
-            bent: self.bent,
+            curvature: self.curvature,
             undistortion: self.undistortion.clone(),
             places: rest.iter().map(|i| self.places[*i]).collect(),
             candidates: rest.iter().map(|i| self.candidates[*i].clone()).collect(),

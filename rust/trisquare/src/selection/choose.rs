@@ -9,7 +9,7 @@
 use std::cell::{LazyCell, OnceCell};
 
 use super::hypothesis::Hypothesis;
-use super::inliers::{Inliers, MAX_FITTED, MIN_CANDIDATES, STICKS_OUT, is_triple};
+use super::inliers::{Inliers, MAX_DISTANCE_RATIO, MAX_FITTED, MIN_CANDIDATES, is_triple};
 use super::joint_fit::JointFit;
 use super::propose::propose;
 use super::straightness::CURVED;
@@ -24,7 +24,7 @@ use crate::solver::{JointProblem, reject_outliers};
 
 /// Residual (px) under the boards' camera up to which a board is always kept: paper is not flatter
 /// than that.
-const BOARD_STICKS_OUT: f64 = 0.1;
+const MAX_BOARD_RESIDUAL: f64 = 0.1;
 
 /// Number of samples per side used for the choice: they suffice to show a false square.
 const SAMPLES_PER_SIDE: usize = 16;
@@ -61,7 +61,7 @@ pub fn choose<L: Lens>(
     options.check()?;
     let planes = sort_by_plane(edges)?;
     if planes.len() < MIN_CANDIDATES {
-        return Ok(Choice::of_all(&planes, None));
+        return Ok(Choice::keeping_all(&planes, None));
     }
     let subsampled: Vec<_> = planes
         .iter()
@@ -79,71 +79,71 @@ pub fn choose<L: Lens>(
     });
     let boards = chooser.boards();
     let are_mixed = boards.len() < subsampled.len();
-    let camera = LazyCell::new(|| chooser.camera_of(boards));
-    let beside_bent = are_mixed && camera.as_ref().is_some_and(CameraOfBoards::are_bent);
-    if !beside_bent && let Some(residual) = chooser.all_agree() {
-        return Ok(Choice::of_all(&subsampled, Some(residual)));
+    let camera = LazyCell::new(|| chooser.board_camera(boards));
+    let has_bent_boards = are_mixed && camera.as_ref().is_some_and(BoardCamera::are_bent);
+    if !has_bent_boards && let Some(residual) = chooser.residual_if_agreed() {
+        return Ok(Choice::keeping_all(&subsampled, Some(residual)));
     }
     if let Some(camera) = camera.as_ref() {
-        return Ok(chooser.beside_boards(camera));
+        return Ok(chooser.choice_by_boards(camera));
     }
     Ok(match chooser.choice() {
-        Some(choice) if !chooser.is_outlier_anyway(&choice) => choice,
-        found => Choice::of_all(&subsampled, found.and_then(|choice| choice.residual)),
+        Some(choice) if !chooser.is_outlier_in_fit(&choice) => choice,
+        found => Choice::keeping_all(&subsampled, found.and_then(|choice| choice.residual)),
     })
 }
 
 struct Chooser<'a, L: Lens>(Inliers<'a, L>);
 
 /// The camera determined by the boards alone, under the assumption that they are flat.
-struct CameraOfBoards<L: Lens> {
+struct BoardCamera<L: Lens> {
     boards: Vec<usize>,
     refined: Refined<L>,
     /// Root mean square distance of each board's samples from its lines, px.
     distances: Vec<f64>,
     /// Upper median of them.
-    usual: f64,
+    median_distance: f64,
 }
 
-impl<L: Lens> CameraOfBoards<L> {
+impl<L: Lens> BoardCamera<L> {
     fn are_bent(&self) -> bool {
-        self.usual > BOARD_STICKS_OUT
+        self.median_distance > MAX_BOARD_RESIDUAL
     }
 }
 
 impl<L: Lens> Chooser<'_, L> {
     /// Whether the fit of all planes also rejects sides of the one plane that a choice drops: that
     /// fit names them, and may keep its other sides.
-    fn is_outlier_anyway(&self, choice: &Choice) -> bool {
+    fn is_outlier_in_fit(&self, choice: &Choice) -> bool {
         let mut dropped = (0..self.0.planes.len()).filter(|i| !choice.verdicts[*i].kept);
-        let (Some(one), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
+        let (Some(plane), None, None) = (dropped.next(), dropped.next(), choice.doubt) else {
             return false;
         };
         reject_outliers(self.0.problem, self.0.planes)
-            .is_ok_and(|(solution, _)| solution.planes[one].sides().any(|side| side.is_outlier))
+            .is_ok_and(|(solution, _)| solution.planes[plane].sides().any(|side| side.is_outlier))
     }
 
     /// Root mean square residual (px) under the camera of all planes, if they agree.
-    fn all_agree(&self) -> Option<f64> {
+    fn residual_if_agreed(&self) -> Option<f64> {
         let all: Vec<usize> = (0..self.0.planes.len()).collect();
         // Among many planes, a part of them shows a disagreement as well, and otherwise
         // approximates the camera.
         let step = all.len().div_ceil(MAX_FITTED);
         let refined = if step > 1 {
-            let some: Vec<usize> = all.iter().copied().step_by(step).collect();
-            let planes: Vec<_> = some.iter().map(|i| self.0.planes[*i].clone()).collect();
-            let sketch = self.0.problem.sketched(&planes)?;
-            let sketch = self.0.judged(&some, &planes, sketch);
-            if !self.0.agrees(&sketch) {
+            let subset: Vec<usize> = all.iter().copied().step_by(step).collect();
+            let planes: Vec<_> = subset.iter().map(|i| self.0.planes[*i].clone()).collect();
+            let subset_fit = self.0.problem.subset_optimum(&planes)?;
+            let subset_fit = self.0.evaluated(&subset, &planes, subset_fit);
+            if !self.0.agrees(&subset_fit) {
                 return None;
             }
-            let lens = &sketch.refined.view.lens;
+            let lens = &subset_fit.refined.view.lens;
             self.0.problem.optimum_from(lens, self.0.planes)
         } else {
             None
         };
         let refined = refined.or_else(|| self.0.problem.optimum(self.0.planes).ok())?;
-        let fit = self.0.judged(&all, self.0.planes, refined);
+        let fit = self.0.evaluated(&all, self.0.planes, refined);
         self.0.agrees(&fit).then(|| fit.refined.rms())
     }
 
@@ -153,7 +153,7 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     /// The camera determined by the boards alone; `None` if they do not determine it.
-    fn camera_of(&self, boards: Vec<usize>) -> Option<CameraOfBoards<L>> {
+    fn board_camera(&self, boards: Vec<usize>) -> Option<BoardCamera<L>> {
         if boards.len() < MIN_BOARDS {
             return None;
         }
@@ -162,10 +162,10 @@ impl<L: Lens> Chooser<'_, L> {
         if self.0.problem.ill_conditioning(&planes, &refined).is_some() {
             return None;
         }
-        let of_board = |own: &Vec<Residual>| root_mean_square(own.iter());
-        let distances: Vec<f64> = refined.residuals.iter().map(of_board).collect();
-        Some(CameraOfBoards {
-            usual: upper_median(distances.clone())?,
+        let board_distance = |residuals: &Vec<Residual>| root_mean_square(residuals.iter());
+        let distances: Vec<f64> = refined.residuals.iter().map(board_distance).collect();
+        Some(BoardCamera {
+            median_distance: upper_median(distances.clone())?,
             boards,
             distances,
             refined,
@@ -174,15 +174,15 @@ impl<L: Lens> Chooser<'_, L> {
 
     /// Keeps the planes that agree with the boards as well as these do with each other: a board is
     /// not found by chance, and its paper need not be as flat as its noise is small.
-    fn beside_boards(&self, camera: &CameraOfBoards<L>) -> Choice {
+    fn choice_by_boards(&self, camera: &BoardCamera<L>) -> Choice {
         let lens = &camera.refined.view.lens;
-        let limit = STICKS_OUT * camera.usual;
+        let limit = MAX_DISTANCE_RATIO * camera.median_distance;
         // With bent boards the limit would accept anything.
-        let of_others = if camera.are_bent() { 0.0 } else { limit };
+        let other_limit = if camera.are_bent() { 0.0 } else { limit };
         let verdict = |(i, plane): (usize, &ObservedPlane)| {
             let (residual, limit) = match camera.boards.binary_search(&i) {
-                Ok(place) => (Some(camera.distances[place]), limit.max(BOARD_STICKS_OUT)),
-                Err(_) => (self.residual(plane, lens), of_others),
+                Ok(place) => (Some(camera.distances[place]), limit.max(MAX_BOARD_RESIDUAL)),
+                Err(_) => (self.residual(plane, lens), other_limit),
             };
             let kept = residual.is_some_and(|residual| residual <= limit);
             Verdict {
@@ -201,22 +201,22 @@ impl<L: Lens> Chooser<'_, L> {
     }
 
     fn choice(&self) -> Option<Choice> {
-        self.choice_in(MAX_LENSES)
+        self.choice_with_lenses(MAX_LENSES)
     }
 
     /// The choice with the lens improved up to `lenses` times from the planes fitted so far.
-    fn choice_in(&self, lenses: usize) -> Option<Choice> {
+    fn choice_with_lenses(&self, lenses: usize) -> Option<Choice> {
         let (best, fits) = self.fits()?;
         let pool = (lenses > 0).then(|| self.0.pool_by_fits(&best, &fits));
         let Some(pool) = pool.flatten() else {
-            return Some(self.best_of(&best, fits));
+            return Some(self.choice_of(&best, fits));
         };
         let pool = OnceCell::from(pool);
-        let again = Chooser(Inliers {
+        let next_chooser = Chooser(Inliers {
             pool: &pool,
             ..self.0
         });
-        again.choice_in(lenses - 1)
+        next_chooser.choice_with_lenses(lenses - 1)
     }
 
     /// The best hypothesis, and the joint fits of all.
@@ -226,21 +226,24 @@ impl<L: Lens> Chooser<'_, L> {
         let best = hypotheses.first()?.clone();
         let mut fits = inliers.fits(&hypotheses);
         if !fits.iter().any(|fit| inliers.agrees(fit)) {
-            fits.extend(inliers.fits_without_one_of_all(&hypotheses));
+            fits.extend(inliers.fits_without_common_square(&hypotheses));
         }
-        let bent = inliers.pool().bent.min(CURVED);
-        if !fits.iter().any(|fit| is_triple(fit) && fit.agrees(bent)) {
+        let curvature = inliers.pool().curvature.min(CURVED);
+        if !fits
+            .iter()
+            .any(|fit| is_triple(fit) && fit.agrees(curvature))
+        {
             fits.extend(inliers.fits_of_triples(&best));
         }
         Some((best, fits))
     }
 
     /// The choice of the joint fit that agrees and is worth most.
-    fn best_of(&self, best: &Hypothesis, mut fits: Vec<JointFit<L>>) -> Choice {
+    fn choice_of(&self, best: &Hypothesis, mut fits: Vec<JointFit<L>>) -> Choice {
         let inliers = &self.0;
-        let order = |fit: &JointFit<L>| (inliers.agrees(fit), inliers.worth(fit));
+        let rank = |fit: &JointFit<L>| (inliers.agrees(fit), inliers.worth(fit));
         fits.sort_by(|a, b| {
-            let ((a_agrees, a), (b_agrees, b)) = (order(a), order(b));
+            let ((a_agrees, a), (b_agrees, b)) = (rank(a), rank(b));
             b_agrees.cmp(&a_agrees).then(b.total_cmp(&a))
         });
         let mut fits = fits.into_iter();

@@ -57,16 +57,16 @@ const PRIOR_FREEDOM: f64 = 2.0;
 impl Prior {
     pub fn cost(&self, camera: &Pinhole) -> f64 {
         let scaled = (camera - self.mean).component_div(&self.std);
-        let one = |z: f64| 0.5 * (PRIOR_FREEDOM + 1.0) * (z * z / PRIOR_FREEDOM).ln_1p();
-        scaled.iter().map(|z| one(*z)).sum()
+        let parameter_cost = |z: f64| 0.5 * (PRIOR_FREEDOM + 1.0) * (z * z / PRIOR_FREEDOM).ln_1p();
+        scaled.iter().map(|z| parameter_cost(*z)).sum()
     }
 
     /// Curvature of the parabola about the mean that has the cost's gradient at the camera.
     fn information(&self, camera: &Pinhole) -> Matrix4<f64> {
         let scaled = (camera - self.mean).component_div(&self.std);
-        let heavy = scaled.map(|z| (PRIOR_FREEDOM + 1.0) / (PRIOR_FREEDOM + z * z));
-        let wide = self.std.map(|s| 1.0 / (s * s));
-        Matrix4::from_diagonal(&heavy.component_mul(&wide))
+        let tail_weight = scaled.map(|z| (PRIOR_FREEDOM + 1.0) / (PRIOR_FREEDOM + z * z));
+        let precision = self.std.map(|s| 1.0 / (s * s));
+        Matrix4::from_diagonal(&tail_weight.component_mul(&precision))
     }
 
     fn log_volume(&self) -> f64 {
@@ -104,29 +104,30 @@ impl Hypothesis {
         let mut covariance = Matrix4::from_diagonal(&doubt.component_mul(doubt));
         let mut best: Option<Self> = None;
         for _ in 0..MAX_STEPS {
-            let seen: Vec<Option<Deviation>> =
+            let deviations: Vec<Option<Deviation>> =
                 candidates.iter().map(|c| c.deviation(&camera)).collect();
-            let shapes: Vec<Shape> = seen
+            let shapes: Vec<Shape> = deviations
                 .iter()
-                .map(|seen| {
-                    seen.as_ref()
+                .map(|deviation| {
+                    deviation
+                        .as_ref()
                         .map_or(Shape::Other, |d| shape(d, &covariance))
                 })
                 .collect();
             let mut information = prior.information(&camera);
-            let mut pull = information * (camera - prior.mean);
-            for (deviation, shape) in seen.iter().zip(&shapes) {
+            let mut gradient = information * (camera - prior.mean);
+            for (deviation, shape) in deviations.iter().zip(&shapes) {
                 if let Some(deviation) = deviation {
-                    add(deviation, *shape, &mut information, &mut pull);
+                    add(deviation, *shape, &mut information, &mut gradient);
                 }
             }
             let factor = information.cholesky()?;
             covariance = factor.inverse();
-            let here = Self::at(&seen, prior, camera, covariance);
-            if best.as_ref().is_none_or(|b| here.evidence > b.evidence) {
-                best = Some(here);
+            let current = Self::at(&deviations, prior, camera, covariance);
+            if best.as_ref().is_none_or(|b| current.evidence > b.evidence) {
+                best = Some(current);
             }
-            let mut step = -factor.solve(&pull);
+            let mut step = -factor.solve(&gradient);
             step *= (LONGEST_STEP / step[0].abs().max(LONGEST_STEP)).min(1.0);
             camera += step;
             if step.dot(&(information * step)) < SETTLED * SETTLED {
@@ -138,7 +139,7 @@ impl Hypothesis {
 
     /// The hypothesis of a camera with known covariance.
     fn at(
-        seen: &[Option<Deviation>],
+        deviations: &[Option<Deviation>],
         prior: &Prior,
         camera: Pinhole,
         covariance: Matrix4<f64>,
@@ -146,22 +147,24 @@ impl Hypothesis {
         let volume = covariance.determinant().max(f64::MIN_POSITIVE).ln();
         let mut evidence = 0.5 * volume - prior.log_volume() - prior.cost(&camera);
         let mut gains: Vec<(usize, Shape, f64)> = Vec::new();
-        for (i, deviation) in seen.iter().enumerate() {
+        for (i, deviation) in deviations.iter().enumerate() {
             if let Some(deviation) = deviation {
                 let (shape, gain) = best_gain(deviation, &nalgebra::Matrix2::zeros());
                 gains.push((i, shape, gain));
             }
         }
         gains.sort_by(|a, b| b.2.total_cmp(&a.2));
-        let mut shapes = vec![Shape::Other; seen.len()];
+        let mut shapes = vec![Shape::Other; deviations.len()];
         let mut counted: Vec<[Vector3<f64>; 2]> = Vec::new();
         for (i, shape, gain) in gains {
             shapes[i] = shape;
-            let Some(deviation) = &seen[i] else { continue };
-            let known = counted
+            let Some(deviation) = &deviations[i] else {
+                continue;
+            };
+            let is_known = counted
                 .iter()
                 .any(|other| alike(other, &deviation.directions));
-            evidence += if known { ALIKE_SHARE * gain } else { gain };
+            evidence += if is_known { ALIKE_SHARE * gain } else { gain };
             counted.push(deviation.directions);
         }
         Self {
@@ -215,20 +218,25 @@ fn best_gain(deviation: &Deviation, further: &nalgebra::Matrix2<f64>) -> (Shape,
 }
 
 /// Adds the information of a candidate of known shape on the camera.
-fn add(deviation: &Deviation, shape: Shape, information: &mut Matrix4<f64>, pull: &mut Pinhole) {
+fn add(
+    deviation: &Deviation,
+    shape: Shape,
+    information: &mut Matrix4<f64>,
+    gradient: &mut Pinhole,
+) {
     match shape {
         Shape::Square => {
             if let Some(inverse) = deviation.covariance.try_inverse() {
-                let weighed = deviation.wrt_camera.transpose() * inverse;
-                *information += weighed * deviation.wrt_camera;
-                *pull += weighed * deviation.value;
+                let weighted = deviation.wrt_camera.transpose() * inverse;
+                *information += weighted * deviation.wrt_camera;
+                *gradient += weighted * deviation.value;
             }
         }
         Shape::Rectangle => {
             let row = deviation.wrt_camera.row(0).transpose();
             let variance = deviation.covariance[(0, 0)];
             information.ger(1.0 / variance, &row, &row, 1.0);
-            *pull += row * (deviation.value.x / variance);
+            *gradient += row * (deviation.value.x / variance);
         }
         Shape::Other => {}
     }
@@ -236,8 +244,8 @@ fn add(deviation: &Deviation, shape: Shape, information: &mut Matrix4<f64>, pull
 
 /// Whether the sides of two candidates have the same directions, in either order.
 pub(crate) fn alike(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> bool {
-    let same = |u: &Vector3<f64>, v: &Vector3<f64>| u.cross(v).norm() < ALIKE;
-    same(&a[0], &b[0]) && same(&a[1], &b[1]) || same(&a[0], &b[1]) && same(&a[1], &b[0])
+    let is_same = |u: &Vector3<f64>, v: &Vector3<f64>| u.cross(v).norm() < ALIKE;
+    is_same(&a[0], &b[0]) && is_same(&a[1], &b[1]) || is_same(&a[0], &b[1]) && is_same(&a[1], &b[0])
 }
 
 /// Squared deviation of a candidate from a square, in units of its own variance and of the

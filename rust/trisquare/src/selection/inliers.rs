@@ -35,7 +35,7 @@ pub(crate) const MIN_CANDIDATES: usize = 4;
 const FALSE_PLANE: f64 = 8.0;
 
 /// Squared deviation below which excluded candidates are tried in the joint fit.
-const WORTH_A_TRIAL: f64 = 60.0;
+const MAX_TRIED_DEVIATION: f64 = 60.0;
 
 /// Maximum number of such trials.
 const MAX_TRIALS: usize = 12;
@@ -43,7 +43,7 @@ const MAX_TRIALS: usize = 12;
 /// Maximum number of rounds of trimming, and the ratio of a plane's distance to the median one
 /// above which a round drops the plane.
 const MAX_TRIMS: usize = 12;
-pub(crate) const STICKS_OUT: f64 = 2.5;
+pub(crate) const MAX_DISTANCE_RATIO: f64 = 2.5;
 
 /// Maximum number of triples of a hypothesis' squares that are fitted if these do not agree: all of
 /// nine.
@@ -60,7 +60,7 @@ const PART_DROPPED: usize = 8;
 const MAX_SHARED: usize = 3;
 
 /// Maximum difference in evidence to the best hypothesis for one to be considered.
-const CONSIDERED: f64 = 8.0;
+const MAX_EVIDENCE_GAP: f64 = 8.0;
 
 /// Log odds below which another hypothesis is nearly as good.
 pub(super) const CLOSE_RIVAL: f64 = 4.0;
@@ -92,12 +92,13 @@ impl<L: Lens> Inliers<'_, L> {
     /// Whether the planes of a joint fit agree: all of them together and, if they are so many that
     /// a false one would be lost among them, each separately.
     pub fn agrees(&self, fit: &JointFit<L>) -> bool {
-        let agrees = |bent: f64| {
+        let agrees = |curvature: f64| {
             let all = fit.members.len();
-            fit.agrees(bent) && (all <= MAX_FITTED || Self::within(fit, bent).len() == all)
+            fit.agrees(curvature)
+                && (all <= MAX_FITTED || Self::agreeing_members(fit, curvature).len() == all)
         };
         // Agreement under the assumption of straight sides suffices; the pool is not computed then.
-        agrees(1.0) || agrees(self.pool().bent)
+        agrees(1.0) || agrees(self.pool().curvature)
     }
 
     /// The planes without their distortion.
@@ -108,10 +109,11 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// The members of a joint fit that do not stick out of it, given the mean square curvature of
     /// sides.
-    fn within(fit: &JointFit<L>, bent: f64) -> Vec<usize> {
-        let limit = FALSE_PLANE * bent * fit.ordinary_misfit();
-        let own = fit.members.iter().zip(&fit.own_misfits);
-        own.filter(|(_, own)| **own <= limit)
+    fn agreeing_members(fit: &JointFit<L>, curvature: f64) -> Vec<usize> {
+        let limit = FALSE_PLANE * curvature * fit.typical_misfit();
+        let misfits = fit.members.iter().zip(&fit.member_misfits);
+        misfits
+            .filter(|(_, misfit)| **misfit <= limit)
             .map(|(plane, _)| *plane)
             .collect()
     }
@@ -137,7 +139,7 @@ impl<L: Lens> Inliers<'_, L> {
         );
         let found = search(&planes, free, view.ok()?)?;
         let refined = Refined::of_linear(&planes, free, judged, found.view)?;
-        Some(self.judged(members, &planes, refined))
+        Some(self.evaluated(members, &planes, refined))
     }
 
     /// The joint fit of many planes, starting from a lens determined by some of them.
@@ -145,7 +147,7 @@ impl<L: Lens> Inliers<'_, L> {
         check_plane_count(members.len(), &self.problem.free).ok()?;
         let planes = self.planes_of(members);
         let refined = self.problem.optimum_from(lens, &planes)?;
-        Some(self.judged(members, &planes, refined))
+        Some(self.evaluated(members, &planes, refined))
     }
 
     fn planes_of(&self, members: &[usize]) -> Vec<ObservedPlane> {
@@ -154,24 +156,24 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// Evaluates a joint fit; if its planes disagree, after correction of their edges for the
     /// effect of the pictures' tone curves.
-    pub fn judged(
+    pub fn evaluated(
         &self,
         members: &[usize],
         planes: &[ObservedPlane],
         refined: Refined<L>,
     ) -> JointFit<L> {
-        let fit = self.judged_as_seen(members, planes, refined);
+        let fit = self.evaluated_as_given(members, planes, refined);
         if self.agrees(&fit) {
             return fit;
         }
         let JointProblem { free, judged, .. } = self.problem;
         match account_for_drift(planes, free, judged, &fit.refined) {
-            Some((moved, refined)) => self.judged_as_seen(members, &moved, refined),
+            Some((corrected, refined)) => self.evaluated_as_given(members, &corrected, refined),
             None => fit,
         }
     }
 
-    fn judged_as_seen(
+    fn evaluated_as_given(
         &self,
         members: &[usize],
         planes: &[ObservedPlane],
@@ -181,19 +183,21 @@ impl<L: Lens> Inliers<'_, L> {
         let misfit = noise.as_ref().map_or(Misfit::NONE, |noise| {
             Misfit::of(planes, &refined.view, &self.problem.free, noise)
         });
-        let own = |noise: &Noise| {
+        let member_misfits = |noise: &Noise| {
             let states = refined.view.planes.iter().enumerate();
-            let of_plane = |(p, state): (usize, &PlaneState)| {
-                let own = Misfit::of_plane(noise, p);
-                let freedom = own.straight_freedom - state.unknowns() as f64;
-                own.straight / freedom.max(1.0)
+            let plane_misfit = |(p, state): (usize, &PlaneState)| {
+                let misfit = Misfit::of_plane(noise, p);
+                let freedom = misfit.straight_freedom - state.unknowns() as f64;
+                misfit.straight / freedom.max(1.0)
             };
-            states.map(of_plane).collect()
+            states.map(plane_misfit).collect()
         };
         JointFit {
             members: members.to_vec(),
             camera: pinhole(&refined.view.lens.camera_matrix(), self.problem.size),
-            own_misfits: noise.as_ref().map_or(vec![0.0; members.len()], own),
+            member_misfits: noise
+                .as_ref()
+                .map_or(vec![0.0; members.len()], member_misfits),
             refined,
             misfit,
         }
@@ -203,7 +207,7 @@ impl<L: Lens> Inliers<'_, L> {
     pub fn fits(&self, hypotheses: &[Hypothesis]) -> Vec<JointFit<L>> {
         let mut fits = Vec::new();
         for hypothesis in hypotheses {
-            if hypotheses[0].evidence - hypothesis.evidence < CONSIDERED {
+            if hypotheses[0].evidence - hypothesis.evidence < MAX_EVIDENCE_GAP {
                 self.add_fits(hypothesis, &mut fits);
             }
         }
@@ -212,13 +216,15 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// The joint fits that agree after leaving out a square common to all hypotheses: a plane known
     /// as precisely as a board is in all of them, even if it was seen by another camera.
-    pub fn fits_without_one_of_all(&self, found: &[Hypothesis]) -> Vec<JointFit<L>> {
-        let in_all = |plane: &usize| {
-            let mut sets = found.iter().map(|one| self.pool().squares(one));
+    pub fn fits_without_common_square(&self, found: &[Hypothesis]) -> Vec<JointFit<L>> {
+        let is_in_all = |plane: &usize| {
+            let mut sets = found
+                .iter()
+                .map(|hypothesis| self.pool().squares(hypothesis));
             sets.all(|squares| squares.contains(plane))
         };
         let places = self.pool().places.iter().copied();
-        let shared = places.filter(in_all).take(MAX_SHARED);
+        let shared = places.filter(is_in_all).take(MAX_SHARED);
         let mut fits = Vec::new();
         for plane in shared {
             let others = self.pool().without(plane);
@@ -247,13 +253,13 @@ impl<L: Lens> Inliers<'_, L> {
                 Ok(matrix) => pinhole(&matrix, self.problem.size),
                 Err(_) => best.camera,
             };
-            let agrees = |fit: &JointFit<L>| fit.is_settled() && self.agrees(fit);
+            let agrees = |fit: &JointFit<L>| fit.is_converged() && self.agrees(fit);
             if let Some(seed) = self.fit(&seed, &start).filter(agrees) {
-                let own = Hypothesis {
+                let seed_hypothesis = Hypothesis {
                     camera: seed.camera,
                     ..best.clone()
                 };
-                self.keep(seed, &own, &mut fits);
+                self.keep(seed, &seed_hypothesis, &mut fits);
             }
         }
         fits
@@ -261,7 +267,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// Adds the joint fits found from a hypothesis: of its squares, or of those that agree.
     fn add_fits(&self, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
-        let squares = self.most_telling(self.pool().squares(hypothesis), hypothesis);
+        let squares = self.most_informative(self.pool().squares(hypothesis), hypothesis);
         let start = &hypothesis.camera;
         match self.fit(&squares, start) {
             Some(fit) if self.agrees(&fit) || squares.len() < MIN_CANDIDATES => {
@@ -291,13 +297,15 @@ impl<L: Lens> Inliers<'_, L> {
     /// Keeps a joint fit with all that agree with it, unless it is contained in another one.
     fn keep(&self, fit: JointFit<L>, hypothesis: &Hypothesis, fits: &mut Vec<JointFit<L>>) {
         let is_known = |members: &[usize]| {
-            let within = |known: &&JointFit<L>| members.iter().all(|i| known.members.contains(i));
-            fits.iter().any(|fit| self.agrees(fit) && within(&fit))
+            let contains_all =
+                |known: &&JointFit<L>| members.iter().all(|i| known.members.contains(i));
+            fits.iter()
+                .any(|fit| self.agrees(fit) && contains_all(&fit))
         };
         if is_known(&fit.members) {
             return;
         }
-        let grown = self.with_others(fit, hypothesis);
+        let grown = self.with_candidates(fit, hypothesis);
         if !is_known(&grown.members) {
             fits.push(grown);
         }
@@ -306,32 +314,32 @@ impl<L: Lens> Inliers<'_, L> {
     /// Worth of a joint fit: the evidence of squares that do not stand alike, less the prior cost
     /// of the camera.
     pub fn worth(&self, fit: &JointFit<L>) -> f64 {
-        fit.standing_apart() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
+        fit.effective_count() * SQUARE_EVIDENCE - prior(self.problem).cost(&fit.camera)
     }
 
     /// The pool under the lens of the joint fit that makes all sides straightest, if straight sides
     /// alone did not determine the lens well: a fit also estimates its centre, which displaces a
     /// fisheye's sides considerably.
     pub fn pool_by_fits(&self, best: &Hypothesis, fits: &[JointFit<L>]) -> Option<Pool<L>> {
-        let bent = self.pool().bent;
-        if bent < CURVED && best.evidence >= MIN_EVIDENCE {
+        let curvature = self.pool().curvature;
+        if curvature < CURVED && best.evidence >= MIN_EVIDENCE {
             return None;
         }
         let agreeing = fits.iter().filter(|fit| is_triple(fit) && self.agrees(fit));
-        let by_lens =
+        let straightnesses =
             agreeing.filter_map(|fit| Straightness::by_lens(self.planes, fit.refined.view.lens));
-        let straightness = by_lens.min_by(|a, b| a.bent.total_cmp(&b.bent))?;
-        let is_better = straightness.bent < bent.max(CURVED);
-        is_better.then(|| Pool::by(straightness, self.planes, self.problem))
+        let straightness = straightnesses.min_by(|a, b| a.curvature.total_cmp(&b.curvature))?;
+        let is_better = straightness.curvature < curvature.max(CURVED);
+        is_better.then(|| Pool::under_lens(straightness, self.planes, self.problem))
     }
 
     /// The squares of a hypothesis that determine its camera best: one of those that stand alike
     /// before the others, and in order of decreasing certainty.
-    fn most_telling(&self, squares: Vec<usize>, hypothesis: &Hypothesis) -> Vec<usize> {
+    fn most_informative(&self, squares: Vec<usize>, hypothesis: &Hypothesis) -> Vec<usize> {
         if squares.len() <= MAX_FITTED {
             return squares;
         }
-        let known = hypothesis
+        let ranked = hypothesis
             .squares()
             .zip(squares)
             .filter_map(|(index, place)| {
@@ -342,15 +350,15 @@ impl<L: Lens> Inliers<'_, L> {
                     place,
                 ))
             });
-        let mut known: Vec<_> = known.collect();
-        known.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut ranked: Vec<_> = ranked.collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut directions: Vec<[Vector3<f64>; 2]> = Vec::new();
         let (mut first, mut others) = (Vec::new(), Vec::new());
-        for (_, own, place) in known {
-            if directions.iter().any(|other| alike(other, &own)) {
+        for (_, sides, place) in ranked {
+            if directions.iter().any(|other| alike(other, &sides)) {
                 others.push(place);
             } else {
-                directions.push(own);
+                directions.push(sides);
                 first.push(place);
             }
         }
@@ -370,7 +378,7 @@ impl<L: Lens> Inliers<'_, L> {
             }
             let mut distances = rest.distances();
             distances.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let limit = STICKS_OUT * distances[distances.len() / 2].0;
+            let limit = MAX_DISTANCE_RATIO * distances[distances.len() / 2].0;
             let within = distances.iter().filter(|(distance, _)| *distance <= limit);
             let mut members: Vec<usize> = within.map(|(_, plane)| *plane).collect();
             if members.len() == distances.len() {
@@ -388,7 +396,7 @@ impl<L: Lens> Inliers<'_, L> {
 
     /// Adds candidates that agree in the joint fit, the most promising first, up to the maximum
     /// number of planes tried one by one.
-    fn with_others(&self, mut fit: JointFit<L>, hypothesis: &Hypothesis) -> JointFit<L> {
+    fn with_candidates(&self, mut fit: JointFit<L>, hypothesis: &Hypothesis) -> JointFit<L> {
         let mut others: Vec<(f64, usize)> = self
             .pool()
             .candidates
@@ -396,7 +404,7 @@ impl<L: Lens> Inliers<'_, L> {
             .zip(&self.pool().places)
             .filter(|(_, place)| !fit.members.contains(place))
             .filter_map(|(c, place)| Some((squared_deviation(c, hypothesis)?, *place)))
-            .filter(|(square, _)| *square < WORTH_A_TRIAL)
+            .filter(|(square, _)| *square < MAX_TRIED_DEVIATION)
             .collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, other) in others.into_iter().take(MAX_TRIALS) {
@@ -407,7 +415,7 @@ impl<L: Lens> Inliers<'_, L> {
             members.push(other);
             members.sort_unstable();
             if let Some(more) = self.fit(&members, &fit.camera)
-                && fit.strain(&more) < FALSE_PLANE * self.pool().bent
+                && fit.added_misfit(&more) < FALSE_PLANE * self.pool().curvature
                 && self.agrees(&more)
             {
                 fit = more;
@@ -429,9 +437,9 @@ impl<L: Lens> Inliers<'_, L> {
             initial: Some(*lens),
             ..*self.problem.options
         };
-        let one = std::slice::from_ref(plane);
-        let start = view_by_lens(lens, one, one, self.problem.size, &options).ok()?;
-        Some(search(one, &options.free_parameters(), start)?.view)
+        let single = std::slice::from_ref(plane);
+        let start = view_by_lens(lens, single, single, self.problem.size, &options).ok()?;
+        Some(search(single, &options.free_parameters(), start)?.view)
     }
 
     /// Some planes with their best poses under a known lens, without those that it does not see.
@@ -450,7 +458,7 @@ impl<L: Lens> Inliers<'_, L> {
         };
         let JointProblem { free, judged, .. } = self.problem;
         let refined = Refined::of_linear(&planes, free, judged, view)?;
-        Some(self.judged(&members, &planes, refined))
+        Some(self.evaluated(&members, &planes, refined))
     }
 
     /// Extends a joint fit by all planes that agree, if there are too many to be tried one by one.
@@ -468,21 +476,22 @@ impl<L: Lens> Inliers<'_, L> {
         let Some(hypothesis) = Hypothesis::converged(all, &prior, fit.camera, &doubt) else {
             return fit;
         };
-        let own = Hypothesis {
+        let fit_hypothesis = Hypothesis {
             camera: fit.camera,
             ..hypothesis
         };
-        let of_all = all.iter().zip(&self.pool().places);
-        let promising = of_all.filter(|(candidate, place)| {
-            let square = squared_deviation(candidate, &own);
+        let candidates = all.iter().zip(&self.pool().places);
+        let promising = candidates.filter(|(candidate, place)| {
+            let square = squared_deviation(candidate, &fit_hypothesis);
             fit.members.binary_search(place).is_ok()
-                || square.is_some_and(|square| square < WORTH_A_TRIAL)
+                || square.is_some_and(|square| square < MAX_TRIED_DEVIATION)
         });
         let promising: Vec<usize> = promising.map(|(_, place)| *place).collect();
         let lens = &fit.refined.view.lens;
         let placed = self.all_placed(&promising, lens);
-        let mut next =
-            placed.and_then(|all| self.fit_of_many(&Self::within(&all, self.pool().bent), lens));
+        let mut next = placed.and_then(|all| {
+            self.fit_of_many(&Self::agreeing_members(&all, self.pool().curvature), lens)
+        });
         for _ in 0..MAX_TRIMS {
             let Some(more) = next else {
                 break;
@@ -494,7 +503,7 @@ impl<L: Lens> Inliers<'_, L> {
                     fit
                 };
             }
-            let mut members = Self::within(&more, self.pool().bent);
+            let mut members = Self::agreeing_members(&more, self.pool().curvature);
             if members.len() == more.members.len() {
                 let mut distances = more.distances();
                 distances.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -47,14 +47,14 @@ pub(crate) fn prior<L: Lens>(problem: &JointProblem<'_, L>) -> Prior {
     if let Some(lens) = initial {
         mean = pinhole(&lens.camera_matrix(), problem.size);
     }
-    let held = [
+    let is_held = [
         fixed.focal,
         fixed.aspect || fixed.focal,
         fixed.principal_point,
         fixed.principal_point,
     ];
     for i in 0..4 {
-        if held[i] {
+        if is_held[i] {
             std[i] = HELD;
         } else if i != 0 || initial.is_none() {
             mean[i] = Pinhole::new(ORDINARY_FOCAL, 0.0, 0.0, 0.0)[i];
@@ -70,35 +70,35 @@ pub(crate) fn propose<L: Lens>(problem: &JointProblem<'_, L>, pool: &Pool<L>) ->
     doubt[0] = doubt[0].min(FOCAL_DOUBT);
     let all = &pool.candidates;
     let starts = candidate_cameras(problem, pool, &prior);
-    let explained = |candidates: &[CandidatePlane], starts: Vec<Pinhole>| {
+    let hypotheses = |candidates: &[CandidatePlane], starts: Vec<Pinhole>| {
         let converged = |start| Hypothesis::converged(candidates, &prior, start, &doubt);
-        best_different(starts.into_iter().filter_map(converged).collect())
+        best_distinct(starts.into_iter().filter_map(converged).collect())
     };
     if all.len() <= MAX_WEIGHED {
-        return explained(all, starts);
+        return hypotheses(all, starts);
     }
     let step = all.len().div_ceil(MAX_WEIGHED);
-    let some: Vec<CandidatePlane> = all.iter().step_by(step).cloned().collect();
-    let best = explained(&some, starts);
-    explained(all, best.into_iter().map(|found| found.camera).collect())
+    let sample: Vec<CandidatePlane> = all.iter().step_by(step).cloned().collect();
+    let best = hypotheses(&sample, starts);
+    hypotheses(all, best.into_iter().map(|found| found.camera).collect())
 }
 
 /// The hypotheses with the most evidence, one for each set of squares.
-fn best_different(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
+fn best_distinct(mut found: Vec<Hypothesis>) -> Vec<Hypothesis> {
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let mut different: Vec<Hypothesis> = Vec::new();
+    let mut distinct: Vec<Hypothesis> = Vec::new();
     for hypothesis in found {
-        if different
+        if distinct
             .iter()
             .all(|known| !known.squares().eq(hypothesis.squares()))
         {
-            different.push(hypothesis);
+            distinct.push(hypothesis);
         }
-        if different.len() == MAX_HYPOTHESES {
+        if distinct.len() == MAX_HYPOTHESES {
             break;
         }
     }
-    different
+    distinct
 }
 
 /// Cameras that may explain candidates: every plausible focal length, and the cameras determined by
@@ -122,8 +122,8 @@ fn candidate_cameras<L: Lens>(
     let homographies: Vec<_> = planes.flat_map(Homographies::of_planes).collect();
     let known = problem.options.known_intrinsics(&problem.size);
     for subset in subsets(homographies.len()) {
-        let own: Vec<_> = subset.iter().map(|i| homographies[*i]).collect();
-        if let Ok(matrix) = camera_matrix_from_planes(&own, &known) {
+        let chosen: Vec<_> = subset.iter().map(|i| homographies[*i]).collect();
+        if let Ok(matrix) = camera_matrix_from_planes(&chosen, &known) {
             let camera = pinhole(&matrix, problem.size);
             if camera.iter().all(|v| v.is_finite()) && camera[0] < FOCAL_LENGTHS.1.ln() {
                 cameras.push(camera);

@@ -104,12 +104,13 @@ impl CandidatePlane {
             let line = Line::fit(ideal.iter().map(|p| (*p, 1.0)));
             let line = line.ok_or_else(|| degenerate("all samples of a line coincide"))?;
             let count = ideal.len() as f64;
-            let bent = ideal.iter().map(|p| line.distance(p).powi(2)).sum::<f64>() / count;
-            let variance = bent + (SIDE_ERROR / unit).powi(2);
+            let residual_variance =
+                ideal.iter().map(|p| line.distance(p).powi(2)).sum::<f64>() / count;
+            let variance = residual_variance + (SIDE_ERROR / unit).powi(2);
             for pixel in &ideal {
                 // A change of the homography changes the line's image by -H^-T dH^T l.
-                let there = inverse * pixel.push(1.0);
-                let gradient = SVector::<f64, 9>::from_fn(|i, _| image[i % 3] * there[i / 3]);
+                let point = inverse * pixel.push(1.0);
+                let gradient = SVector::<f64, 9>::from_fn(|i, _| image[i % 3] * point[i / 3]);
                 information.ger(1.0 / (count * variance), &gradient, &gradient, 1.0);
             }
             middle += ideal.iter().sum::<Vector2<f64>>() / count;
@@ -122,9 +123,10 @@ impl CandidatePlane {
             .cholesky()
             .ok_or_else(|| degenerate("its lines leave it open"))?
             .inverse();
-        let bend = |rho: f64| anisotropy(undistortion, size, rho);
+        let anisotropy_at = |rho: f64| anisotropy(undistortion, size, rho);
         let radius = middle.norm();
-        let slope = (bend(radius + STEP) - bend((radius - STEP).abs())) / (2.0 * STEP);
+        let slope =
+            (anisotropy_at(radius + STEP) - anisotropy_at((radius - STEP).abs())) / (2.0 * STEP);
         Ok(Self {
             columns: [0, 1].map(|i| normalised.column(i).into_owned()),
             covariance: covariance.fixed_view::<6, 6>(0, 0).into_owned(),
@@ -141,15 +143,19 @@ impl CandidatePlane {
         let ray =
             |h: &Vector3<f64>| Vector3::new((h.x - cx * h.z) / fx, (h.y - cy * h.z) / fy, h.z);
         let [first, second] = [ray(&self.columns[0]), ray(&self.columns[1])];
-        let (one, two) = (first.norm(), second.norm());
-        let cosine = first.dot(&second) / (one * two);
-        let mut value = Vector2::new(cosine, (one / two).ln());
+        let (first_norm, second_norm) = (first.norm(), second.norm());
+        let cosine = first.dot(&second) / (first_norm * second_norm);
+        let mut value = Vector2::new(cosine, (first_norm / second_norm).ln());
         let wrt_rays = [
             [
-                second / (one * two) - first * (cosine / (one * one)),
-                first / (one * two) - second * (cosine / (two * two)),
+                second / (first_norm * second_norm) - first * (cosine / (first_norm * first_norm)),
+                first / (first_norm * second_norm)
+                    - second * (cosine / (second_norm * second_norm)),
             ],
-            [first / (one * one), -second / (two * two)],
+            [
+                first / (first_norm * first_norm),
+                -second / (second_norm * second_norm),
+            ],
         ];
         let mut wrt_columns = SMatrix::<f64, 2, 6>::zeros();
         let mut wrt_camera = Matrix2x4::<f64>::zeros();
@@ -158,10 +164,10 @@ impl CandidatePlane {
                 let ray = [first, second][which];
                 let depth = self.columns[which].z;
                 let (x, y) = (gradient.x / fx, gradient.y / fy);
-                let own = Vector3::new(x, y, gradient.z - cx * x - cy * y);
+                let wrt_column = Vector3::new(x, y, gradient.z - cx * x - cy * y);
                 wrt_columns
                     .fixed_view_mut::<1, 3>(row, 3 * which)
-                    .copy_from(&own.transpose());
+                    .copy_from(&wrt_column.transpose());
                 wrt_camera[(row, 0)] -= gradient.x * ray.x + gradient.y * ray.y;
                 wrt_camera[(row, 1)] -= gradient.y * ray.y;
                 wrt_camera[(row, 2)] -= x * depth;
@@ -176,13 +182,13 @@ impl CandidatePlane {
             wrt_camera.row_mut(1).fill(0.0);
             covariance = Matrix2::from_diagonal(&Vector2::new(covariance.m11, 1.0));
         }
-        let finite = value.iter().chain(covariance.iter()).all(|v| v.is_finite());
-        (finite && wrt_camera.iter().all(|v| v.is_finite())).then(|| Deviation {
+        let is_finite = value.iter().chain(covariance.iter()).all(|v| v.is_finite());
+        (is_finite && wrt_camera.iter().all(|v| v.is_finite())).then(|| Deviation {
             value,
             covariance,
             wrt_camera,
             has_any_aspect: self.has_any_aspect,
-            directions: [first / one, second / two],
+            directions: [first / first_norm, second / second_norm],
         })
     }
 }
@@ -196,8 +202,8 @@ fn anisotropy<L: Lens>(undistortion: &Undistortion<L>, size: ImageSize, rho: f64
     let radius = rho.max(STEP) * unit;
     let step = STEP * unit;
     let ideal = |r: f64| straightening.ideal_radius(r);
-    let along = (ideal(radius + step) - ideal(radius - step)) / (2.0 * step);
-    along - ideal(radius) / radius
+    let radial_stretch = (ideal(radius + step) - ideal(radius - step)) / (2.0 * step);
+    radial_stretch - ideal(radius) / radius
 }
 
 #[cfg(test)]

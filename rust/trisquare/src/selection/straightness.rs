@@ -30,40 +30,38 @@ const CLEARLY_STRAIGHTER: f64 = 4.0;
 pub(crate) struct Straightness<L> {
     pub undistortion: Undistortion<L>,
     /// Mean square curvature of the sides, in units of their noise; at least 1.
-    pub bent: f64,
+    pub curvature: f64,
 }
 
 impl<L: Lens> Straightness<L> {
     pub fn of(planes: &[ObservedPlane], problem: &JointProblem<'_, L>) -> Self {
-        let of_all = Straightened::of(planes, undistortion(planes, problem));
-        let bent = of_all.mean_below(f64::INFINITY);
-        if bent < CURVED {
+        let common = Straightened::of(planes, undistortion(planes, problem));
+        let curvature = common.mean_below(f64::INFINITY);
+        if curvature < CURVED {
             return Self {
-                undistortion: of_all.undistortion,
-                bent,
+                undistortion: common.undistortion,
+                curvature,
             };
         }
         let indices: Vec<usize> = (0..planes.len()).collect();
-        let of_triple = |triple: [usize; 3]| {
-            let own = triple.map(|i| planes[i].clone());
-            let found = Undistortion::estimate(&own, problem.size, problem.options).ok()?;
+        let by_triple = |triple: [usize; 3]| {
+            let subset = triple.map(|i| planes[i].clone());
+            let found = Undistortion::estimate(&subset, problem.size, problem.options).ok()?;
             Some(Straightened::of(planes, found))
         };
         let triples = triples(&indices, MAX_TRIPLES);
-        let lenses = triples.into_iter().filter_map(of_triple);
-        let best = lenses.min_by(|a, b| a.straighter_half().total_cmp(&b.straighter_half()));
+        let lenses = triples.into_iter().filter_map(by_triple);
+        let best = lenses.min_by(|a, b| a.lower_median().total_cmp(&b.lower_median()));
         match best {
-            Some(best)
-                if CLEARLY_STRAIGHTER * best.straighter_half() < of_all.straighter_half() =>
-            {
+            Some(best) if CLEARLY_STRAIGHTER * best.lower_median() < common.lower_median() => {
                 Self {
-                    bent: best.mean_below(CLEARLY_STRAIGHTER * best.straighter_half()),
+                    curvature: best.mean_below(CLEARLY_STRAIGHTER * best.lower_median()),
                     undistortion: best.undistortion,
                 }
             }
             _ => Self {
-                undistortion: of_all.undistortion,
-                bent,
+                undistortion: common.undistortion,
+                curvature,
             },
         }
     }
@@ -72,7 +70,7 @@ impl<L: Lens> Straightness<L> {
     pub fn by_lens(planes: &[ObservedPlane], lens: L) -> Option<Self> {
         let found = Straightened::of(planes, Undistortion::Known(lens));
         (!found.misfits.is_empty()).then(|| Self {
-            bent: found.mean_below(f64::INFINITY),
+            curvature: found.mean_below(f64::INFINITY),
             undistortion: found.undistortion,
         })
     }
@@ -95,11 +93,15 @@ struct Straightened<L> {
 
 impl<L: Lens> Straightened<L> {
     fn of(planes: &[ObservedPlane], undistortion: Undistortion<L>) -> Self {
-        let own = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
+        let plane_residuals = |plane: &ObservedPlane| -> Option<Vec<Residual>> {
             let sides = plane.sides().map(|side| residuals(side, &undistortion));
             Some(sides.collect::<Option<Vec<_>>>()?.concat())
         };
-        let misfits = match planes.iter().map(own).collect::<Option<Residuals>>() {
+        let misfits = match planes
+            .iter()
+            .map(plane_residuals)
+            .collect::<Option<Residuals>>()
+        {
             Some(residuals) => {
                 let noise = Noise::of(planes, &residuals, robust_scale(&residuals, 0));
                 (0..planes.len())
@@ -117,7 +119,7 @@ impl<L: Lens> Straightened<L> {
     /// Mean square curvature, at least 1, of the planes for which it is at most `limit`.
     fn mean_below(&self, limit: f64) -> f64 {
         let (mut curved, mut freedom) = (0.0, 0.0);
-        for misfit in self.misfits.iter().filter(|m| curvature(m) <= limit) {
+        for misfit in self.misfits.iter().filter(|m| plane_curvature(m) <= limit) {
             curved += misfit.curved;
             freedom += misfit.curved_freedom;
         }
@@ -125,8 +127,8 @@ impl<L: Lens> Straightened<L> {
     }
 
     /// Lower median over the planes of the mean square curvature, at least 1.
-    fn straighter_half(&self) -> f64 {
-        let mut all: Vec<f64> = self.misfits.iter().map(curvature).collect();
+    fn lower_median(&self) -> f64 {
+        let mut all: Vec<f64> = self.misfits.iter().map(plane_curvature).collect();
         all.sort_by(f64::total_cmp);
         let middle = all.len().saturating_sub(1) / 2;
         all.get(middle)
@@ -134,7 +136,7 @@ impl<L: Lens> Straightened<L> {
     }
 }
 
-fn curvature(misfit: &Misfit) -> f64 {
+fn plane_curvature(misfit: &Misfit) -> f64 {
     misfit.curved / misfit.curved_freedom.max(1.0)
 }
 
@@ -154,7 +156,7 @@ fn residuals<L: Lens>(side: &Side, undistortion: &Undistortion<L>) -> Option<Vec
         distance: line.distance(pixel),
         normal: line.normal(),
         weight: sample.weight,
-        counts: true,
+        is_counted: true,
     };
     Some(ideal.iter().zip(&side.samples).map(residual).collect())
 }

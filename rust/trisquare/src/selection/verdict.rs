@@ -115,14 +115,14 @@ impl Choice {
     }
 
     /// The choice that keeps all.
-    pub(crate) fn of_all(planes: &[ObservedPlane], residual: Option<f64>) -> Self {
-        let kept = |plane: &ObservedPlane| Verdict {
+    pub(crate) fn keeping_all(planes: &[ObservedPlane], residual: Option<f64>) -> Self {
+        let keep = |plane: &ObservedPlane| Verdict {
             figure: plane.figures[0].index,
             kept: true,
             residual: None,
         };
         Self {
-            verdicts: planes.iter().map(kept).collect(),
+            verdicts: planes.iter().map(keep).collect(),
             residual,
             doubt: None,
         }
@@ -139,9 +139,10 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     let problem = inliers.problem;
     let lens = chosen.refined.view.lens;
     let focal = |fit: &JointFit<L>| fit.refined.view.lens.focal().x;
-    let close = inliers.worth(chosen) - CLOSE_RIVAL;
+    let close_worth = inliers.worth(chosen) - CLOSE_RIVAL;
     let rival = others.into_iter().find(|other| {
-        (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL && inliers.worth(other) > close
+        (focal(other) / focal(chosen)).ln().abs() > DIFFERENT_FOCAL
+            && inliers.worth(other) > close_worth
     });
     if let Some(rival) = rival {
         let rival = inliers.completed(rival);
@@ -152,20 +153,20 @@ pub(crate) fn doubt_of_choice<L: Lens>(
     }
     let unknowns = problem.options.known_intrinsics(&problem.size).unknowns();
     // Two equations per square: if no more than unknowns are left, any squares agree.
-    let exact =
-        !problem.options.fixed.focal && 2.0 * chosen.standing_apart() < unknowns as f64 + 1.0;
+    let is_exact =
+        !problem.options.fixed.focal && 2.0 * chosen.effective_count() < unknowns as f64 + 1.0;
     let candidates = inliers.planes.len();
     if candidates > MAX_FITTED && (chosen.members.len() as f64) < MINORITY * candidates as f64 {
         return Some(Doubt::Minority);
     }
-    if exact || best.evidence < MIN_EVIDENCE {
+    if is_exact || best.evidence < MIN_EVIDENCE {
         return Some(Doubt::Chance);
     }
     let aspect = lens.focal().y / lens.focal().x;
     let offset = (lens.principal_point() - problem.size.centre()).norm();
     let unit = problem.size.half_diagonal();
-    let odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
-    (odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
+    let is_odd = aspect.ln().abs() > ODD_ASPECT || offset > ODD_CENTRE * unit;
+    (is_odd && problem.options.initial.is_none()).then_some(Doubt::OddCamera { aspect, offset })
 }
 
 /// Doubt if at least `MIN_BOARDS` rejected planes determine another camera as well: the boards may
@@ -181,12 +182,12 @@ pub(crate) fn doubt_of_boards<L: Lens>(
         .iter()
         .map(|i| inliers.planes[*i].clone())
         .collect();
-    let fit = inliers.judged(rejected, &planes, inliers.problem.optimum(&planes).ok()?);
-    let is_open = inliers
+    let fit = inliers.evaluated(rejected, &planes, inliers.problem.optimum(&planes).ok()?);
+    let is_undetermined = inliers
         .problem
         .ill_conditioning(&planes, &fit.refined)
         .is_some();
-    (!is_open && inliers.agrees(&fit)).then(|| Doubt::Rival {
+    (!is_undetermined && inliers.agrees(&fit)).then(|| Doubt::Rival {
         squares: rejected.len(),
         focal: fit.refined.view.lens.focal().x,
     })

@@ -33,7 +33,7 @@ impl<L: Lens> JointProblem<'_, L> {
             mut ill_conditioning,
         } = *found;
         let conditioning = self.conditioning(&planes, &refined);
-        let succeeds = |fixed: Fixed| self.is_sound_holding(fixed, &planes);
+        let succeeds = |fixed: Fixed| self.is_sound_with_held(fixed, &planes);
         add_remedies(&mut ill_conditioning, &conditioning, succeeds);
         Error::IllConditioned(Box::new(ill_conditioning))
     }
@@ -64,15 +64,15 @@ impl<L: Lens> JointProblem<'_, L> {
             },
             ..*self.options
         };
-        let trial = JointProblem::new(self.size, &options).within(&self.work);
+        let trial = JointProblem::new(self.size, &options).with_work(&self.work);
         let found = trial.sound_optimum(planes)?;
         let conditioning = trial.conditioning(planes, &found);
-        Some(conditioning.of_contradicted(parameter, fixed, remedy))
+        Some(conditioning.held_refusal(parameter, fixed, remedy))
     }
 
     /// Whether the planes determine the camera with a margin if `fixed` is held, for any principal
     /// point.
-    fn is_sound_holding(&self, fixed: Fixed, planes: &[ObservedPlane]) -> bool {
+    fn is_sound_with_held(&self, fixed: Fixed, planes: &[ObservedPlane]) -> bool {
         let is_new = fixed.principal_point && !self.options.fixed.principal_point;
         let places = if is_new {
             &PRINCIPAL_POINTS[..]
@@ -92,20 +92,20 @@ impl<L: Lens> JointProblem<'_, L> {
                 initial: Some(initial.with_camera_matrix(&camera_matrix)),
                 ..*self.options
             };
-            self.is_sound_by(&options, planes)
+            self.is_sound_with_options(&options, planes)
         })
     }
 
     /// Whether the planes determine the camera with a margin under other options.
-    fn is_sound_by(&self, options: &Options<L>, planes: &[ObservedPlane]) -> bool {
-        let trial = JointProblem::new(self.size, options).within(&self.work);
+    fn is_sound_with_options(&self, options: &Options<L>, planes: &[ObservedPlane]) -> bool {
+        let trial = JointProblem::new(self.size, options).with_work(&self.work);
         trial.sound_optimum(planes).is_some()
     }
 
     /// The optimum of planes that determine the camera with a margin; `None` if they do not, or if
     /// no work is left.
     fn sound_optimum(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        let found = self.tried(planes)?;
+        let found = self.trial_optimum(planes)?;
         let conditioning = self.conditioning(planes, &found);
         let weakest = conditioning.weakest(&found.system, &self.free, found.covariance_factor);
         let is_sound = weakest.is_none_or(|weakest| weakest.ratio() <= MARGIN);

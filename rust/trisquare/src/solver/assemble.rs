@@ -16,21 +16,25 @@ use crate::uncertainty::{Correlated, pose_uncertainties};
 
 impl<L: Lens> Calibration<L> {
     /// Sets the uncertainties of the poses of the optimum it was assembled from.
-    pub(crate) fn state_poses(&mut self, solution: &Solution<L>) {
+    pub(crate) fn set_pose_uncertainties(&mut self, solution: &Solution<L>) {
         let independent = &self.covariance - &self.residual_correlation.added;
         let (planes, refined) = (&solution.planes, &solution.refined);
         let shown = self.residual_correlation.displacements.iter();
         let displacements: Vec<f64> = shown
             .zip(planes)
-            .map(|(shown, plane)| shown.max(plane.side_error))
+            .map(|(displacement, plane)| displacement.max(plane.side_error))
             .collect();
         let names = L::parameter_names();
-        let place = |name: &&str| names.iter().position(|own| own == name);
+        let place = |name: &&str| names.iter().position(|known| known == name);
         let columns: Vec<usize> = self.parameters.iter().filter_map(place).collect();
         let poses = pose_uncertainties(planes, refined, (&independent, &columns), &displacements);
         for (i, found) in poses.into_iter().enumerate() {
             let Some(found) = found else { continue };
-            let stds: Vec<f64> = found.shape.iter().map(|own| own.std(self)).collect();
+            let stds: Vec<f64> = found
+                .shape
+                .iter()
+                .map(|parameter| parameter.std(self))
+                .collect();
             let first = &refined.view.planes[i].figures[0];
             let has_aspect = planes[i].has_any_aspect();
             self.planes[i].uncertainty = Some(found.pose);
@@ -62,7 +66,8 @@ impl<L: Lens> Calibration<L> {
             mut residual_correlation,
         } = correlated.clone();
         let one_picture = planes.iter().all(|plane| plane.image == planes[0].image);
-        let together = residual_correlation.warnings(&covariance, &known, free, one_picture);
+        let correlation_warnings =
+            residual_correlation.warnings(&covariance, &known, free, one_picture);
         let disagreement = disagreement.map(|(found, change)| {
             // It is unknown which of the planes is right.
             let doubt = &change * change.transpose();
@@ -81,24 +86,27 @@ impl<L: Lens> Calibration<L> {
                 .iter()
                 .zip(residuals)
                 .enumerate()
-                .map(|(i, (plane, own))| Plane {
+                .map(|(i, (plane, plane_residuals))| Plane {
                     figure: plane.figures[0].index,
                     image: plane.image,
                     pose: refined.view.planes[i].pose,
                     corners: observed_corners(plane, &refined.view, i),
-                    rms: root_mean_square(own.iter()),
-                    samples: own.len(),
+                    rms: root_mean_square(plane_residuals.iter()),
+                    samples: plane_residuals.len(),
                     uncertainty: None,
                     aspect: None,
                     radii: Vec::new(),
                 })
                 .collect(),
             lines: Vec::new(),
-            residuals: by_figure(planes, residuals),
+            residuals: figure_residuals(planes, residuals),
             rms: refined.rms(),
             noise_scale: refined.noise_scale,
             iterations: refined.iterations,
-            warnings: together.into_iter().chain(disagreement).collect(),
+            warnings: correlation_warnings
+                .into_iter()
+                .chain(disagreement)
+                .collect(),
             residual_correlation,
             stage,
             tones: Vec::new(),
@@ -108,18 +116,21 @@ impl<L: Lens> Calibration<L> {
 }
 
 /// The residuals of every figure and line, in the order given.
-fn by_figure(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
+fn figure_residuals(planes: &[ObservedPlane], residuals: &Residuals) -> Vec<FigureResiduals> {
     let mut sorted = BTreeMap::new();
-    for (number, (plane, own)) in planes.iter().zip(residuals).enumerate() {
-        let mut own = own.iter();
+    for (number, (plane, plane_residuals)) in planes.iter().zip(residuals).enumerate() {
+        let mut remaining = plane_residuals.iter();
         for (figure, side) in plane.sides_by_figure() {
             let (_, curves) = sorted
                 .entry(plane.figures[figure].index)
                 .or_insert_with(|| (number, BTreeMap::<usize, Vec<(usize, &Residual)>>::new()));
             let indices = side.samples.iter().map(|sample| sample.index);
-            let of_side = indices.zip(own.by_ref().take(side.samples.len()));
+            let side_residuals = indices.zip(remaining.by_ref().take(side.samples.len()));
             // The arcs of a circle form one curve.
-            curves.entry(side.number).or_default().extend(of_side);
+            curves
+                .entry(side.number)
+                .or_default()
+                .extend(side_residuals);
         }
     }
     let side = |mut curve: Vec<(usize, &Residual)>| {

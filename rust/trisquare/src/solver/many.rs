@@ -13,7 +13,7 @@ use crate::refine::Refined;
 const SOME_PLANES: usize = 48;
 
 /// Stride of the planes that represent all of them if there are many.
-pub(crate) fn step_of_some(planes: usize) -> Option<usize> {
+pub(crate) fn subset_stride(planes: usize) -> Option<usize> {
     Some(planes / SOME_PLANES).filter(|step| *step > 1)
 }
 
@@ -26,13 +26,13 @@ const SAMPLES_PER_SIDE: usize = 5;
 
 impl<L: Lens> JointProblem<'_, L> {
     /// The better of the first optima of some planes.
-    pub fn sketched(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
+    pub fn subset_optimum(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         Starts::of(self, planes).ok()?.best_of_first(STARTS)
     }
 
     /// The optimum of many planes; `None` if there are few, or if it is not found this way.
     pub(super) fn optimum_of_many(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        let step = step_of_some(planes.len())?;
+        let step = subset_stride(planes.len())?;
         if self.options.method == Method::Linear {
             return None;
         }
@@ -41,8 +41,8 @@ impl<L: Lens> JointProblem<'_, L> {
             // doubt.
             Some(beginning) => beginning.view.lens,
             None => {
-                let some: Vec<_> = planes.iter().step_by(step).cloned().collect();
-                self.sketched(&some)?.view.lens
+                let subset: Vec<_> = planes.iter().step_by(step).cloned().collect();
+                self.subset_optimum(&subset)?.view.lens
             }
         };
         self.optimum_from(&lens, planes)
@@ -51,10 +51,10 @@ impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of many planes, from a lens determined by some of them; `None` if it is not
     /// found this way.
     pub fn optimum_from(&self, lens: &L, planes: &[ObservedPlane]) -> Option<Refined<L>> {
-        let few = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
-        let few: Vec<_> = few.collect();
-        let view = view_by_lens(lens, &few, planes, self.size, self.options).ok()?;
-        let found = self.searched(&few, &self.free, view)?.converged()?;
+        let subsampled = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
+        let subsampled: Vec<_> = subsampled.collect();
+        let view = view_by_lens(lens, &subsampled, planes, self.size, self.options).ok()?;
+        let found = self.searched(&subsampled, &self.free, view)?.converged()?;
         let view = found.view.clone();
         self.finished(planes, found).or_else(|| {
             // If the cost of one of the planes is far from a parabola, Newton's undamped steps do

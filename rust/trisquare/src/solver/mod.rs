@@ -13,9 +13,9 @@ mod starts;
 mod whole_picture;
 mod work;
 
-pub(crate) use many::step_of_some;
+pub(crate) use many::subset_stride;
 pub(crate) use nested_models::NestedOptima;
-pub(crate) use outliers::{agreed_by_all, reject_outliers};
+pub(crate) use outliers::{reject_outliers, solution_if_agreed};
 pub(crate) use problem::{Failure, JointProblem};
 pub(crate) use solve::Solution;
 pub(crate) use work::Work;

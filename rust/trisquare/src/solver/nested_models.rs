@@ -59,7 +59,7 @@ impl<L: Lens> Default for NestedOptima<L> {
 }
 
 impl<L: Lens> NestedOptima<L> {
-    fn of_model(&self, model: L::Model) -> Option<&KnownModel<L>> {
+    fn known_model(&self, model: L::Model) -> Option<&KnownModel<L>> {
         self.0.iter().find(|known| known.model == model)
     }
 
@@ -81,11 +81,11 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         work: &Rc<Work>,
         nested: &mut NestedOptima<L>,
     ) -> Self {
-        if let Some(known) = nested.of_model(options.model) {
-            return known.problem(planes, Self::new(size, options).within(work));
+        if let Some(known) = nested.known_model(options.model) {
+            return known.problem(planes, Self::new(size, options).with_work(work));
         }
         let poorer = poorer_optimum(planes, size, options, work, nested);
-        let found = Self::beginning_beyond(poorer, planes, size, options, work);
+        let found = Self::from_poorer_model(poorer, planes, size, options, work);
         nested.0.push(KnownModel::of(&found));
         found
     }
@@ -94,22 +94,22 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     ///
     /// If its distortion turns back inside the picture, beyond the samples, the search is
     /// restricted to distortions that do not.
-    pub(super) fn beginning_beyond(
+    pub(super) fn from_poorer_model(
         poorer: Option<Beginning<L>>,
         planes: &'a [ObservedPlane],
         size: ImageSize,
         options: &'a Options<L>,
         work: &Rc<Work>,
     ) -> Self {
-        let problem = Self::new(size, options).within(work);
+        let problem = Self::new(size, options).with_work(work);
         let problem = match poorer {
-            Some(poorer) => problem.beyond(poorer),
+            Some(poorer) => problem.with_poorer_start(poorer),
             None => problem,
         };
         if !problem.is_rich() {
             return problem;
         }
-        problem.with_optimum(planes).seeing_all_of_picture()
+        problem.with_optimum(planes).seeing_whole_picture()
     }
 
     /// The problem with its optimum, if there is one.

@@ -121,7 +121,7 @@ pub(crate) fn reject_outliers<L: Lens>(
 /// The best camera for all sides and planes, with its warnings: the result of [`reject_outliers`]
 /// if that rejects none of them, without the search. `None` if they disagree, or if no camera is
 /// found.
-pub(crate) fn agreed_by_all<L: Lens>(
+pub(crate) fn solution_if_agreed<L: Lens>(
     problem: &JointProblem<'_, L>,
     planes: &[ObservedPlane],
 ) -> Option<(Solution<L>, Vec<Warning>)> {
@@ -139,9 +139,9 @@ fn trials(planes: usize) -> usize {
 }
 
 /// The items with the largest misfit.
-fn farthest<T: Copy>(mut things: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
-    things.sort_by(|(_, a), (_, b)| b.total().total_cmp(&a.total()));
-    things.iter().take(count).map(|(thing, _)| *thing).collect()
+fn largest_misfits<T: Copy>(mut items: Vec<(T, Misfit)>, count: usize) -> Vec<T> {
+    items.sort_by(|(_, a), (_, b)| b.total().total_cmp(&a.total()));
+    items.iter().take(count).map(|(item, _)| *item).collect()
 }
 
 /// Leaves out each plane in turn if they disagree, and rejects the one without which the others
@@ -152,29 +152,29 @@ fn without_false_plane<L: Lens>(
     planes: &[ObservedPlane],
     all: Result<Solution<L>, Failure<L>>,
 ) -> Result<Solution<L>, Failure<L>> {
-    let enough =
+    let has_enough =
         planes.len() > MIN_PLANES && check_plane_count(planes.len() - 1, &problem.free).is_ok();
     let misfit = match &all {
         Ok(solution) => Some(solution.misfit(problem)),
         Err(failure) if failure.may_be_outliers() => None,
         Err(_) => return all,
     };
-    if !enough || misfit.is_some_and(|misfit| misfit.mean() < DOUBTED) {
+    if !has_enough || misfit.is_some_and(|misfit| misfit.mean() < DOUBTED) {
         return all;
     }
-    let many = planes.len() > ALL_TRIED;
+    let are_many = planes.len() > ALL_TRIED;
     let suspects = match &all {
-        Ok(solution) if many => suspected_planes(solution),
+        Ok(solution) if are_many => suspected_planes(solution),
         // Without a camera, nothing shows which of many planes to leave out.
-        Err(_) if many => Vec::new(),
+        Err(_) if are_many => Vec::new(),
         _ => (0..planes.len()).collect(),
     };
     let without = |left_out: usize| {
         let mut rest = planes.to_vec();
         rest.remove(left_out);
         let refined = match &all {
-            Ok(solution) if many => again_without(problem, &rest, solution, left_out)?,
-            _ => problem.tried(&rest)?,
+            Ok(solution) if are_many => optimum_without_plane(problem, &rest, solution, left_out)?,
+            _ => problem.trial_optimum(&rest)?,
         };
         Some((left_out, Trial::of(problem, rest, refined)))
     };
@@ -185,17 +185,17 @@ fn without_false_plane<L: Lens>(
     if !is_false {
         return all;
     }
-    let followed = trial
+    let with_follower = trial
         .converged(problem)
         .and_then(|found| problem.with_follower(&found, index, &planes[index]));
-    match followed {
-        Some(found) => Ok(with_its_straight_sides(problem, found, index)),
+    match with_follower {
+        Some(found) => Ok(with_straight_sides(problem, found, index)),
         None => all,
     }
 }
 
 /// The optimum of a solution's planes without one, starting from the optimum of all.
-fn again_without<L: Lens>(
+fn optimum_without_plane<L: Lens>(
     problem: &JointProblem<'_, L>,
     rest: &[ObservedPlane],
     all: &Solution<L>,
@@ -203,11 +203,11 @@ fn again_without<L: Lens>(
 ) -> Option<Refined<L>> {
     let mut before = all.refined.clone();
     before.view = before.view.without_plane(left_out);
-    problem.again(rest, &before)
+    problem.refit(rest, &before)
 }
 
 /// Restores the other sides of a rejected plane if only one of its sides is bent.
-fn with_its_straight_sides<L: Lens>(
+fn with_straight_sides<L: Lens>(
     problem: &JointProblem<'_, L>,
     found: Solution<L>,
     plane: usize,
@@ -226,12 +226,12 @@ fn with_its_straight_sides<L: Lens>(
     let mut refined = found.refined.clone();
     refined.view.relations = relations_of(&planes);
     refined.view.hold_relations();
-    let again = problem
-        .again(&planes, &refined)
+    let refitted = problem
+        .refit(&planes, &refined)
         .and_then(|refined| problem.converge(&planes, refined).ok());
-    again
-        .filter(|again| {
-            again.misfit(problem).mean() < DOUBTED * found.misfit(problem).mean().max(1.0)
+    refitted
+        .filter(|refitted| {
+            refitted.misfit(problem).mean() < DOUBTED * found.misfit(problem).mean().max(1.0)
         })
         .unwrap_or(found)
 }
@@ -260,15 +260,15 @@ impl<L: Lens> Solution<L> {
         let Some(noise) = &self.noise else {
             return Vec::new();
         };
-        let weight = |of: &Moments| of.gram[(0, 0)];
+        let weight = |moments: &Moments| moments.gram[(0, 0)];
         let is_ignored = |side: &Side, moments: &SideMoments| {
             !side.is_outlier && weight(&moments.robust) <= MIN_WEIGHT * weight(&moments.plain)
         };
         let mut ignored = Vec::new();
         for (p, (plane, moments)) in self.planes.iter().zip(&noise.sides).enumerate() {
             let sides = plane.sides().zip(moments).enumerate();
-            let of_plane = sides.filter(|(_, (side, moments))| is_ignored(side, moments));
-            ignored.extend(of_plane.map(|(s, _)| (p, s)));
+            let ignored_of_plane = sides.filter(|(_, (side, moments))| is_ignored(side, moments));
+            ignored.extend(ignored_of_plane.map(|(s, _)| (p, s)));
         }
         ignored
     }
@@ -276,14 +276,18 @@ impl<L: Lens> Solution<L> {
 
 /// The planes to be left out in trials: those with the largest misfit.
 fn suspected_planes<L: Lens>(solution: &Solution<L>) -> Vec<usize> {
-    let own = |noise: &Noise| {
+    let plane_misfits = |noise: &Noise| {
         let planes = 0..noise.sides.len();
         planes
             .map(|p| (p, Misfit::of_plane(noise, p)))
             .collect::<Vec<_>>()
     };
-    let misfits = solution.noise.as_ref().map(own).unwrap_or_default();
-    farthest(misfits, trials(solution.planes.len()))
+    let misfits = solution
+        .noise
+        .as_ref()
+        .map(plane_misfits)
+        .unwrap_or_default();
+    largest_misfits(misfits, trials(solution.planes.len()))
 }
 
 /// The sides of squares to be left out in trials: all, or of many planes those with the largest
@@ -292,15 +296,15 @@ fn suspected_sides<L: Lens>(solution: &Solution<L>) -> Vec<(usize, usize)> {
     let sides = sides_of_squares(&solution.planes);
     match &solution.noise {
         Some(noise) if solution.planes.len() > ALL_TRIED => {
-            let own = |(p, s): (usize, usize)| ((p, s), Misfit::of_side(noise, p, s));
+            let side_misfit = |(p, s): (usize, usize)| ((p, s), Misfit::of_side(noise, p, s));
             let count = SIDES * trials(solution.planes.len());
-            farthest(sides.map(own).collect(), count)
+            largest_misfits(sides.map(side_misfit).collect(), count)
         }
         _ => sides.collect(),
     }
 }
 
-fn has_squares_alone(plane: &ObservedPlane) -> bool {
+fn has_only_squares(plane: &ObservedPlane) -> bool {
     plane.figures.iter().all(Figure::has_four_sides)
 }
 
@@ -308,9 +312,9 @@ fn has_squares_alone(plane: &ObservedPlane) -> bool {
 /// without which its plane keeps enough sides.
 fn sides_of_squares(planes: &[ObservedPlane]) -> impl Iterator<Item = (usize, usize)> {
     planes.iter().enumerate().flat_map(|(p, plane)| {
-        let counting = plane.sides().filter(|side| !side.is_outlier).count();
-        let spares = has_squares_alone(plane) && counting > MIN_SIDES;
-        let sides = plane.sides().enumerate().filter(move |_| spares);
+        let used_sides = plane.sides().filter(|side| !side.is_outlier).count();
+        let can_lose_side = has_only_squares(plane) && used_sides > MIN_SIDES;
+        let sides = plane.sides().enumerate().filter(move |_| can_lose_side);
         sides.filter_map(move |(s, side)| (!side.is_outlier).then_some((p, s)))
     })
 }
@@ -326,12 +330,12 @@ fn solved_without_bent_side<L: Lens>(
     }
     let without = |place| {
         let rest = without_side(planes, place)?;
-        let refined = problem.tried(&rest)?;
+        let refined = problem.trial_optimum(&rest)?;
         Some((place, Trial::of(problem, rest, refined)))
     };
     let (place, trial) = best(problem, sides_of_squares(planes).filter_map(without))?;
     let found = trial.converged(problem)?;
-    (trial.misfit.mean() < DOUBTED && trial.shows_bent(&found, place)).then_some(found)
+    (trial.misfit.mean() < DOUBTED && trial.is_side_bent(&found, place)).then_some(found)
 }
 
 /// Leaves out each side of a square in turn if the sides disagree, and rejects the one without
@@ -350,7 +354,7 @@ fn without_bent_side<L: Lens>(
             return None;
         }
         let rest = without_side(&solution.planes, place)?;
-        let refined = problem.again(&rest, &solution.refined)?;
+        let refined = problem.refit(&rest, &solution.refined)?;
         Some((place, Trial::of(problem, rest, refined)))
     };
     let (place, trial) = best(
@@ -361,21 +365,25 @@ fn without_bent_side<L: Lens>(
         return None;
     }
     let found = trial.converged(problem)?;
-    trial.shows_bent(&found, place).then_some(found)
+    trial.is_side_bent(&found, place).then_some(found)
 }
 
 /// The only plane of squares with sides that are bent and ignored by the robust loss. A wrong lens
 /// bends the sides of several planes.
 fn bent_plane<L: Lens>(solution: &Solution<L>) -> Option<usize> {
     let ignored = solution.ignored_sides();
-    let (bent, _) = *ignored.first()?;
-    let mut others = (0..solution.planes.len()).filter(|p| *p != bent);
-    let is_bent = |p: usize| curvatures(solution, p).iter().any(|own| *own > BENT);
-    let is_alone = has_squares_alone(&solution.planes[bent])
-        && ignored.iter().all(|(p, _)| *p == bent)
-        && is_bent(bent)
+    let (index, _) = *ignored.first()?;
+    let mut others = (0..solution.planes.len()).filter(|p| *p != index);
+    let is_bent = |p: usize| {
+        curvatures(solution, p)
+            .iter()
+            .any(|curvature| *curvature > BENT)
+    };
+    let is_only_bent = has_only_squares(&solution.planes[index])
+        && ignored.iter().all(|(p, _)| *p == index)
+        && is_bent(index)
         && !others.any(is_bent);
-    is_alone.then_some(bent)
+    is_only_bent.then_some(index)
 }
 
 /// Rejects a bent plane that cannot spare sides: of a sheet that curves about two of them, the
@@ -388,7 +396,7 @@ fn without_bent_plane<L: Lens>(
     let mut rest = solution.planes.clone();
     let plane = rest.remove(index);
     check_plane_count(rest.len(), &problem.free).ok()?;
-    let refined = again_without(problem, &rest, solution, index)?;
+    let refined = optimum_without_plane(problem, &rest, solution, index)?;
     let found = problem.converge(&rest, refined).ok()?;
     let found = problem.with_follower(&found, index, &plane)?;
     (!problem.is_ill_conditioned(&found)).then_some(found)
@@ -427,7 +435,7 @@ impl<L: Lens> Trial<L> {
     }
 
     /// Mean square misfit, at least that of noise alone.
-    fn ordinary(&self) -> f64 {
+    fn base_misfit(&self) -> f64 {
         self.misfit.mean().max(1.0)
     }
 
@@ -436,12 +444,12 @@ impl<L: Lens> Trial<L> {
     fn gain(&self, all: &Misfit) -> f64 {
         let added = all.total() - self.misfit.total();
         let freedom = (all.freedom() - self.misfit.freedom()).max(1.0);
-        added / freedom / self.ordinary()
+        added / freedom / self.base_misfit()
     }
 
     /// Whether the left-out side is clearly more curved than the others.
-    fn shows_bent(&self, found: &Solution<L>, (plane, side): (usize, usize)) -> bool {
-        curvatures(found, plane).get(side) > Some(&(BENT * self.ordinary()))
+    fn is_side_bent(&self, found: &Solution<L>, (plane, side): (usize, usize)) -> bool {
+        curvatures(found, plane).get(side) > Some(&(BENT * self.base_misfit()))
     }
 }
 
@@ -462,21 +470,24 @@ fn curvatures<L: Lens>(solution: &Solution<L>, plane: usize) -> Vec<f64> {
     let lens = &solution.refined.view.lens;
     let curvature = |noise: &Noise, side: &Side| {
         let residuals = straightness_residuals(lens, side)?;
-        let misfit = Misfit::of_sums(&SideMoments::of(side, &residuals, noise.summed_at), noise);
+        let misfit = Misfit::of_moments(
+            &SideMoments::of(side, &residuals, noise.moment_scale),
+            noise,
+        );
         Some(misfit.curved / misfit.curved_freedom.max(1.0))
     };
     let sides = solution.planes[plane].sides();
     let noise = solution.noise.as_ref();
-    let own = sides.map(|side| {
+    let curvatures = sides.map(|side| {
         noise
             .and_then(|noise| curvature(noise, side))
             .unwrap_or(0.0)
     });
-    own.collect()
+    curvatures.collect()
 }
 
 /// Whether a plane that does not fit is not a target, by the distance of its samples from one (px).
-fn is_other(plane: &ObservedPlane, distance: f64) -> bool {
+fn has_other_shape(plane: &ObservedPlane, distance: f64) -> bool {
     let length = |side: &Side| {
         let ends = side.samples.first().zip(side.samples.last());
         ends.map_or(0.0, |(first, last)| (last.pixel - first.pixel).norm())
@@ -497,26 +508,27 @@ fn warnings<L: Lens>(solution: &Solution<L>) -> Vec<Warning> {
             warnings.push(Warning::PlaneRejected {
                 plane: p,
                 distance,
-                is_other: is_other(plane, distance),
+                is_other: has_other_shape(plane, distance),
             });
             continue;
         }
         let mut rest = &residuals[..];
         for (f, side) in plane.sides_by_figure() {
-            let (own, others) = rest.split_at(side.samples.len());
+            let (side_residuals, others) = rest.split_at(side.samples.len());
             rest = others;
             if side.is_outlier {
                 warnings.push(Warning::SideRejected {
                     plane: p,
                     figure: f,
                     side: side.number,
-                    distance: root_mean_square(own.iter()),
+                    distance: root_mean_square(side_residuals.iter()),
                 });
                 continue;
             }
-            let stray = own.iter().zip(&side.samples).filter(|(own, _)| !own.counts);
-            strays.extend(stray.map(|(own, sample)| Stray {
-                distance: own.distance.abs(),
+            let side_samples = side_residuals.iter().zip(&side.samples);
+            let stray = side_samples.filter(|(residual, _)| !residual.is_counted);
+            strays.extend(stray.map(|(residual, sample)| Stray {
+                distance: residual.distance.abs(),
                 place: [p, f, side.number, sample.index],
             }));
         }

@@ -27,7 +27,7 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub(super) contradicted: Option<DVector<f64>>,
     /// Planes whose optimum is already known, and that optimum.
     pub(super) found: Option<(&'a [ObservedPlane], Optimum<L>)>,
-    /// Work done by the searches: shared by all problems that [`Self::within`] bounds together,
+    /// Work done by the searches: shared by all problems that [`Self::with_work`] bounds together,
     /// such as a calibration, its nested models and the trials of remedies.
     pub work: Rc<Work>,
 }
@@ -97,9 +97,9 @@ impl<'a, L: Lens> JointProblem<'a, L> {
 
     /// The problem with a start from the next poorer model's result, which also determines the
     /// scale of the coefficients' priors.
-    pub(super) fn beyond(self, poorer: Beginning<L>) -> Self {
+    pub(super) fn with_poorer_start(self, poorer: Beginning<L>) -> Self {
         let (model, known) = (self.options.model, (&poorer.view.lens, self.size));
-        let free = self.free.clone().held_like(model, known, &poorer.free);
+        let free = self.free.clone().with_priors(model, known, &poorer.free);
         Self {
             beginning: Some(poorer),
             ..self.with_free(free)
@@ -117,12 +117,12 @@ impl<'a, L: Lens> JointProblem<'a, L> {
 
     /// Whether the model is richer than the default, and all its coefficients estimated.
     pub(super) fn is_rich(&self) -> bool {
-        let estimated = !self.options.fixed.distortion;
-        estimated && self.options.model.poorer().is_some()
+        let is_estimated = !self.options.fixed.distortion;
+        is_estimated && self.options.model.poorer().is_some()
     }
 
     /// The problem with a bound on the work of its searches.
-    pub fn within(self, work: &Rc<Work>) -> Self {
+    pub fn with_work(self, work: &Rc<Work>) -> Self {
         Self {
             work: Rc::clone(work),
             ..self

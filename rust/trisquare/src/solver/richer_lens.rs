@@ -31,7 +31,7 @@ impl<L: Lens> JointProblem<'_, L> {
         let verdict = beyond_lens(&solution.planes, (&self.free, fields), refined, noise);
         match (verdict, &self.contradicted) {
             (
-                None | Some(LensVerdict::Held | LensVerdict::Unclear { asked: false }),
+                None | Some(LensVerdict::Held | LensVerdict::Unclear { is_evident: false }),
                 Some(change),
             ) => Some(LensVerdict::Beyond(change.clone())),
             (verdict, _) => verdict,
@@ -54,8 +54,9 @@ impl<L: Lens> JointProblem<'_, L> {
             _ => None,
         };
         if let Some(found) = no_squares {
-            let contradicts = |it: &Warning| matches!(it, Warning::PlanesContradict { .. });
-            calibration.warnings.retain(|it| !contradicts(it));
+            let contradicts =
+                |warning: &Warning| matches!(warning, Warning::PlanesContradict { .. });
+            calibration.warnings.retain(|warning| !contradicts(warning));
             first.extend(calibration.allow_for_no_squares(found, &self.free));
         }
         if let Some(doubt) = doubt {
@@ -78,20 +79,22 @@ impl<L: Lens> JointProblem<'_, L> {
         verdict: &LensVerdict,
     ) -> Option<LensDoubt> {
         let mut change = match verdict {
-            LensVerdict::Held | LensVerdict::NotFlat | LensVerdict::Unclear { asked: false } => {
+            LensVerdict::Held
+            | LensVerdict::NotFlat
+            | LensVerdict::Unclear { is_evident: false } => {
                 return None;
             }
-            LensVerdict::Unclear { asked: true } => None,
+            LensVerdict::Unclear { is_evident: true } => None,
             LensVerdict::NoSquares(found) => Some(found.lens.clone()?),
             LensVerdict::Beyond(change) | LensVerdict::Likely(change) => Some(change.clone()),
         };
-        let planes = solution.with_its_outliers(planes);
+        let planes = solution.with_outliers_marked(planes);
         let mut poorer = self.beginning_at(solution.refined.view.clone());
         // If the distortion is fixed, its own model with other coefficients may suffice.
-        let (own, mut fixed) = (self.options.model, self.options.fixed);
-        let freed = fixed.distortion.then_some(own);
+        let (model, mut fixed) = (self.options.model, self.options.fixed);
+        let freed = fixed.distortion.then_some(model);
         fixed.distortion = false;
-        for model in freed.into_iter().chain(own.richer().iter().copied()) {
+        for model in freed.into_iter().chain(model.richer().iter().copied()) {
             let options = Options {
                 model,
                 fixed,
@@ -99,7 +102,8 @@ impl<L: Lens> JointProblem<'_, L> {
             };
             let work = Rc::new(Work::for_planes(&planes));
             let start = model.poorer().map(|_| poorer.clone());
-            let richer = JointProblem::beginning_beyond(start, &planes, self.size, &options, &work);
+            let richer =
+                JointProblem::from_poorer_model(start, &planes, self.size, &options, &work);
             let Ok(found) = richer.solve(&planes) else {
                 continue;
             };
@@ -108,17 +112,19 @@ impl<L: Lens> JointProblem<'_, L> {
             if richer.is_ill_conditioned(&found) {
                 continue;
             }
-            let moved = || self.free.difference(&lens, &solution.refined.view.lens);
+            let camera_change = || self.free.difference(&lens, &solution.refined.view.lens);
             // A model that explains the sides' shapes but not their positions is no cure.
             let contradicts = found.correlated.residual_correlation.planes_contradict();
             match richer.lens_verdict(&found) {
                 Some(LensVerdict::Held) if !contradicts => {
                     return Some(LensDoubt {
-                        change: moved(),
+                        change: camera_change(),
                         cure: Some((model.name(), lens.focal().x)),
                     });
                 }
-                Some(LensVerdict::Beyond(_) | LensVerdict::Likely(_)) => change = Some(moved()),
+                Some(LensVerdict::Beyond(_) | LensVerdict::Likely(_)) => {
+                    change = Some(camera_change())
+                }
                 _ => {}
             }
         }

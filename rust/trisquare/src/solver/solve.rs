@@ -14,7 +14,7 @@ use crate::observations::{FreeParameters, Method, ObservedPlane, View};
 use crate::refine::{Refined, Search, finish, search};
 use crate::result::ResidualCorrelation;
 use crate::uncertainty::{
-    Correlated, correlated_covariance, covariance, disagreement, weighed_by_noise,
+    Correlated, correlated_covariance, covariance, disagreement, weighted_by_noise,
 };
 
 /// Approximate number of evaluations of the last steps with all samples.
@@ -33,7 +33,7 @@ pub(crate) struct Solution<L> {
 
 impl<L> Solution<L> {
     /// The given planes with the outliers of this solution.
-    pub fn with_its_outliers(&self, planes: &[ObservedPlane]) -> Vec<ObservedPlane> {
+    pub fn with_outliers_marked(&self, planes: &[ObservedPlane]) -> Vec<ObservedPlane> {
         let mut planes = planes.to_vec();
         for (plane, found) in planes.iter_mut().zip(&self.planes) {
             for (side, found) in plane.sides_mut().zip(found.sides()) {
@@ -46,7 +46,7 @@ impl<L> Solution<L> {
 
 impl<L: Lens> JointProblem<'_, L> {
     /// The optimum of planes in a trial; `None` if there is none, or if no work is left.
-    pub fn tried(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
+    pub fn trial_optimum(&self, planes: &[ObservedPlane]) -> Option<Refined<L>> {
         match self.work.is_spent() {
             true => None,
             false => self.optimum(planes).ok(),
@@ -62,8 +62,8 @@ impl<L: Lens> JointProblem<'_, L> {
         &self,
         planes: &[ObservedPlane],
     ) -> Result<Optimum<L>, Failure<L>> {
-        if let Some((own, found)) = &self.found
-            && std::ptr::eq(*own, planes)
+        if let Some((known_planes, found)) = &self.found
+            && std::ptr::eq(*known_planes, planes)
         {
             return Ok(found.clone());
         }
@@ -83,7 +83,7 @@ impl<L: Lens> JointProblem<'_, L> {
     }
 
     /// The solution, starting from the view of a richer model.
-    pub fn solve_below(
+    pub fn solve_from_richer(
         &self,
         planes: &[ObservedPlane],
         richer: &View<L>,
@@ -111,15 +111,15 @@ impl<L: Lens> JointProblem<'_, L> {
     /// A solution of the same planes in which the sheets of squares are not flat either; `planes`
     /// are those given.
     pub fn with_relief(&self, planes: &[ObservedPlane], flat: &Solution<L>) -> Option<Solution<L>> {
-        let planes = flat.with_its_outliers(planes);
-        let refined = self.again(&planes, &flat.refined)?;
+        let planes = flat.with_outliers_marked(planes);
+        let refined = self.refit(&planes, &flat.refined)?;
         let found = self.converge_with(&planes, refined.into(), Sheets::All);
         let mut found = found.ok()?;
         let flat = &flat.correlated.residual_correlation;
-        let own = &mut found.correlated.residual_correlation;
+        let correlation = &mut found.correlated.residual_correlation;
         // A relief that the fit removes is still an error of the sides.
-        own.displacements.clone_from(&flat.displacements);
-        own.probability = flat.probability;
+        correlation.displacements.clone_from(&flat.displacements);
+        correlation.probability = flat.probability;
         Some(found)
     }
 
@@ -134,11 +134,11 @@ impl<L: Lens> JointProblem<'_, L> {
         }
         let mut noise = noise.unwrap_or_else(|| Noise::of_optimum(planes, &refined));
         let mut planes = planes.to_vec();
-        if let Some(weighed) = weighed_by_noise(&planes, &noise)
-            && let Some(again) = self.again(&weighed, &refined)
+        if let Some(weighted) = weighted_by_noise(&planes, &noise)
+            && let Some(refitted) = self.refit(&weighted, &refined)
         {
-            noise = Noise::of_optimum(&weighed, &again);
-            (planes, refined) = (weighed, again);
+            noise = Noise::of_optimum(&weighted, &refitted);
+            (planes, refined) = (weighted, refitted);
         }
         // Sheets that are not flat would be mistaken for an error of the tone curve.
         let found = account_for_relief(&planes, &self.free, &self.judged, &refined, sheets)
@@ -148,7 +148,7 @@ impl<L: Lens> JointProblem<'_, L> {
             noise = Noise::of_optimum(&planes, &refined);
         }
         let correlated = correlated_covariance(&planes, &self.free, &refined, &noise);
-        noise.set_strays_aside(&planes, &mut refined.residuals);
+        noise.exclude_strays(&planes, &mut refined.residuals);
         Ok(Solution {
             correlated: correlated.ok_or_else(|| self.singular(&planes, &refined))?,
             planes,
@@ -158,7 +158,7 @@ impl<L: Lens> JointProblem<'_, L> {
     }
 
     /// The optimum of planes with changed weights, starting from the previous one.
-    pub fn again(&self, planes: &[ObservedPlane], before: &Refined<L>) -> Option<Refined<L>> {
+    pub fn refit(&self, planes: &[ObservedPlane], before: &Refined<L>) -> Option<Refined<L>> {
         self.finished(planes, before.as_start()).or_else(|| {
             let found = self.searched(planes, &self.free, before.view.clone())?;
             self.finished(planes, found)
@@ -193,12 +193,12 @@ impl<L: Lens> JointProblem<'_, L> {
     ) -> Option<Solution<L>> {
         let mut follower = plane.clone();
         follower.mark_as_outlier();
-        let (lens, one) = (&solution.refined.view.lens, std::slice::from_ref(&follower));
-        let placed = view_by_lens(lens, one, one, self.size, self.options).ok()?;
+        let (lens, single) = (&solution.refined.view.lens, std::slice::from_ref(&follower));
+        let placed = view_by_lens(lens, single, single, self.size, self.options).ok()?;
         let (mut planes, mut refined) = (solution.planes.clone(), solution.refined.clone());
         planes.insert(index, follower);
         refined.view = refined.view.with_plane(index, placed.planes[0].clone());
-        let refined = self.again(&planes, &refined)?;
+        let refined = self.refit(&planes, &refined)?;
         self.converge(&planes, refined).ok()
     }
 

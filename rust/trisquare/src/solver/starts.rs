@@ -36,7 +36,7 @@ fn keep_better<L>(best: &mut Option<Optimum<L>>, found: Optimum<L>) {
 }
 
 /// Mean square misfit above which an optimum may be a wrong one; that of noise alone is 1.
-const STRAINED: f64 = 2.0;
+const LARGE_MISFIT: f64 = 2.0;
 
 /// Focal lengths, in image widths, of wide lenses: half a picture's width covers 80, 50 and 115
 /// degrees.
@@ -44,11 +44,11 @@ const WIDE_FOCALS: [f64; 3] = [0.36, 0.57, 0.25];
 
 /// Starting lenses with the undistorted law of models that bend directions: no pinhole has the same
 /// field of view, and no polynomial straightens their images.
-fn lenses_of_the_law<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<Item = L> {
+fn wide_start_lenses<L: Lens>(problem: &JointProblem<'_, L>) -> impl Iterator<Item = L> {
     let options = problem.options;
-    let is_asked = L::centre_columns().is_empty() && !options.fixed.distortion;
+    let is_applicable = L::centre_columns().is_empty() && !options.fixed.distortion;
     let guessed = guessed_camera_matrices(WIDE_FOCALS, problem.size, options);
-    let guessed = guessed.filter(move |_| is_asked);
+    let guessed = guessed.filter(move |_| is_applicable);
     guessed.map(|camera_matrix| L::from_camera_matrix(&camera_matrix))
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct Starts<'a, L: Lens> {
     problem: &'a JointProblem<'a, L>,
     planes: &'a [ObservedPlane],
     /// The planes with fewer samples, used at the start of the search.
-    some: Vec<ObservedPlane>,
+    subsampled: Vec<ObservedPlane>,
     /// Computed on first use.
     linear_steps: OnceCell<Result<LinearSteps<L>, Error>>,
 }
@@ -73,24 +73,24 @@ impl<'a, L: Lens> Starts<'a, L> {
         problem: &'a JointProblem<'a, L>,
         planes: &'a [ObservedPlane],
     ) -> Result<Self, Error> {
-        let starts = Self::unasked(problem, planes);
+        let starts = Self::without_linear_steps(problem, planes);
         // With a start by the lens's law or by a poorer model, the polynomials may never be needed.
-        if problem.beginning.is_none() && lenses_of_the_law(problem).next().is_none() {
+        if problem.beginning.is_none() && wide_start_lenses(problem).next().is_none() {
             starts.linear_steps()?;
         }
         Ok(starts)
     }
 
-    fn unasked(problem: &'a JointProblem<'a, L>, planes: &'a [ObservedPlane]) -> Self {
+    fn without_linear_steps(problem: &'a JointProblem<'a, L>, planes: &'a [ObservedPlane]) -> Self {
         let sample_limit = match problem.options.method {
             Method::Linear => usize::MAX,
             Method::MaximumLikelihood => START_SAMPLES_PER_SIDE,
         };
-        let some: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
+        let subsampled: Vec<_> = planes.iter().map(|p| p.subsampled(sample_limit)).collect();
         Self {
             problem,
             planes,
-            some,
+            subsampled,
             linear_steps: OnceCell::new(),
         }
     }
@@ -101,23 +101,26 @@ impl<'a, L: Lens> Starts<'a, L> {
         planes: &'a [ObservedPlane],
         view: View<L>,
     ) -> Option<Refined<L>> {
-        let starts = Self::unasked(problem, planes);
-        starts.finish(problem.searched(&starts.some, &problem.free, view)?)
+        let starts = Self::without_linear_steps(problem, planes);
+        starts.finish(problem.searched(&starts.subsampled, &problem.free, view)?)
     }
 
     fn linear_steps(&self) -> Result<&LinearSteps<L>, Error> {
-        let (problem, some) = (self.problem, &self.some);
+        let (problem, subsampled) = (self.problem, &self.subsampled);
         let steps = |undistortion| {
             Ok(LinearSteps {
-                homographies: Homographies::estimate(some, &undistortion)?,
+                homographies: Homographies::estimate(subsampled, &undistortion)?,
                 undistortion,
             })
         };
         let found = self.linear_steps.get_or_init(|| {
-            let straightened = Undistortion::estimate(some, problem.size, problem.options);
+            let straightened = Undistortion::estimate(subsampled, problem.size, problem.options);
             straightened.and_then(steps).or_else(|error| {
-                let by_law = lenses_of_the_law(problem).map(Undistortion::Known);
-                by_law.filter_map(|own| steps(own).ok()).next().ok_or(error)
+                let wide_lenses = wide_start_lenses(problem).map(Undistortion::Known);
+                wide_lenses
+                    .filter_map(|lens| steps(lens).ok())
+                    .next()
+                    .ok_or(error)
             })
         });
         found.as_ref().map_err(Clone::clone)
@@ -126,7 +129,7 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// The view implied by a camera matrix.
     fn view(&self, camera_matrix: &Matrix3<f64>) -> Result<View<L>, Error> {
         let steps = self.linear_steps()?;
-        self.with_samples_enough(first_view(
+        self.with_checked_samples(first_view(
             camera_matrix,
             &steps.homographies,
             self.planes,
@@ -137,13 +140,19 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// The view implied by a lens.
-    fn view_by(&self, lens: &L) -> Result<View<L>, Error> {
+    fn view_of_lens(&self, lens: &L) -> Result<View<L>, Error> {
         let (size, options) = (self.problem.size, self.problem.options);
-        self.with_samples_enough(view_by_lens(lens, &self.some, self.planes, size, options)?)
+        self.with_checked_samples(view_by_lens(
+            lens,
+            &self.subsampled,
+            self.planes,
+            size,
+            options,
+        )?)
     }
 
     /// Checks that there are more samples than the view has unknowns, and returns it.
-    fn with_samples_enough(&self, view: View<L>) -> Result<View<L>, Error> {
+    fn with_checked_samples(&self, view: View<L>) -> Result<View<L>, Error> {
         let unknowns = view.unknowns(&self.problem.free);
         let samples = self.samples().count();
         if samples <= unknowns {
@@ -161,7 +170,7 @@ impl<'a, L: Lens> Starts<'a, L> {
         match self.problem.options.method {
             Method::Linear => match self.linear() {
                 Ok(found) => Ok(found.into()),
-                Err(error) => Err(self.why_not_linear(error)),
+                Err(error) => Err(self.linear_failure(error)),
             },
             Method::MaximumLikelihood => match self.continued() {
                 Some(found) => Ok(found.into()),
@@ -178,20 +187,20 @@ impl<'a, L: Lens> Starts<'a, L> {
         // If planes were left out, it is unknown which of the view's planes these are.
         let start = match view.planes.len() == self.planes.len() {
             true => view.clone(),
-            false => self.view_by(&view.lens).ok()?,
+            false => self.view_of_lens(&view.lens).ok()?,
         };
-        let among = |planes: &[ObservedPlane]| {
+        let search_with = |planes: &[ObservedPlane]| {
             let found = problem.searched(planes, free, start.clone())?;
             self.finish(problem.searched(planes, &problem.free, found.view)?)
         };
         // With some of the samples the distortion may turn back before others.
-        among(&self.some).or_else(|| among(self.planes))
+        search_with(&self.subsampled).or_else(|| search_with(self.planes))
     }
 
     /// The solution of the linear steps.
     fn linear(&self) -> Result<Refined<L>, Error> {
         let view = self.view(&self.conic_camera_matrix()?)?;
-        self.around(view).ok_or(Error::NotConverged {
+        self.refined_at(view).ok_or(Error::NotConverged {
             stage: "the linear solution (its distortion is not invertible at a sample)",
             iterations: 0,
             rms: 0.0,
@@ -200,7 +209,7 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// The failure if the linear steps give no camera: the geometry is the likeliest reason, and
     /// the refinement can show it.
-    fn why_not_linear(&self, error: Error) -> Failure<L> {
+    fn linear_failure(&self, error: Error) -> Failure<L> {
         match self.refine() {
             Err(found @ Failure::IllConditioned(_)) => found,
             Err(_) => error.into(),
@@ -225,13 +234,13 @@ impl<'a, L: Lens> Starts<'a, L> {
 
     /// The views from which a search may start, the likeliest first.
     fn starts(&self) -> impl Iterator<Item = Result<View<L>, Error>> {
-        let by_law = lenses_of_the_law(self.problem).map(|lens| self.view_by(&lens));
+        let wide_views = wide_start_lenses(self.problem).map(|lens| self.view_of_lens(&lens));
         let linear = || {
             let fallbacks = self.fallback_camera_matrices(self.problem.options);
             let all = self.conic_camera_matrix().into_iter().chain(fallbacks);
             all.map(|camera_matrix| self.view(&camera_matrix))
         };
-        by_law.chain(iter::once_with(linear).flatten())
+        wide_views.chain(iter::once_with(linear).flatten())
     }
 
     /// The best of the first `count` optima; if that is doubtful, the best of all.
@@ -264,14 +273,14 @@ impl<'a, L: Lens> Starts<'a, L> {
     /// starts by the lens's law.
     fn refine(&self) -> Result<Optimum<L>, Failure<L>> {
         let starts = self.starts();
-        let rivals = lenses_of_the_law(self.problem).count().max(1);
-        let mut found_before = 0;
-        let mut unsettled: Option<Search<L>> = None;
+        let rivals = wide_start_lenses(self.problem).count().max(1);
+        let mut found_count = 0;
+        let mut unconverged: Option<Search<L>> = None;
         let mut best: Option<Optimum<L>> = None;
         for start in starts {
             // At least one is tried.
-            let tried = best.is_some() || unsettled.is_some();
-            if tried && self.problem.work.is_spent() {
+            let has_tried = best.is_some() || unconverged.is_some();
+            if has_tried && self.problem.work.is_spent() {
                 break;
             }
             let start = match start {
@@ -287,37 +296,40 @@ impl<'a, L: Lens> Starts<'a, L> {
                     let mut found = Optimum::from(refined);
                     // With a doubtful geometry all starts are tried, with large residuals the
                     // rivals.
-                    let enough = found_before >= rivals || !self.is_strained(&mut found);
-                    found_before += 1;
+                    let is_enough = found_count >= rivals || !self.has_large_misfit(&mut found);
+                    found_count += 1;
                     keep_better(&mut best, found);
                     let is_sound = |best: &mut Optimum<L>| !self.is_doubtful(&best.refined);
-                    if enough && let Some(sound) = best.take_if(is_sound) {
+                    if is_enough && let Some(sound) = best.take_if(is_sound) {
                         return Ok(sound);
                     }
                 }
-                None => unsettled = unsettled.or(Some(found)),
+                None => unconverged = unconverged.or(Some(found)),
             }
         }
         let centred = self.centred();
-        let again = centred
+        let from_centred = centred
             .clone()
             .and_then(|c| self.search(&self.problem.free, c.view));
-        if let Some(refined) = again.and_then(|found| self.finish(found)) {
+        if let Some(refined) = from_centred.and_then(|found| self.finish(found)) {
             keep_better(&mut best, refined.into());
         }
-        let beaten = |b: &Optimum<L>| {
-            let held = centred.as_ref().and_then(|c| self.around(c.view.clone()));
-            held.is_some_and(|held| held.noise_scale < BEATEN * b.refined.noise_scale)
+        let is_beaten = |b: &Optimum<L>| {
+            let centred_fit = centred
+                .as_ref()
+                .and_then(|c| self.refined_at(c.view.clone()));
+            centred_fit
+                .is_some_and(|centred_fit| centred_fit.noise_scale < BEATEN * b.refined.noise_scale)
         };
-        if best.is_none() && unsettled.is_none() {
+        if best.is_none() && unconverged.is_none() {
             self.linear_steps()?;
         }
-        best.filter(|b| !beaten(b))
-            .ok_or_else(|| self.no_convergence(centred.or(unsettled)))
+        best.filter(|b| !is_beaten(b))
+            .ok_or_else(|| self.no_convergence(centred.or(unconverged)))
     }
 
     /// A view with the spread of all residuals around it.
-    fn around(&self, view: View<L>) -> Option<Refined<L>> {
+    fn refined_at(&self, view: View<L>) -> Option<Refined<L>> {
         Refined::of_linear(self.planes, &self.problem.free, &self.problem.judged, view)
     }
 
@@ -329,8 +341,8 @@ impl<'a, L: Lens> Starts<'a, L> {
             ..start.clone()
         };
         let problem = self.problem;
-        let found = problem.searched(&self.some, free, start);
-        found.or_else(|| problem.searched(&self.some, free, pinhole))
+        let found = problem.searched(&self.subsampled, free, start);
+        found.or_else(|| problem.searched(&self.subsampled, free, pinhole))
     }
 
     /// The optimum with the principal point fixed at its known value, or at the image centre:
@@ -365,15 +377,15 @@ impl<'a, L: Lens> Starts<'a, L> {
             // If the cost is far from a parabola, Newton's undamped steps may not converge.
             problem
                 .finished(self.planes, found)
-                .or_else(|| self.around(view))
+                .or_else(|| self.refined_at(view))
         })
     }
 
     /// The failure to converge: the likeliest reason is a geometry that does not determine the
     /// camera, which has its own error.
-    fn no_convergence(&self, unsettled: Option<Search<L>>) -> Failure<L> {
-        let iterations = unsettled.as_ref().map_or(0, |found| found.iterations);
-        let refined = unsettled.and_then(|found| self.around(found.view));
+    fn no_convergence(&self, unconverged: Option<Search<L>>) -> Failure<L> {
+        let iterations = unconverged.as_ref().map_or(0, |found| found.iterations);
+        let refined = unconverged.and_then(|found| self.refined_at(found.view));
         let refusal = refined
             .as_ref()
             .and_then(|refined| self.problem.refusal(self.planes, refined));
@@ -394,9 +406,9 @@ impl<'a, L: Lens> Starts<'a, L> {
     }
 
     /// Whether the distances of the sides from their lines greatly exceed the noise.
-    fn is_strained(&self, found: &mut Optimum<L>) -> bool {
+    fn has_large_misfit(&self, found: &mut Optimum<L>) -> bool {
         let Optimum { refined, noise } = found;
         let noise = noise.insert(Noise::of_optimum(self.planes, refined));
-        Misfit::of(self.planes, &refined.view, &self.problem.free, noise).mean() > STRAINED
+        Misfit::of(self.planes, &refined.view, &self.problem.free, noise).mean() > LARGE_MISFIT
     }
 }

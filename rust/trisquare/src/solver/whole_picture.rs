@@ -13,7 +13,7 @@ use crate::refine::{Refined, information};
 
 /// Standard deviations (px), in successive steps, of the distance by which a lens may end short of
 /// the corners that it has to see.
-const SHORT_OF_CORNERS: [f64; 5] = [100.0, 30.0, 10.0, 3.0, 1.0];
+const SHORTFALLS: [f64; 5] = [100.0, 30.0, 10.0, 3.0, 1.0];
 
 /// Increase of half the sum of squares, in units of the noise, above which the samples contradict
 /// lenses that see all of the picture: four standard deviations.
@@ -26,32 +26,32 @@ const MAX_CONTRADICTED: f64 = 1.1;
 /// picture's corners are.
 fn reaches_corners<L: Lens>(lens: &L, size: ImageSize) -> bool {
     let offsets = size.corners().map(|corner| corner - lens.principal_point());
-    let seen = lens.valid_pixel_radius();
-    offsets.iter().all(|offset| offset.norm() < seen)
+    let valid_radius = lens.valid_pixel_radius();
+    offsets.iter().all(|offset| offset.norm() < valid_radius)
 }
 
 impl<'a, L: Lens> JointProblem<'a, L> {
     /// The problem restricted to lenses that see all of the picture, if its optimum may not and the
     /// samples allow them: the search starts from that optimum and proceeds in steps, as its lens
     /// may turn back far from the corners.
-    pub(super) fn seeing_all_of_picture(self) -> Self {
+    pub(super) fn seeing_whole_picture(self) -> Self {
         let size = self.size;
         let Some((planes, best)) = &self.found else {
             return self;
         };
         let best = &best.refined;
-        let most = MAX_CONTRADICTED * best.noise_scale;
+        let max_noise = MAX_CONTRADICTED * best.noise_scale;
         let mut view = best.view.clone();
         let mut last = None;
-        for short in SHORT_OF_CORNERS {
+        for shortfall in SHORTFALLS {
             if self.work.is_spent() || reaches_corners(&view.lens, size) {
                 break;
             }
-            let free = self.free.clone().seeing_all_of(size, short);
-            let problem = Self::new(size, self.options).within(&self.work);
+            let free = self.free.clone().with_reach(size, shortfall);
+            let problem = Self::new(size, self.options).with_work(&self.work);
             let problem = problem.with_free(free);
             let found = Starts::optimum_near(&problem, planes, view);
-            let Some(found) = found.filter(|found| found.noise_scale < most) else {
+            let Some(found) = found.filter(|found| found.noise_scale < max_noise) else {
                 break;
             };
             view = found.view.clone();
@@ -60,17 +60,22 @@ impl<'a, L: Lens> JointProblem<'a, L> {
             }
         }
         match last {
-            Some((problem, found)) => problem.settled(planes, found, best),
+            Some((problem, found)) => problem.starting_at(planes, found, best),
             None => self,
         }
     }
 
     /// The problem with its searches starting from its optimum `found`, given the lens that fits
     /// best.
-    fn settled(self, planes: &'a [ObservedPlane], found: Refined<L>, best: &Refined<L>) -> Self {
+    fn starting_at(
+        self,
+        planes: &'a [ObservedPlane],
+        found: Refined<L>,
+        best: &Refined<L>,
+    ) -> Self {
         let cost = |view: &View<L>| {
-            let judged = information(planes, &self.free, (view, best.scale));
-            judged.map_or(f64::INFINITY, |(cost, _)| cost)
+            let information = information(planes, &self.free, (view, best.scale));
+            information.map_or(f64::INFINITY, |(cost, _)| cost)
         };
         let is_contradicted = cost(&found.view) > cost(&best.view) + CONTRADICTED;
         let change = || self.free.difference(&best.view.lens, &found.view.lens);

@@ -15,7 +15,7 @@ const EVALUATIONS: usize = 5_000;
 
 /// Minimum of the work allowed, for the smallest calibrations, in samples evaluated: about a
 /// second.
-const LEAST: usize = 2_500_000;
+const MIN_WORK: usize = 2_500_000;
 
 /// Work done, and work allowed, in samples evaluated.
 #[derive(Debug)]
@@ -37,7 +37,7 @@ impl Work {
     pub fn for_planes(planes: &[ObservedPlane]) -> Self {
         Self {
             done: Cell::new(0),
-            allowed: LEAST.max(EVALUATIONS.saturating_mul(cost(planes))),
+            allowed: MIN_WORK.max(EVALUATIONS.saturating_mul(cost(planes))),
         }
     }
 

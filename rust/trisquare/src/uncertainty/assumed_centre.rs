@@ -11,7 +11,7 @@ use crate::result::{Calibration, Warning};
 
 /// Standard deviation of cameras' principal points about the centre, of each coordinate, as a
 /// fraction of the width.
-const USUAL_SCATTER: f64 = 0.012;
+const CENTRE_SCATTER: f64 = 0.012;
 
 /// Increase of chi-square above which the planes contradict a principal point.
 const CONTRADICTED: f64 = 18.0;
@@ -35,12 +35,13 @@ pub(crate) fn assumed_centre<L: Lens>(
         return None;
     }
     let std = found.std_of("fx")?;
-    let scatter = USUAL_SCATTER * f64::from(found.image_size.width);
-    let (information, response) = freed_centre(conditioning, factor)?;
+    let scatter = CENTRE_SCATTER * f64::from(found.image_size.width);
+    let (information, response) = centre_information(conditioning, factor)?;
     let directions = SymmetricEigen::try_new(information, f64::EPSILON, MAX_SWEEPS)?;
-    let open = (0..2).filter(|i| scatter.powi(2) * directions.eigenvalues[*i] < CONTRADICTED);
+    let undetermined =
+        (0..2).filter(|i| scatter.powi(2) * directions.eigenvalues[*i] < CONTRADICTED);
     let variance =
-        open.map(|i| (scatter * response.dot(&directions.eigenvectors.column(i))).powi(2));
+        undetermined.map(|i| (scatter * response.dot(&directions.eigenvectors.column(i))).powi(2));
     let added = variance.sum::<f64>().sqrt();
     (added > std).then_some(Warning::PrincipalPointAssumed {
         scatter,
@@ -51,7 +52,7 @@ pub(crate) fn assumed_centre<L: Lens>(
 
 /// Returns the planes' information about a principal point that is held, and the derivative of `fx`
 /// with respect to it.
-fn freed_centre<L: Lens>(
+fn centre_information<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     factor: f64,
 ) -> Option<(Matrix2<f64>, Vector2<f64>)> {
@@ -66,21 +67,21 @@ fn freed_centre<L: Lens>(
     let judged = judged_parameters(&free);
     let problem = EdgeProblem::new(conditioning.planes, &judged, conditioning.noise_scale);
     let (_, mut system) = problem.evaluate(conditioning.view)?;
-    conditioning.bound_centre(&mut system, &free, factor);
+    conditioning.add_centre_prior(&mut system, &free, factor);
     let information = system.reduced_information()? / factor;
     let centre = [free.position("cx")?, free.position("cy")?];
     let others = (0..information.nrows()).filter(|i| !centre.contains(i));
     let others: Vec<usize> = others.collect();
     let rows = |rows: &[usize]| information.select_rows(rows);
     let cross: DMatrix<f64> = rows(&others).select_columns(&centre);
-    let follow = rows(&others)
+    let others_by_centre = rows(&others)
         .select_columns(&others)
         .cholesky()?
         .solve(&cross);
-    let own = rows(&centre).select_columns(&centre) - cross.tr_mul(&follow);
+    let centre_block = rows(&centre).select_columns(&centre) - cross.tr_mul(&others_by_centre);
     let fx = others
         .iter()
         .position(|i| Some(*i) == free.position("fx"))?;
-    let response = Vector2::new(-follow[(fx, 0)], -follow[(fx, 1)]);
-    Some((own.fixed_view::<2, 2>(0, 0).into_owned(), response))
+    let response = Vector2::new(-others_by_centre[(fx, 0)], -others_by_centre[(fx, 1)]);
+    Some((centre_block.fixed_view::<2, 2>(0, 0).into_owned(), response))
 }

@@ -66,7 +66,7 @@ pub fn compare_projections<A: Lens, B: Lens>(
     let is_of_one_family = A::parameter_names() == B::parameter_names();
     let focal = first.camera().focal().min();
     let free = (first.free(), second.free());
-    let test = test_of_free(free, (is_of_one_family, focal), &differences, &matches)?;
+    let test = difference_test(free, (is_of_one_family, focal), &differences, &matches)?;
     Ok(ProjectionDifference {
         rotation: turned.rotation,
         differences,
@@ -76,7 +76,7 @@ pub fn compare_projections<A: Lens, B: Lens>(
 
 /// Tests whether the free parameters of two cameras explain the difference between their
 /// projections.
-fn test_of_free(
+fn difference_test(
     (first, second): (&FreeColumns, &FreeColumns),
     (is_of_one_family, focal): (bool, f64),
     differences: &[Option<Vector2<f64>>],
@@ -100,12 +100,12 @@ fn test_of_free(
         } else {
             (matched.by_pixel * matched.by_first, matched.by_second)
         };
-        let moved = first.of(&by_first) * &first_root;
+        let displacement = first.of(&by_first) * &first_root;
         let mut rows = spread.rows_mut(2 * i, 2);
-        rows.columns_mut(0, first.len()).copy_from(&-moved);
-        let moved = second.of(&by_second) * &second_root;
+        rows.columns_mut(0, first.len()).copy_from(&-displacement);
+        let displacement = second.of(&by_second) * &second_root;
         rows.columns_mut(first.len(), second.len())
-            .copy_from(&moved);
+            .copy_from(&displacement);
         turns.rows_mut(2 * i, 2).copy_from(&matched.by_turn);
     }
     let basis = turns.qr().q();
@@ -119,23 +119,24 @@ fn test_of_free(
     // Number of parameters, those of two cameras of one family counted once: they cause the same
     // changes.
     let is_new = |column: &&usize| !is_of_one_family || !first.columns().contains(column);
-    let kinds = first.len() + second.columns().iter().filter(is_new).count();
-    tested(&difference, &spread, focal, kinds, matches).map(Some)
+    let parameter_count = first.len() + second.columns().iter().filter(is_new).count();
+    chi_square_test(&difference, &spread, focal, parameter_count, matches).map(Some)
 }
 
 /// Chi-squared test of a difference against a square root of its covariance.
 ///
 /// In two cameras of one family a parameter has the same effect, but for the aspects at which `fy`
-/// may follow `fx`: there are `kinds` of change, and further directions are of the second order.
+/// may follow `fx`: there are `parameter_count` kinds of change, and further directions are of the
+/// second order.
 ///
 /// The second-order effect of the least known direction, the square of its size over the focal
 /// length, would look significant in directions with a smaller standard deviation: they are not
 /// tested.
-fn tested(
+fn chi_square_test(
     difference: &DVector<f64>,
     spread: &DMatrix<f64>,
     focal: f64,
-    kinds: usize,
+    parameter_count: usize,
     matches: &[Option<SeenAgain>],
 ) -> Result<DifferenceTest, Error> {
     if !spread.iter().all(|v| v.is_finite()) {
@@ -151,13 +152,17 @@ fn tested(
     let largest = sizes.max();
     let second_order = largest * (2.0 / difference.len() as f64).sqrt() / focal;
     let limit = second_order.max(ROUNDING) * largest;
-    let (mut statistic, mut freedom, mut left) = (0.0, 0, difference.clone());
+    let (mut statistic, mut freedom, mut unexplained) = (0.0, 0, difference.clone());
     // The singular values are in descending order.
-    for (direction, size) in directions.column_iter().zip(sizes.iter()).take(kinds) {
+    for (direction, size) in directions
+        .column_iter()
+        .zip(sizes.iter())
+        .take(parameter_count)
+    {
         if *size > limit {
             let component = direction.dot(difference);
             statistic += (component / size).powi(2);
-            left.axpy(-component, &direction, 1.0);
+            unexplained.axpy(-component, &direction, 1.0);
             freedom += 1;
         }
     }
@@ -169,7 +174,7 @@ fn tested(
             .collect(),
         p_value: chi_square_tail(statistic, f64::from(freedom)),
         degrees_of_freedom: freedom as usize,
-        unexplained: (2.0 * left.norm_squared() / left.len() as f64).sqrt(),
+        unexplained: (2.0 * unexplained.norm_squared() / unexplained.len() as f64).sqrt(),
     })
 }
 

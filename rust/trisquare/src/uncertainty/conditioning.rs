@@ -22,11 +22,11 @@
 //! deviations. And exact samples do not make a degenerate geometry sound: noise below [`MIN_NOISE`]
 //! is raised to that value, because boards are not flat and lenses are not polynomials.
 //!
-//! Where a value of the camera matrix is held, residuals above [`NO_NOISE`] show that it is wrong:
-//! the planes contradict it, and the standard deviations predicted from the residuals depend on
-//! where the search ended. (In 24 scenes, a focal length held at 1,000 times the truth left
-//! residuals of 4 % of half the diagonal or more wherever an optimum was found; one at 1.3 times
-//! left 0.3 % at most.)
+//! Where a value of the camera matrix is held, residuals above [`MAX_NOISE_RESIDUAL`] show that it
+//! is wrong: the planes contradict it, and the standard deviations predicted from the residuals
+//! depend on where the search ended. (In 24 scenes, a focal length held at 1,000 times the truth
+//! left residuals of 4 % of half the diagonal or more wherever an optimum was found; one at 1.3
+//! times left 0.3 % at most.)
 //!
 //! A freed skew has no limit of its own: if the planes do not determine it, the focal lengths and
 //! the principal point become uncertain.
@@ -53,7 +53,7 @@ const MAX_STD: f64 = 0.04;
 const MAX_STD_CENTRED: f64 = 0.1;
 
 /// Returns the limit for what is fixed.
-pub(super) fn largest_std(fixed: Fixed) -> f64 {
+pub(super) fn max_std(fixed: Fixed) -> f64 {
     match fixed.principal_point {
         true => MAX_STD_CENTRED,
         false => MAX_STD,
@@ -76,7 +76,7 @@ const DISTINCT_DEGREES: f64 = 25.0;
 const MIN_NOISE: f64 = 0.2;
 
 /// Residual, as a fraction of half the picture's diagonal, above which it is not noise.
-const NO_NOISE: f64 = 0.01;
+const MAX_NOISE_RESIDUAL: f64 = 0.01;
 
 /// Prior standard deviation of a freed centre of distortion, in half image diagonals: the centre is
 /// unobservable where there is no distortion, and then gives no information in any case.
@@ -168,7 +168,7 @@ impl<L: Lens> Conditioning<'_, L> {
 
     /// Returns the refusal of held values of the camera matrix, judged at an optimum without them;
     /// `parameter` is one of those that are free beside the held values.
-    pub fn of_contradicted(
+    pub fn held_refusal(
         &self,
         parameter: &'static str,
         fixed: Fixed,
@@ -178,7 +178,7 @@ impl<L: Lens> Conditioning<'_, L> {
             cause: self.cause(),
             parameter,
             std: f64::INFINITY,
-            limit: largest_std(fixed),
+            limit: max_std(fixed),
             remedies: vec![remedy],
         }
     }
@@ -192,12 +192,12 @@ impl<L: Lens> Conditioning<'_, L> {
     ) -> Option<Weakest> {
         let noise = self.noise();
         // A bent side that was left out has already shown the errors of the paper.
-        let entire = self
+        let has_all_sides = self
             .planes
             .iter()
             .flat_map(ObservedPlane::sides)
             .all(|side| !side.is_outlier);
-        let floor = match entire {
+        let floor = match has_all_sides {
             true => (MIN_NOISE / noise).max(1.0).powi(2),
             false => 1.0,
         };
@@ -239,7 +239,7 @@ impl<L: Lens> Conditioning<'_, L> {
         let samples = || self.planes.iter().flat_map(ObservedPlane::samples);
         let weights: f64 = samples().map(|sample| sample.weight.powi(2)).sum();
         let residual = self.noise_scale * (samples().count() as f64 / weights).sqrt();
-        (focal || principal_point) && residual > NO_NOISE * self.size.half_diagonal()
+        (focal || principal_point) && residual > MAX_NOISE_RESIDUAL * self.size.half_diagonal()
     }
 
     fn judged_covariance(
@@ -249,13 +249,13 @@ impl<L: Lens> Conditioning<'_, L> {
         factor: f64,
     ) -> Option<DMatrix<f64>> {
         let mut system = system.clone();
-        self.bound_centre(&mut system, free, factor);
+        self.add_centre_prior(&mut system, free, factor);
         covariance(&system, factor)
     }
 
     /// Adds the prior of the centre of distortion where it is freed from the principal point: to
     /// the parameters after the free ones.
-    pub(super) fn bound_centre(
+    pub(super) fn add_centre_prior(
         &self,
         system: &mut ArrowSystem,
         free: &FreeParameters,
@@ -273,7 +273,7 @@ impl<L: Lens> Conditioning<'_, L> {
             true => (noise / COMMON_NOISE).clamp(1.0, MAX_LIMIT_GROWTH),
             false => 1.0,
         };
-        largest_std(self.options.fixed) * growth
+        max_std(self.options.fixed) * growth
     }
 
     /// Returns the noise of one pixel of edge: that of a sample, converted from the samples'

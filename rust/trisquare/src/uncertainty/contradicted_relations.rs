@@ -29,14 +29,16 @@ fn contradicted<L: Lens>(found: &Calibration<L>, related: &Related) -> Option<Wa
     let camera =
         ProjectionUncertainty::new(&found.camera, names, found.aspect_fixed, covariance).ok()?;
     let equations = related.equations([&first.pose, &second.pose]);
-    let (gaps, rows): (Vec<f64>, Vec<_>) = equations.map(|it| (it.gap, it.by_turn)).unzip();
+    let (gaps, rows): (Vec<f64>, Vec<_>) = equations
+        .map(|equation| (equation.gap, equation.by_turn))
+        .unzip();
     let by_turn = DMatrix::from_fn(rows.len(), 3, |i, j| rows[i][j]);
     let gaps = DVector::from_vec(gaps);
     let [first, second] = [first.uncertainty.as_ref()?, second.uncertainty.as_ref()?];
     let given_camera = first.given_camera + second.given_camera;
     let given_camera = given_camera.fixed_view::<3, 3>(0, 0);
-    let follows = camera.free().of(&(&first.by_camera - &second.by_camera));
-    let by_camera = &by_turn * follows.rows(0, 3);
+    let relative_pose = camera.free().of(&(&first.by_camera - &second.by_camera));
+    let by_camera = &by_turn * relative_pose.rows(0, 3);
     let covariance = &by_turn * given_camera * by_turn.transpose()
         + &by_camera * camera.free().covariance() * by_camera.transpose();
     let square = gaps.dot(&covariance.clone().cholesky()?.solve(&gaps));

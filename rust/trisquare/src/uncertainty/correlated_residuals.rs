@@ -10,7 +10,7 @@ use super::disagreement::disagreement;
 use super::plane_spread::spread_of_planes;
 use crate::lens::Lens;
 use crate::noise::{
-    Misfit, Noise, SideErrors, Strength, rms_displacement, variance_of, white_variance,
+    Misfit, Noise, SideErrors, Strength, displacement_variance, rms_displacement, white_variance,
 };
 use crate::numeric::ArrowSystem;
 use crate::observations::{FreeParameters, ObservedPlane};
@@ -19,7 +19,7 @@ use crate::result::{Disagreement, NOTABLE_FACTOR, ResidualCorrelation, Warning};
 
 /// Factor on a variance below which no warning is given: standard deviations would be 1.0 times as
 /// large.
-const WORTH_TELLING: f64 = 1.1;
+const NOTABLE_RATIO: f64 = 1.1;
 
 /// Difference of a plane's noise from that of all planes, in its own standard deviations, above
 /// which the plane has noise of its own.
@@ -53,12 +53,14 @@ impl ResidualCorrelation {
         let independent = (covariance - &self.added).diagonal();
         let shown = (covariance - known).diagonal();
         let pairs = shown.iter().zip(independent.iter());
-        pairs.map(|(shown, own)| (shown / own).sqrt()).collect()
+        pairs
+            .map(|(shown, independent)| (shown / independent).sqrt())
+            .collect()
     }
 
     /// Whether sides lie farther from their lines than their own straightness explains.
     pub(crate) fn planes_contradict(&self) -> bool {
-        self.between_plane_variance_ratio > WORTH_TELLING
+        self.between_plane_variance_ratio > NOTABLE_RATIO
     }
 
     pub(crate) fn warnings(
@@ -79,13 +81,13 @@ impl ResidualCorrelation {
                 held: free.held().into_iter().map(Into::into).collect(),
             });
         }
-        let most = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
-        let Some(worst) = (0..factors.len()).max_by(most) else {
+        let by_factor = |a: &usize, b: &usize| factors[*a].total_cmp(&factors[*b]);
+        let Some(worst) = (0..factors.len()).max_by(by_factor) else {
             return warnings;
         };
         // Planes that contradict each other raise all standard deviations at least as much.
-        let least = self.between_plane_variance_ratio.max(WORTH_TELLING);
-        if self.group_variance_ratio > least {
+        let min_ratio = self.between_plane_variance_ratio.max(NOTABLE_RATIO);
+        if self.group_variance_ratio > min_ratio {
             warnings.push(Warning::PlanesVary {
                 factor: self.group_variance_ratio.sqrt(),
                 one_picture,
@@ -97,13 +99,13 @@ impl ResidualCorrelation {
         if !(factor > NOTABLE_FACTOR) {
             return warnings;
         }
-        let risen = largest(&self.heights).filter(|it| it.1 > 0.0);
-        let displaced = largest(&self.displacements).filter(|_| self.is_likely());
-        if let Some((plane, _)) = risen.or(displaced) {
+        let highest = largest(&self.heights).filter(|entry| entry.1 > 0.0);
+        let most_displaced = largest(&self.displacements).filter(|_| self.is_likely());
+        if let Some((plane, _)) = highest.or(most_displaced) {
             warnings.push(Warning::SidesErrTogether {
                 plane,
                 displacement: self.displacements[plane],
-                height: risen.map(|it| it.1),
+                height: highest.map(|entry| entry.1),
                 parameter: parameter.into(),
                 factor,
                 known_to: None,
@@ -121,44 +123,44 @@ fn largest(values: &[f64]) -> Option<(usize, f64)> {
 
 /// Returns the planes with the samples of each weighted by its own noise; `None` if all have the
 /// same noise.
-pub(crate) fn weighed_by_noise(
+pub(crate) fn weighted_by_noise(
     planes: &[ObservedPlane],
     noise: &Noise,
 ) -> Option<Vec<ObservedPlane>> {
-    let differs = noise.planes.iter().any(|own| {
-        let deviation = (own.scale / noise.scale).ln().abs();
-        deviation > DIFFERENT * LOG_SCALE_STD / own.freedom.max(1.0).sqrt()
+    let is_different = noise.planes.iter().any(|plane_noise| {
+        let deviation = (plane_noise.scale / noise.scale).ln().abs();
+        deviation > DIFFERENT * LOG_SCALE_STD / plane_noise.freedom.max(1.0).sqrt()
     });
-    differs.then(|| {
-        let mut weighed = planes.to_vec();
-        for (plane, own) in weighed.iter_mut().zip(&noise.planes) {
-            plane.weigh(noise.scale / own.scale);
+    is_different.then(|| {
+        let mut weighted = planes.to_vec();
+        for (plane, plane_noise) in weighted.iter_mut().zip(&noise.planes) {
+            plane.scale_weights(noise.scale / plane_noise.scale);
         }
-        weighed
+        weighted
     })
 }
 
 /// Returns the part of the covariance from every plane: from its noise, with weights for white
 /// noise, and from its sides' displacements.
-fn parts(
+fn plane_parts(
     (system, noise): (&ArrowSystem, f64),
     units: &[DMatrix<f64>],
     variances: &[f64],
 ) -> Option<Vec<DMatrix<f64>>> {
     let inverse = system.reduced_information()?.cholesky()?.inverse();
-    let own = system.contributions()?.into_iter();
-    let mut parts: Vec<DMatrix<f64>> = own
-        .map(|own| &inverse * own.information * &inverse * noise)
+    let contribution = system.contributions()?.into_iter();
+    let mut plane_parts: Vec<DMatrix<f64>> = contribution
+        .map(|contribution| &inverse * contribution.information * &inverse * noise)
         .collect();
-    for (part, (unit, variance)) in parts.iter_mut().zip(units.iter().zip(variances)) {
+    for (part, (unit, variance)) in plane_parts.iter_mut().zip(units.iter().zip(variances)) {
         *part += unit * *variance;
     }
-    Some(parts)
+    Some(plane_parts)
 }
 
 /// Returns the part of a covariance from the errors of the pictures' tone curves, for planes whose
 /// optimum assumes that there are none.
-fn drifted<L: Lens>(
+fn tone_drift_covariance<L: Lens>(
     (planes, free): (&[ObservedPlane], &FreeParameters),
     refined: &Refined<L>,
     (noise, white): (&Noise, f64),
@@ -175,16 +177,23 @@ fn drifted<L: Lens>(
         plane.remove_tone_drift(SMALL_DRIFT);
     }
     let errors = residuals(&displaced, &refined.view)?;
-    let moved = Noise::of(&displaced, &errors, noise.summed_at);
-    let errors = SideErrors::gather(&displaced, (free, None), &refined.view, &moved, white)?;
-    let moved = errors.marginal(&strength.mean)?.contributions()?;
+    let drifted_noise = Noise::of(&displaced, &errors, noise.moment_scale);
+    let errors = SideErrors::gather(
+        &displaced,
+        (free, None),
+        &refined.view,
+        &drifted_noise,
+        white,
+    )?;
+    let drifted = errors.marginal(&strength.mean)?.contributions()?;
     let inverse = system.reduced_information()?.cholesky()?.inverse();
     let mut pictures = BTreeMap::<usize, DVector<f64>>::new();
-    for ((plane, moved), own) in planes.iter().zip(moved).zip(system.contributions()?) {
+    for ((plane, drifted), contribution) in planes.iter().zip(drifted).zip(system.contributions()?)
+    {
         let sum = pictures
             .entry(plane.image)
             .or_insert_with(|| DVector::zeros(size));
-        *sum += (moved.gradient - own.gradient) / SMALL_DRIFT;
+        *sum += (drifted.gradient - contribution.gradient) / SMALL_DRIFT;
     }
     for gradient in pictures.values() {
         let influence = &inverse * gradient;
@@ -215,36 +224,45 @@ pub(crate) fn correlated_covariance<L: Lens>(
         false => None,
     };
     let generalised = match generalised {
-        Some(own) => {
-            Some(own + drifted((planes, free), refined, (noise, white), &strength, &system)?)
-        }
+        Some(generalised) => Some(
+            generalised
+                + tone_drift_covariance(
+                    (planes, free),
+                    refined,
+                    (noise, white),
+                    &strength,
+                    &system,
+                )?,
+        ),
         None => None,
     };
     let units = match generalised {
         Some(_) => Vec::new(),
         None => errors.unit_covariances()?,
     };
-    let mut as_stated = generalised.as_ref().unwrap_or(&independent).clone();
+    let mut stated = generalised.as_ref().unwrap_or(&independent).clone();
     let mut known = DMatrix::zeros(free.len(), free.len());
     for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
-        as_stated += unit * *variance;
-        known += unit * (variance_of(plane.side_error) - variance).max(0.0);
+        stated += unit * *variance;
+        known += unit * (displacement_variance(plane.side_error) - variance).max(0.0);
     }
-    as_stated += &known;
+    stated += &known;
     let fitted = match generalised {
         Some(_) => (&system, 1.0),
         None => (&refined.system.leading(free.len()), white),
     };
-    let parts = parts(fitted, &units, &strength.mean)?;
-    let spread = spread_of_planes(planes, fitted.0, &parts, &as_stated);
-    let group_variance_ratio = spread.as_ref().map_or(1.0, |it| it.variance_ratio.max(1.0));
+    let plane_parts = plane_parts(fitted, &units, &strength.mean)?;
+    let spread = spread_of_planes(planes, fitted.0, &plane_parts, &stated);
+    let group_variance_ratio = spread
+        .as_ref()
+        .map_or(1.0, |spread| spread.variance_ratio.max(1.0));
     // Displaced sides need not displace the camera that a group determines.
-    let raised = match spread {
+    let variance_factor = match spread {
         Some(spread) if spread.is_enough => group_variance_ratio,
         _ => group_variance_ratio.max(between_plane_variance_ratio),
     };
-    let total = as_stated * raised;
-    let displacements = strength.if_any().into_iter();
+    let total = stated * variance_factor;
+    let displacements = strength.mean_if_any().into_iter();
     let residual_correlation = ResidualCorrelation {
         between_plane_variance_ratio,
         line_displacement: misfit.displacement(),
@@ -262,7 +280,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let focal = refined.view.lens.focal().x;
     Some(Correlated {
         covariance: total,
-        known: known * raised,
+        known: known * variance_factor,
         disagreement: disagreement(&system, free, focal, 1.0),
         residual_correlation,
     })

@@ -41,8 +41,8 @@ pub(crate) fn check_plane_equations(
     free: &FreeParameters,
 ) -> Result<(), Error> {
     check_plane_count(planes.len(), free)?;
-    let names = free_of_matrix(free);
-    let equations: usize = planes.iter().map(ObservedPlane::equations).sum();
+    let names = free_matrix_names(free);
+    let equations: usize = planes.iter().map(ObservedPlane::equation_count).sum();
     let related = planes.iter().any(|plane| !plane.relations.is_empty());
     if equations >= names.len() || related {
         return Ok(());
@@ -57,7 +57,7 @@ pub(crate) fn check_plane_equations(
     })
 }
 
-fn free_of_matrix(free: &FreeParameters) -> Vec<&'static str> {
+fn free_matrix_names(free: &FreeParameters) -> Vec<&'static str> {
     let names = free.names().into_iter();
     names.filter(|name| MATRIX.contains(name)).collect()
 }
@@ -67,7 +67,7 @@ fn free_of_matrix(free: &FreeParameters) -> Vec<&'static str> {
 /// # Errors
 /// [`Error::NotEnoughPlanes`].
 pub(crate) fn check_plane_count(found: usize, free: &FreeParameters) -> Result<(), Error> {
-    let names = free_of_matrix(free);
+    let names = free_matrix_names(free);
     let needed = names.len().div_ceil(2).max(1);
     if found < needed {
         return Err(Error::NotEnoughPlanes {

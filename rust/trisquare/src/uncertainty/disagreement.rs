@@ -40,15 +40,15 @@ pub(crate) fn disagreement(
     let inverse = total.clone().cholesky()?.inverse();
     // The optimum is only reached to the iteration's tolerance: the remaining total gradient does
     // not belong to any plane.
-    let left = contributions
+    let remaining_step = contributions
         .iter()
         .map(|part| &part.gradient)
         .sum::<DVector<f64>>();
-    let left = &inverse * (left + &system.prior_gradient);
+    let remaining_step = &inverse * (remaining_step + &system.prior_gradient);
     let mut worst: Option<(Disagreement, DVector<f64>)> = None;
     for (plane, part) in contributions.iter().enumerate() {
         let information = &part.information;
-        let gradient = &part.gradient - information * &left;
+        let gradient = &part.gradient - information * &remaining_step;
         let spread = information - information * &inverse * information;
         let Some((square, rank)) = mahalanobis(&spread, &gradient) else {
             continue;
@@ -59,13 +59,13 @@ pub(crate) fn disagreement(
             continue;
         };
         let change = rest.solve(&gradient);
-        let moved = ["fx", "fy", "cx", "cy"]
+        let largest_change = ["fx", "fy", "cx", "cy"]
             .iter()
             .filter_map(|name| free.position(name))
             .map(|i| (change[i] / focal).abs())
             .fold(0.0f64, f64::max);
         if sigmas > DISAGREEMENT
-            && moved > CONSEQUENCE
+            && largest_change > CONSEQUENCE
             && worst.as_ref().is_none_or(|(w, _)| sigmas > w.sigmas)
         {
             let found = Disagreement {

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, Vector2};
 
 use super::comparison::compare_projections;
-use super::conditioning::largest_std;
+use super::conditioning::max_std;
 use super::projection::ProjectionUncertainty;
 use crate::image_size::ImageSize;
 use crate::lens::{Lens, MATRIX};
@@ -40,7 +40,7 @@ pub(crate) fn unlikely_camera<L: Lens>(
         });
         warnings.push(Warning::PixelsNotSquare { ratio, std, held });
     }
-    if let Some((distance, std)) = off_centre(found)
+    if let Some((distance, std)) = centre_offset(found)
         && distance > CENTRE_TOLERANCE * found.image_size.width as f64 + EVIDENT * std
     {
         let held = held(Fixed {
@@ -73,7 +73,9 @@ const MIN_UNKNOWN: f64 = 0.1;
 
 /// Returns the parameter of the camera matrix that is known worst, its standard deviation, and that
 /// as a fraction of the focal length or of the width, which is named last; `None` if none is free.
-fn known_worst<L: Lens>(found: &Calibration<L>) -> Option<(&'static str, f64, f64, &'static str)> {
+fn worst_known_parameter<L: Lens>(
+    found: &Calibration<L>,
+) -> Option<(&'static str, f64, f64, &'static str)> {
     let focal = found.camera.focal();
     let width = f64::from(found.image_size.width);
     let parts = [
@@ -92,15 +94,15 @@ fn known_worst<L: Lens>(found: &Calibration<L>) -> Option<(&'static str, f64, f6
 /// Returns the largest standard deviation of a focal length, as a fraction of it, or of the
 /// principal point, as a fraction of the width; `None` if none of them is free.
 pub(crate) fn camera_known_to<L: Lens>(found: &Calibration<L>) -> Option<f64> {
-    known_worst(found).map(|(_, _, part, _)| part)
+    worst_known_parameter(found).map(|(_, _, part, _)| part)
 }
 
 /// Warns of a camera that is known worse than the limit at which a geometry is refused, and of a
 /// lens that ends within the picture, or is extrapolated in a part of it.
 pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec<Warning> {
-    let limit = largest_std(fixed);
-    let open = known_worst(found).filter(|(_, _, part, _)| *part > limit);
-    let open = open.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
+    let limit = max_std(fixed);
+    let undetermined = worst_known_parameter(found).filter(|(_, _, part, _)| *part > limit);
+    let undetermined = undetermined.map(|(parameter, std, part, of)| Warning::BarelyDetermined {
         parameter: parameter.into(),
         std,
         part,
@@ -112,7 +114,7 @@ pub(crate) fn poorly_known<L: Lens>(found: &Calibration<L>, fixed: Fixed) -> Vec
     let missing = missing(found);
     let ends = (missing > MIN_MISSING).then_some(Warning::LensEndsInPicture { missing });
     let guess = extrapolated_lens(found);
-    open.into_iter().chain(ends).chain(guess).collect()
+    undetermined.into_iter().chain(ends).chain(guess).collect()
 }
 
 /// Returns the fraction of the picture in which the lens has no inverse.
@@ -125,12 +127,14 @@ fn missing<L: Lens>(found: &Calibration<L>) -> f64 {
     unseen.count() as f64 / f64::from(PLACES * PLACES)
 }
 
-/// Returns the centres of the cells of a grid over a picture, with `along` cells along either side.
-fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
-    let place =
-        move |i: u32, size: u32| f64::from(size) * (f64::from(i) + 0.5) / f64::from(along) - 0.5;
-    (0..along * along).map(move |i| {
-        let (column, row) = (i % along, i / along);
+/// Returns the centres of the cells of a grid over a picture, with `cells_per_side` cells along
+/// either side.
+fn places(size: ImageSize, cells_per_side: u32) -> impl Iterator<Item = Vector2<f64>> {
+    let place = move |i: u32, size: u32| {
+        f64::from(size) * (f64::from(i) + 0.5) / f64::from(cells_per_side) - 0.5
+    };
+    (0..cells_per_side * cells_per_side).map(move |i| {
+        let (column, row) = (i % cells_per_side, i / cells_per_side);
         Vector2::new(place(column, size.width), place(row, size.height))
     })
 }
@@ -140,8 +144,8 @@ fn places(size: ImageSize, along: u32) -> impl Iterator<Item = Vector2<f64>> {
 ///
 /// If the lens ends in the picture, the part beyond does not count: it has its own warning.
 fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
-    let is_of_lens = |name: &&str| !MATRIX.contains(name);
-    if !found.parameters.iter().any(is_of_lens) {
+    let is_lens_parameter = |name: &&str| !MATRIX.contains(name);
+    if !found.parameters.iter().any(is_lens_parameter) {
         return None;
     }
     let limit = KNOWN * f64::from(found.image_size.width);
@@ -172,8 +176,12 @@ fn extrapolated_lens<L: Lens>(found: &Calibration<L>) -> Option<Warning> {
 
 /// Adds a missing part to the covariance of a camera, and renews the warnings of how well it is
 /// known.
-pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed: Fixed) {
-    found.covariance += by;
+pub(crate) fn widen<L: Lens>(
+    found: &mut Calibration<L>,
+    missing_covariance: DMatrix<f64>,
+    fixed: Fixed,
+) {
+    found.covariance += missing_covariance;
     found.warnings.retain(|warning| {
         !matches!(
             warning,
@@ -191,25 +199,26 @@ pub(crate) fn widen<L: Lens>(found: &mut Calibration<L>, by: DMatrix<f64>, fixed
 fn aspect<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
     let [x, y] = [found.position("fx")?, found.position("fy")?];
     let focal = found.camera.focal();
-    let by = Vector2::new(-focal.y / focal.x, 1.0) / focal.x;
-    Some((focal.y / focal.x, found.deviation([x, y], by)))
+    let derivative = Vector2::new(-focal.y / focal.x, 1.0) / focal.x;
+    Some((focal.y / focal.x, found.deviation([x, y], derivative)))
 }
 
 /// Returns the distance of the principal point from the centre and its standard deviation, if it is
 /// free.
-fn off_centre<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
+fn centre_offset<L: Lens>(found: &Calibration<L>) -> Option<(f64, f64)> {
     let [x, y] = [found.position("cx")?, found.position("cy")?];
-    let away = found.camera.principal_point() - found.image_size.centre();
-    let by = away.try_normalize(f64::MIN_POSITIVE)?;
-    Some((away.norm(), found.deviation([x, y], by)))
+    let offset = found.camera.principal_point() - found.image_size.centre();
+    let derivative = offset.try_normalize(f64::MIN_POSITIVE)?;
+    Some((offset.norm(), found.deviation([x, y], derivative)))
 }
 
 impl<L: Lens> Calibration<L> {
     /// Returns the standard deviation of a function of two parameters with these derivatives.
-    fn deviation(&self, [i, j]: [usize; 2], by: Vector2<f64>) -> f64 {
+    fn deviation(&self, [i, j]: [usize; 2], derivative: Vector2<f64>) -> f64 {
         let c = &self.covariance;
-        let variance =
-            by.x * by.x * c[(i, i)] + 2.0 * by.x * by.y * c[(i, j)] + by.y * by.y * c[(j, j)];
+        let variance = derivative.x * derivative.x * c[(i, i)]
+            + 2.0 * derivative.x * derivative.y * c[(i, j)]
+            + derivative.y * derivative.y * c[(j, j)];
         variance.max(0.0).sqrt()
     }
 }

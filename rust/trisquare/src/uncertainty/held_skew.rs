@@ -31,8 +31,8 @@ pub(crate) fn held_skew<L: Lens>(
 ) -> Option<Warning> {
     let held = options.fixed;
     // If something else is held, a skew would compensate for its error.
-    let alone = !(held.focal || held.principal_point || held.distortion);
-    if !(held.skew && alone) || L::skew_column().is_none() {
+    let is_rest_free = !(held.focal || held.principal_point || held.distortion);
+    if !(held.skew && is_rest_free) || L::skew_column().is_none() {
         return None;
     }
     let fixed = Fixed {
@@ -41,13 +41,13 @@ pub(crate) fn held_skew<L: Lens>(
     };
     let free = Options { fixed, ..*options }.free_parameters();
     let first: Vec<_> = planes.iter().map(|p| p.subsampled(FIRST_SAMPLES)).collect();
-    if deviations(&first, refined, &free)? < POSSIBLE
-        || deviations(planes, refined, &free)? < EVIDENT
+    if skew_deviations(&first, refined, &free)? < POSSIBLE
+        || skew_deviations(planes, refined, &free)? < EVIDENT
     {
         return None;
     }
     let found = freed(fixed)?;
-    if found.warnings.iter().any(is_of_a_target) {
+    if found.warnings.iter().any(is_target_warning) {
         return None;
     }
     let (skew, std) = (found.camera.skew(), found.std_of(SKEW)?);
@@ -60,7 +60,7 @@ pub(crate) fn held_skew<L: Lens>(
 }
 
 /// Whether a warning is about a target, whose error a skew would only compensate for.
-fn is_of_a_target(warning: &Warning) -> bool {
+fn is_target_warning(warning: &Warning) -> bool {
     use Warning::{PlaneRejected, PlanesContradict, SideRejected};
     matches!(
         warning,
@@ -70,7 +70,7 @@ fn is_of_a_target(warning: &Warning) -> bool {
 
 /// Returns the skew after one step of all parameters from an optimum, in its standard deviations;
 /// `None` if it is not determined.
-fn deviations<L: Lens>(
+fn skew_deviations<L: Lens>(
     planes: &[ObservedPlane],
     optimum: &Refined<L>,
     free: &FreeParameters,

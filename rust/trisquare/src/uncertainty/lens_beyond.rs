@@ -54,7 +54,7 @@ pub(crate) enum LensVerdict {
     /// Fields explain a part of the residuals.
     Unclear {
         /// Whether they do so clearly.
-        asked: bool,
+        is_evident: bool,
     },
 }
 
@@ -86,7 +86,7 @@ pub(crate) fn beyond_lens<L: Lens>(
     let deviations = [false, true].map(|any| PictureFields::deviations(free, any));
     let mut flat = gather(planes)?;
     if !flat.has_board_relief() {
-        flat.hold_fields(&deviations[1]);
+        flat.set_field_priors(&deviations[1]);
         let system = flat.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.freeing_gain(FIELDS)?;
         if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
@@ -103,34 +103,39 @@ pub(crate) fn beyond_lens<L: Lens>(
     let mut errors = gather(&planes)?;
     let [bent, beyond] = Explanation::bent(&mut errors, deviations)?;
     let misshapen = Explanation::misshapen(&mut flat, deviations[0]);
-    let shapes = misshapen.as_ref().map_or(f64::INFINITY, |it| it.criterion);
-    if bent.relief > NEARLY_FLAT && bent.criterion + CLEARLY < beyond.flat.min(shapes) {
+    let misshapen_criterion = misshapen
+        .as_ref()
+        .map_or(f64::INFINITY, |explanation| explanation.criterion);
+    if bent.relief > NEARLY_FLAT && bent.criterion + CLEARLY < beyond.flat.min(misshapen_criterion)
+    {
         return Some(LensVerdict::NotFlat);
     }
-    if beyond.criterion + CLEARLY < bent.criterion.min(shapes) {
-        let needs_relief = beyond.flat + CLEARLY >= bent.criterion.min(shapes);
+    if beyond.criterion + CLEARLY < bent.criterion.min(misshapen_criterion) {
+        let needs_relief = beyond.flat + CLEARLY >= bent.criterion.min(misshapen_criterion);
         return Some(match beyond.relief > FLAT && needs_relief {
-            true => LensVerdict::Unclear { asked: true },
+            true => LensVerdict::Unclear { is_evident: true },
             false => LensVerdict::Beyond(beyond.change(&mut errors, free)?),
         });
     }
-    if let Some(misshapen) = misshapen.filter(|it| it.criterion + CLEARLY < bent.flat) {
-        let as_well = beyond.flat < shapes + CLEARLY;
+    if let Some(misshapen) =
+        misshapen.filter(|explanation| explanation.criterion + CLEARLY < bent.flat)
+    {
+        let is_lens_off = beyond.flat < misshapen_criterion + CLEARLY;
         return Some(LensVerdict::NoSquares(NoSquares {
             change: misshapen.change(&mut flat, free)?,
             covariance: misshapen.covariance(&mut flat, free)?,
             displacement: misshapen.line_variance.sqrt(),
-            lens: match as_well {
+            lens: match is_lens_off {
                 true => Some(beyond.change(&mut errors, free)?),
                 false => None,
             },
         }));
     }
-    if beyond.flat + CLEARLY < bent.flat && beyond.flat < bent.criterion.min(shapes) {
+    if beyond.flat + CLEARLY < bent.flat && beyond.flat < bent.criterion.min(misshapen_criterion) {
         return Some(LensVerdict::Likely(beyond.change(&mut errors, free)?));
     }
     Some(match bent.relief > NEARLY_FLAT {
-        true => LensVerdict::Unclear { asked: false },
+        true => LensVerdict::Unclear { is_evident: false },
         false => LensVerdict::Held,
     })
 }
@@ -154,32 +159,32 @@ struct Explanation {
 impl Explanation {
     /// Explanations by bent or flat planes, with fields of either strength.
     fn bent(errors: &mut SideErrors, fields: [[f64; FIELDS]; 2]) -> Option<[Self; 2]> {
-        let under = |relief| {
+        let assumptions = |relief| {
             fields
                 .each_ref()
                 .map(|fields| Assumption { relief, fields })
         };
-        let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(under).collect();
+        let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(assumptions).collect();
         let found = errors.likeliest_under(&tried, None);
-        let mut likeliest = |own: usize| {
-            let (_, flat) = found[own]?; // FLAT comes first
-            let found = found.iter().skip(own).step_by(fields.len());
+        let mut likeliest = |index: usize| {
+            let (_, flat) = found[index]?; // FLAT comes first
+            let found = found.iter().skip(index).step_by(fields.len());
             let criteria = RELIEFS.into_iter().zip(found);
             let criteria = criteria.filter_map(|(relief, found)| Some((relief, (*found)?)));
             let by_criterion =
                 |a: &(f64, (f64, f64)), b: &(f64, (f64, f64))| a.1.1.total_cmp(&b.1.1);
             let (relief, common) = criteria.min_by(by_criterion)?;
-            let fields = fields[own];
-            errors.hold_fields(&fields);
-            errors.set_relief(relief);
+            let fields = fields[index];
+            errors.set_field_priors(&fields);
+            errors.set_relief_variance(relief);
             let (variances, criterion) = errors.likeliest(common)?;
             Some(Self {
                 fields,
                 relief,
                 line_variance: 0.0,
                 variances,
-                criterion: criterion + norm(&fields),
-                flat: flat + norm(&fields),
+                criterion: criterion + prior_norm(&fields),
+                flat: flat + prior_norm(&fields),
             })
         };
         Some([likeliest(0)?, likeliest(1)?])
@@ -192,22 +197,22 @@ impl Explanation {
             fields: &fields,
         };
         let tried = LINES.iter().filter_map(|line_variance| {
-            errors.set_lines(*line_variance).then_some(())?;
+            errors.set_line_variance(*line_variance).then_some(())?;
             let (variance, criterion) = errors.likeliest_under(&[flat], None)[0]?;
-            Some((*line_variance, variance, criterion + norm(&fields)))
+            Some((*line_variance, variance, criterion + prior_norm(&fields)))
         });
         let tried: Vec<(f64, f64, f64)> = tried.collect();
-        errors.set_lines(0.0);
+        errors.set_line_variance(0.0);
         let by_criterion = |a: &usize, b: &usize| tried[*a].2.total_cmp(&tried[*b].2);
         let likeliest = (0..tried.len()).min_by(by_criterion)?;
-        let (at, variance, criterion) = tried[likeliest];
+        let (best_variance, variance, criterion) = tried[likeliest];
         // Between the variances tried, the criterion is interpolated by a parabola over their
         // logarithms.
-        let around = likeliest.checked_sub(1).zip(tried.get(likeliest + 1));
-        let line_variance = around.map_or(at, |(before, after)| {
+        let neighbours = likeliest.checked_sub(1).zip(tried.get(likeliest + 1));
+        let line_variance = neighbours.map_or(best_variance, |(before, after)| {
             let [before, after] = [tried[before].2, after.2].map(|other| other - criterion);
             let curvature = (before + after).max(f64::MIN_POSITIVE);
-            at * LINES_RATIO.powf(0.5 * (before - after) / curvature)
+            best_variance * LINES_RATIO.powf(0.5 * (before - after) / curvature)
         });
         Some(Self {
             fields,
@@ -234,15 +239,15 @@ impl Explanation {
 
     /// Returns the normal equations under this explanation.
     fn system(&self, errors: &mut SideErrors) -> Option<ArrowSystem> {
-        errors.hold_fields(&self.fields);
-        errors.set_relief(self.relief);
-        errors.set_lines(self.line_variance);
+        errors.set_field_priors(&self.fields);
+        errors.set_relief_variance(self.relief);
+        errors.set_line_variance(self.line_variance);
         errors.marginal(&self.variances)
     }
 }
 
 /// Normalisation of the fields' prior, as those of the relief and of the sides have it.
-fn norm(fields: &[f64]) -> f64 {
+fn prior_norm(fields: &[f64]) -> f64 {
     fields.iter().map(|std| 2.0 * std.ln()).sum()
 }
 
@@ -256,7 +261,7 @@ impl<L: Lens> Calibration<L> {
         certain: bool,
         held: Vec<&'static str>,
     ) -> Option<Warning> {
-        let (parameter, factor) = self.raise(&(change * change.transpose()))?;
+        let (parameter, factor) = self.add_doubt(&(change * change.transpose()))?;
         Some(Warning::LensBeyondModel {
             certain,
             parameter: parameter.into(),
@@ -273,7 +278,7 @@ impl<L: Lens> Calibration<L> {
         free: &FreeParameters,
     ) -> Option<Warning> {
         let doubt = &found.covariance + &found.change * found.change.transpose();
-        let (parameter, factor) = self.raise(&doubt)?;
+        let (parameter, factor) = self.add_doubt(&doubt)?;
         Some(Warning::NoSquares {
             displacement: found.displacement,
             parameter: parameter.into(),
@@ -284,15 +289,15 @@ impl<L: Lens> Calibration<L> {
 
     /// Adds `doubt` to the covariance; returns the parameter whose standard deviation grows most,
     /// and its factor.
-    fn raise(&mut self, doubt: &DMatrix<f64>) -> Option<(&'static str, f64)> {
-        let (added, own) = (doubt.diagonal(), self.covariance.diagonal());
-        let factors = added.iter().zip(&own);
-        let factors = factors.map(|(added, own)| (1.0 + added / own).sqrt());
+    fn add_doubt(&mut self, doubt: &DMatrix<f64>) -> Option<(&'static str, f64)> {
+        let (added, variances) = (doubt.diagonal(), self.covariance.diagonal());
+        let factors = added.iter().zip(&variances);
+        let factors = factors.map(|(added, variance)| (1.0 + added / variance).sqrt());
         let names = self.parameters.iter().copied();
-        let most = names.zip(factors).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let largest = names.zip(factors).max_by(|a, b| a.1.total_cmp(&b.1))?;
         let correlation = &mut self.residual_correlation;
         self.covariance += doubt;
         correlation.added += doubt;
-        Some(most)
+        Some(largest)
     }
 }

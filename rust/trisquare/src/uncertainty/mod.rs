@@ -22,7 +22,7 @@ pub(crate) use assumed_centre::assumed_centre;
 pub use comparison::{DifferenceTest, ProjectionDifference, compare_projections};
 pub(crate) use conditioning::{Conditioning, judged_parameters};
 pub(crate) use contradicted_relations::contradicted_relations;
-pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighed_by_noise};
+pub(crate) use correlated_residuals::{Correlated, correlated_covariance, weighted_by_noise};
 pub(crate) use covariance::{check_plane_count, check_plane_equations, covariance};
 pub(crate) use disagreement::disagreement;
 pub(crate) use expectations::{camera_known_to, poorly_known, unlikely_camera, widen};

@@ -35,11 +35,13 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
             true => across / sine,
             false => planes[0].0.rotation.column(0).into_owned(),
         };
-        let about = Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0);
-        let [one, other] = planes.map(|(_, uncertainty)| uncertainty);
-        let by_camera = (self.pose_by_free(other)? - self.pose_by_free(one)?).tr_mul(&about);
-        let given_camera = one.given_camera + other.given_camera;
-        let variance = about.dot(&(given_camera * about))
+        let axis_rotation = Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0);
+        let [first_uncertainty, second_uncertainty] = planes.map(|(_, uncertainty)| uncertainty);
+        let by_camera = (self.pose_by_free(second_uncertainty)?
+            - self.pose_by_free(first_uncertainty)?)
+        .tr_mul(&axis_rotation);
+        let given_camera = first_uncertainty.given_camera + second_uncertainty.given_camera;
+        let variance = axis_rotation.dot(&(given_camera * axis_rotation))
             + by_camera.dot(&(self.free().covariance() * &by_camera));
         let angle = sine.atan2(first.dot(&second));
         if !(angle.is_finite() && variance.is_finite()) {

@@ -42,8 +42,11 @@ pub fn points_on_plane<L: Lens>(
     pose: &Pose,
     pixels: &[Vector2<f64>],
 ) -> Result<Vec<Vector2<f64>>, Error> {
-    let met = meet(lens, pose, pixels)?;
-    Ok(met.iter().map(|met| met.point).collect())
+    let intersections = intersect(lens, pose, pixels)?;
+    Ok(intersections
+        .iter()
+        .map(|intersection| intersection.point)
+        .collect())
 }
 
 /// Intersects the rays of pixels with a plane.
@@ -51,7 +54,11 @@ pub fn points_on_plane<L: Lens>(
 /// The direction `d` of a pixel meets the plane at `lambda d = R (p, 0) + t`. A change of the point
 /// of the plane by `s` in camera coordinates, or of the direction by `-s / lambda`, moves `p` so
 /// that `[r1 r2 -d] (dp, dlambda) = -s`; a rotation vector `w` gives `s = w x R (p, 0)`.
-fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<PlanePoint>, Error> {
+fn intersect<L: Lens>(
+    lens: &L,
+    pose: &Pose,
+    pixels: &[Vector2<f64>],
+) -> Result<Vec<PlanePoint>, Error> {
     let mut numbers = pose.rotation.iter().chain(pose.translation.iter());
     if !numbers.all(|v| v.is_finite()) {
         return Err(Error::NotFinite { what: "the pose" });
@@ -59,17 +66,17 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
     let rays = of_all(lens, pixels, |pixel| lens.unproject_with_jacobian(pixel))?;
     let normal = pose.normal();
     let distance = normal.dot(&pose.translation);
-    let meet = |(index, (ray, pixel)): (usize, (&L::PixelRay, &Vector2<f64>))| {
+    let intersect = |(index, (ray, pixel)): (usize, (&L::PixelRay, &Vector2<f64>))| {
         let direction = lens.direction(ray);
-        let towards = normal.dot(&direction);
+        let normal_part = normal.dot(&direction);
         // A ray meets the plane ahead of the camera if it points to the plane's side.
-        if !(distance.signum() * towards > GRAZING * direction.norm()) {
+        if !(distance.signum() * normal_part > GRAZING * direction.norm()) {
             return Err(Error::InvalidArgument(format!(
                 "point {index}, ({}, {}), is at or beyond the plane's horizon",
                 pixel.x, pixel.y
             )));
         }
-        let depth = distance / towards;
+        let depth = distance / normal_part;
         let arm = direction * depth - pose.translation;
         let point = (pose.rotation.transpose() * arm).xy();
         if !point.iter().all(|v| v.is_finite()) {
@@ -95,7 +102,7 @@ fn meet<L: Lens>(lens: &L, pose: &Pose, pixels: &[Vector2<f64>]) -> Result<Vec<P
             by_lens: lens.projection_jacobian(ray),
         })
     };
-    rays.iter().zip(pixels).enumerate().map(meet).collect()
+    rays.iter().zip(pixels).enumerate().map(intersect).collect()
 }
 
 impl<L: Lens> ProjectionUncertainty<'_, L> {
@@ -122,22 +129,27 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
             )));
         }
         let pose_by_free = self.pose_by_free(uncertainty)?;
-        let met = meet(self.camera(), pose, pixels)?;
-        let (rows, variance) = (2 * met.len(), pixel_std * pixel_std);
+        let intersections = intersect(self.camera(), pose, pixels)?;
+        let (rows, variance) = (2 * intersections.len(), pixel_std * pixel_std);
         let mut covariance = DMatrix::zeros(rows, rows);
         let mut by_pose = DMatrix::zeros(rows, 6);
         let mut by_camera = DMatrix::zeros(rows, self.free().len());
-        for (i, met) in met.iter().enumerate() {
-            let own = met.by_pixel * met.by_pixel.transpose() * variance;
+        for (i, intersection) in intersections.iter().enumerate() {
+            let pixel_covariance =
+                intersection.by_pixel * intersection.by_pixel.transpose() * variance;
             covariance
                 .fixed_view_mut::<2, 2>(2 * i, 2 * i)
-                .copy_from(&own);
-            by_pose.fixed_rows_mut::<2>(2 * i).copy_from(&met.by_pose);
+                .copy_from(&pixel_covariance);
+            by_pose
+                .fixed_rows_mut::<2>(2 * i)
+                .copy_from(&intersection.by_pose);
             // If a parameter moves the pixel of a fixed ray forward, it moves the ray of a fixed
             // pixel back.
-            let moved = met.by_pixel * self.free().of(&met.by_lens);
-            let followed = met.by_pose * &pose_by_free;
-            by_camera.rows_mut(2 * i, 2).copy_from(&(followed - moved));
+            let ray_change = intersection.by_pixel * self.free().of(&intersection.by_lens);
+            let pose_change = intersection.by_pose * &pose_by_free;
+            by_camera
+                .rows_mut(2 * i, 2)
+                .copy_from(&(pose_change - ray_change));
         }
         covariance += &by_pose * uncertainty.given_camera * by_pose.transpose();
         covariance += &by_camera * self.free().covariance() * by_camera.transpose();
@@ -146,7 +158,13 @@ impl<L: Lens> ProjectionUncertainty<'_, L> {
                 what: "the covariance of points of a plane",
             });
         }
-        Ok((met.iter().map(|met| met.point).collect(), covariance))
+        Ok((
+            intersections
+                .iter()
+                .map(|intersection| intersection.point)
+                .collect(),
+            covariance,
+        ))
     }
 }
 
@@ -173,13 +191,13 @@ mod tests {
         let (camera, pose) = (camera(), pose());
         let point = Vector2::new(0.4, -0.7);
         let pixel = camera.project(&pose.transform(&point)).unwrap();
-        let met = &meet(&camera, &pose, &[pixel]).unwrap()[0];
-        assert!((met.point - point).norm() < 1e-12);
+        let intersection = &intersect(&camera, &pose, &[pixel]).unwrap()[0];
+        assert!((intersection.point - point).norm() < 1e-12);
         let at = |pose: &Pose, pixel| points_on_plane(&camera, pose, &[pixel]).unwrap()[0];
         for axis in 0..2 {
             let step = Vector2::ith(axis, 1e-3);
             let numeric = (at(&pose, pixel + step) - at(&pose, pixel - step)) / 2e-3;
-            assert!((numeric - met.by_pixel.column(axis)).norm() < 1e-9);
+            assert!((numeric - intersection.by_pixel.column(axis)).norm() < 1e-9);
         }
         for i in 0..6 {
             let by = |size: f64| {
@@ -188,7 +206,10 @@ mod tests {
                 at(&pose.moved(&turn.into_owned(), &shift.into_owned()), pixel)
             };
             let numeric = (by(1e-6) - by(-1e-6)) / 2e-6;
-            assert!((numeric - met.by_pose.column(i)).norm() < 1e-8, "{i}");
+            assert!(
+                (numeric - intersection.by_pose.column(i)).norm() < 1e-8,
+                "{i}"
+            );
         }
     }
 

@@ -53,20 +53,20 @@ pub(crate) fn spread_of_planes(
     let stated = total.clone().cholesky()?;
     // The optimum is only reached to the iteration's tolerance.
     let gradients = contributions.iter().map(|part| &part.gradient);
-    let left = &inverse * (gradients.sum::<DVector<f64>>() + &system.prior_gradient);
-    let (mut found, mut expected, mut square) = (0.0, 0.0, 0.0);
+    let remaining_step = &inverse * (gradients.sum::<DVector<f64>>() + &system.prior_gradient);
+    let (mut scatter, mut expected, mut square) = (0.0, 0.0, 0.0);
     for group in &groups {
         let size = total.nrows();
         let mut information = DMatrix::zeros(size, size);
         let (mut gradient, mut part) = (DVector::zeros(size), DMatrix::zeros(size, size));
         for plane in group {
-            let own = &contributions[*plane];
-            information += &own.information;
-            gradient += &own.gradient - &own.information * &left;
+            let contribution = &contributions[*plane];
+            information += &contribution.information;
+            gradient += &contribution.gradient - &contribution.information * &remaining_step;
             part += &parts[*plane];
         }
         let influence = &inverse * gradient;
-        found += influence.dot(&stated.solve(&influence));
+        scatter += influence.dot(&stated.solve(&influence));
         let share = &inverse * information;
         let taken = &share * &part;
         let remains = part - &taken - taken.transpose() + &share * total * share.transpose();
@@ -75,7 +75,7 @@ pub(crate) fn spread_of_planes(
         square += (&relative * &relative).trace();
     }
     let freedom = expected * expected / square;
-    let ratio = found / expected;
+    let ratio = scatter / expected;
     let chance = chi_square_tail(ratio * freedom, freedom);
     ratio.is_finite().then_some(GroupSpread {
         variance_ratio: if chance < CHANCE { ratio } else { 1.0 },
@@ -86,9 +86,9 @@ pub(crate) fn spread_of_planes(
 /// Returns the planes in groups that share their errors: those of one picture, or, if there is only
 /// one, each plane.
 fn groups_of(planes: &[ObservedPlane]) -> Vec<Vec<usize>> {
-    let counting = (0..planes.len()).filter(|p| !planes[*p].is_outlier());
+    let counted = (0..planes.len()).filter(|p| !planes[*p].is_outlier());
     let mut pictures = std::collections::BTreeMap::<usize, Vec<usize>>::new();
-    for plane in counting {
+    for plane in counted {
         pictures.entry(planes[plane].image).or_default().push(plane);
     }
     match pictures.len() {

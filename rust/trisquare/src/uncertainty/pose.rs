@@ -52,8 +52,8 @@ impl ShapeUncertainty {
             let focal = calibration.camera.focal();
             by_free[fx] += self.by_camera[1] * focal.y / focal.x; // fy follows
         }
-        let by_camera = by_free.dot(&(&calibration.covariance * &by_free));
-        (self.variance + by_camera).sqrt()
+        let camera_variance = by_free.dot(&(&calibration.covariance * &by_free));
+        (self.variance + camera_variance).sqrt()
     }
 }
 
@@ -74,9 +74,9 @@ impl PlaneUncertainty {
                 by_camera: by_camera.fixed_rows::<POSE_PARAMETERS>(0).into_owned(),
             },
             shape: shape
-                .map(|own| ShapeUncertainty {
-                    variance: given_camera[(own, own)],
-                    by_camera: by_camera.row(own).transpose(),
+                .map(|parameter| ShapeUncertainty {
+                    variance: given_camera[(parameter, parameter)],
+                    by_camera: by_camera.row(parameter).transpose(),
                 })
                 .collect(),
         })
@@ -97,46 +97,40 @@ pub(crate) fn pose_uncertainties<L: Lens>(
 ) -> Vec<Option<PlaneUncertainty>> {
     let free = independent.nrows();
     let eliminated = refined.system.eliminated.as_ref();
-    let eliminated = eliminated.map(|own| (own, own.covariance()));
+    let eliminated = eliminated.map(|elimination| (elimination, elimination.covariance()));
     let system = refined.system.leading(free);
     let variance = match (free, system.reduced_information()) {
         (1.., Some(information)) => (information * independent).trace() / free as f64,
         _ => refined.covariance_factor,
     };
     let subsampled = planes.iter().map(|p| p.subsampled(SAMPLES_PER_SIDE));
-    let some: Vec<ObservedPlane> = subsampled.collect();
-    let following = following(&some, refined);
+    let subsampled: Vec<ObservedPlane> = subsampled.collect();
+    let full_system = full_system(&subsampled, refined);
     let ties = system.own_ties();
-    let following_ties = following.as_ref().and_then(ArrowSystem::own_ties);
-    let gradients = some.iter().enumerate();
-    let gradients = gradients.map(|(i, plane)| gradients_of_sides(plane, i, refined));
+    let full_ties = full_system.as_ref().and_then(ArrowSystem::own_ties);
+    let gradients = subsampled.iter().enumerate();
+    let gradients = gradients.map(|(i, plane)| side_gradients(plane, i, refined));
     let gradients: Vec<_> = gradients.collect();
-    let of_plane = |(i, block): (usize, &Block)| {
-        let follows = &following.as_ref()?.blocks[i];
-        let factor = follows.hessian.clone().cholesky()?;
+    let plane_uncertainty = |(i, block): (usize, &Block)| {
+        let full_block = &full_system.as_ref()?.blocks[i];
+        let factor = full_block.hessian.clone().cholesky()?;
         let mut inverse = block.hessian.clone().cholesky()?.inverse();
         if let Some(ties) = &ties {
             inverse -= ties.reduction_between(i, i);
         }
-        let own = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
-        let mut given_camera = inverse.view((0, 0), (own, own)) * variance;
-        for moved in moves_by_sides(
-            i,
-            &factor,
-            following_ties.as_ref(),
-            &gradients,
-            displacements,
-        )? {
-            given_camera += &moved * moved.transpose();
+        let size = factor.l_dirty().nrows(); // the pixels' blocks hold exposures as well
+        let mut given_camera = inverse.view((0, 0), (size, size)) * variance;
+        for response in side_responses(i, &factor, full_ties.as_ref(), &gradients, displacements)? {
+            given_camera += &response * response.transpose();
         }
-        let mut by_camera = -match &following_ties {
-            Some(ties) => factor.solve(&ties.cross(follows)),
-            None => factor.solve(&follows.cross),
+        let mut by_camera = -match &full_ties {
+            Some(ties) => factor.solve(&ties.cross(full_block)),
+            None => factor.solve(&full_block.cross),
         };
         if let Some((eliminated, covariance)) = &eliminated {
-            let mut moves = DMatrix::zeros(own, covariance.nrows());
+            let mut moves = DMatrix::zeros(size, covariance.nrows());
             let mut add = |block, response: DMatrix<f64>| {
-                eliminated.add_derivatives(&mut moves, block, &response.rows(0, own).into_owned());
+                eliminated.add_derivatives(&mut moves, block, &response.rows(0, size).into_owned());
             };
             add(i, -inverse);
             if let Some(ties) = &ties {
@@ -144,50 +138,55 @@ pub(crate) fn pose_uncertainties<L: Lens>(
                 others.for_each(|other| add(other, ties.reduction_between(i, other)));
             }
             given_camera += &moves * covariance * moves.transpose() * variance;
-            let followed = moves * &eliminated.by_kept;
+            let eliminated_response = moves * &eliminated.by_kept;
             for (place, column) in columns.iter().enumerate() {
-                let mut by_own = by_camera.column_mut(*column);
-                by_own += followed.column(place);
+                let mut camera_column = by_camera.column_mut(*column);
+                camera_column += eliminated_response.column(place);
             }
         }
-        let of_shape = refined.view.planes[i].figures[0].parameter_count();
-        PlaneUncertainty::of(&given_camera, &by_camera, of_shape)
+        let shape_parameters = refined.view.planes[i].figures[0].parameter_count();
+        PlaneUncertainty::of(&given_camera, &by_camera, shape_parameters)
     };
-    system.blocks.iter().enumerate().map(of_plane).collect()
+    system
+        .blocks
+        .iter()
+        .enumerate()
+        .map(plane_uncertainty)
+        .collect()
 }
 
 /// Returns the moves of a plane's parameters when each side, one after the other, is displaced by
 /// the error of its plane. Planes that are tied to each other are moved by each other's sides.
-fn moves_by_sides(
+fn side_responses(
     plane: usize,
     factor: &Cholesky<f64, Dyn>,
     ties: Option<&Ties>,
     gradients: &[Option<Vec<DVector<f64>>>],
     displacements: &[f64],
 ) -> Option<Vec<DVector<f64>>> {
-    let mut moves = Vec::new();
+    let mut responses = Vec::new();
     let Some(ties) = ties else {
         for gradient in gradients[plane].as_ref()? {
-            moves.push(factor.solve(gradient) * displacements[plane]);
+            responses.push(factor.solve(gradient) * displacements[plane]);
         }
-        return Some(moves);
+        return Some(responses);
     };
     for (other, gradients) in gradients.iter().enumerate() {
         let between = ties.reduction_between(plane, other);
         for gradient in gradients.as_ref()? {
-            let mut moved = -(&between * gradient);
+            let mut response = -(&between * gradient);
             if other == plane {
-                moved += factor.solve(gradient);
+                response += factor.solve(gradient);
             }
-            moves.push(moved * displacements[other]);
+            responses.push(response * displacements[other]);
         }
     }
-    Some(moves)
+    Some(responses)
 }
 
 /// Returns the gradient, with respect to a plane's own parameters, of each of its sides with all
 /// samples displaced by 1 px.
-fn gradients_of_sides<L: Lens>(
+fn side_gradients<L: Lens>(
     plane: &ObservedPlane,
     index: usize,
     refined: &Refined<L>,
@@ -196,7 +195,7 @@ fn gradients_of_sides<L: Lens>(
     let none = Columns::of(std::iter::empty());
     let mut gradients = Vec::new();
     for (f, side) in plane.sides_by_figure() {
-        let to_scale = side.trust() / refined.scale;
+        let to_scale = side.weight_factor() / refined.scale;
         let mut gradient = DVector::zeros(state.parameter_count());
         for found in state.model_lines(lens, f, side) {
             let (model, range) = found?;
@@ -217,7 +216,7 @@ fn gradients_of_sides<L: Lens>(
 }
 
 /// Returns the normal equations over all of the camera's parameters.
-fn following<L: Lens>(planes: &[ObservedPlane], refined: &Refined<L>) -> Option<ArrowSystem> {
+fn full_system<L: Lens>(planes: &[ObservedPlane], refined: &Refined<L>) -> Option<ArrowSystem> {
     let all = FreeParameters::all::<L>();
     let problem = EdgeProblem::new(planes, &all, refined.scale);
     Some(problem.evaluate(&refined.view)?.1)

@@ -60,10 +60,10 @@ pub(crate) fn add_remedies<L: Lens>(
     }
     let mut remedies = remedies_by_holding(&conditioning.options.fixed, succeeds);
     // Another photograph is better than a principal point that is not known.
-    let guesses = remedies.iter().position(Remedy::is_of_principal_point);
-    let shown = remedy_by_showing(conditioning, ill_conditioning);
-    let before = guesses.unwrap_or(remedies.len());
-    remedies.splice(before..before, shown);
+    let guess_position = remedies.iter().position(Remedy::is_of_principal_point);
+    let scene_remedy = remedy_by_scene(conditioning, ill_conditioning);
+    let insert_position = guess_position.unwrap_or(remedies.len());
+    remedies.splice(insert_position..insert_position, scene_remedy);
     ill_conditioning.remedies = remedies;
 }
 
@@ -83,25 +83,25 @@ fn remedies_by_freeing<L: Lens>(
         principal_point: false,
         ..fixed
     };
-    let of_focal = Remedy::FreeFocal {
+    let free_focal = Remedy::FreeFocal {
         held: pair(lens.focal()),
     };
-    let of_principal_point = Remedy::FreePrincipalPoint {
+    let free_principal_point = Remedy::FreePrincipalPoint {
         held: pair(lens.principal_point()),
     };
-    let tried = tried(&fixed, succeeds);
-    let freed = tried(of_focal, focal).into_iter();
+    let try_remedy = remedy_trial(&fixed, succeeds);
+    let freed = try_remedy(free_focal, focal).into_iter();
     freed
-        .chain(tried(of_principal_point, principal_point))
+        .chain(try_remedy(free_principal_point, principal_point))
         .collect()
 }
 
 /// Returns a remedy if it changes what is held, and a calibration then succeeds.
-fn tried(
-    now: &Fixed,
+fn remedy_trial(
+    current: &Fixed,
     succeeds: impl Fn(Fixed) -> bool,
 ) -> impl Fn(Remedy, Fixed) -> Option<Remedy> {
-    move |remedy, held| (held != *now && succeeds(held)).then_some(remedy)
+    move |remedy, held| (held != *current && succeeds(held)).then_some(remedy)
 }
 
 /// Returns what has to be held for a calibration to succeed.
@@ -122,39 +122,39 @@ fn remedies_by_holding(fixed: &Fixed, succeeds: impl Fn(Fixed) -> bool) -> Vec<R
         principal_point: true,
         ..aspect
     };
-    let tried = tried(fixed, succeeds);
-    let alone: Vec<Remedy> = tried(Remedy::HoldSkew, skew)
+    let try_remedy = remedy_trial(fixed, succeeds);
+    let single_remedies: Vec<Remedy> = try_remedy(Remedy::HoldSkew, skew)
         .into_iter()
-        .chain(tried(Remedy::FixAspect, aspect))
-        .chain(tried(Remedy::FixPrincipalPoint, principal_point))
+        .chain(try_remedy(Remedy::FixAspect, aspect))
+        .chain(try_remedy(Remedy::FixPrincipalPoint, principal_point))
         .collect();
-    if !alone.is_empty() || fixed.aspect || fixed.principal_point {
-        return alone;
+    if !single_remedies.is_empty() || fixed.aspect || fixed.principal_point {
+        return single_remedies;
     }
-    let both = tried(Remedy::FixAspectAndPrincipalPoint, both);
+    let both = try_remedy(Remedy::FixAspectAndPrincipalPoint, both);
     both.into_iter().collect()
 }
 
 /// Returns how to show the planes for a calibration to succeed; `None` if nothing that was tried
 /// suffices.
-fn remedy_by_showing<L: Lens>(
+fn remedy_by_scene<L: Lens>(
     conditioning: &Conditioning<'_, L>,
     ill_conditioning: &IllConditioning,
 ) -> Option<Remedy> {
-    let imagined = Imagined::new(conditioning, ill_conditioning);
-    let upright = matches!(
+    let scene = ImaginedScene::new(conditioning, ill_conditioning);
+    let may_enlarge = matches!(
         ill_conditioning.cause,
         Cause::Small { .. } | Cause::Huddled { .. }
     );
     let enlarged = FACTORS
         .into_iter()
-        .find(|factor| upright && imagined.lens_is_known && imagined.suffices(None, *factor));
+        .find(|factor| may_enlarge && scene.is_lens_known && scene.suffices(None, *factor));
     if let Some(factor) = enlarged {
         return Some(Remedy::Enlarge { factor });
     }
     let tilts = |factor: f64| {
         let mut all = TILTS.into_iter();
-        all.find(|degrees| imagined.suffices(Some(*degrees), factor))
+        all.find(|degrees| scene.suffices(Some(*degrees), factor))
     };
     if let Some(degrees) = tilts(1.0) {
         return Some(Remedy::Tilt { degrees });
@@ -166,21 +166,21 @@ fn remedy_by_showing<L: Lens>(
 }
 
 /// The same planes as another photograph might show them.
-struct Imagined<'a, 'b, L: Lens> {
+struct ImaginedScene<'a, 'b, L: Lens> {
     conditioning: &'a Conditioning<'b, L>,
     /// The planes with some of the samples, which stand for all.
     planes: Vec<ObservedPlane>,
     /// The noise scale for these samples.
     noise_scale: f64,
     lens: L,
-    lens_is_known: bool,
+    is_lens_known: bool,
 }
 
-impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
+impl<'a, 'b, L: Lens> ImaginedScene<'a, 'b, L> {
     fn new(conditioning: &'a Conditioning<'b, L>, ill_conditioning: &IllConditioning) -> Self {
         let found = conditioning.view.lens;
         let width = f64::from(conditioning.size.width);
-        let lens_is_known = ill_conditioning.std < KNOWN * ill_conditioning.limit;
+        let is_lens_known = ill_conditioning.std < KNOWN * ill_conditioning.limit;
         let focal = ASSUMED_FOCAL * width;
         let centre = conditioning.size.centre();
         let assumed = Matrix3::new(focal, 0.0, centre.x, 0.0, focal, centre.y, 0.0, 0.0, 1.0);
@@ -198,12 +198,12 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
             noise_scale: conditioning.noise_scale
                 * (count(&planes) / count(conditioning.planes)).sqrt(),
             planes,
-            lens: if lens_is_known {
+            lens: if is_lens_known {
                 found
             } else {
                 L::from_camera_matrix(&assumed)
             },
-            lens_is_known,
+            is_lens_known,
         }
     }
 
@@ -211,13 +211,13 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
     fn suffices(&self, tilt: Option<f64>, factor: f64) -> bool {
         let phases = if tilt.is_some() { &PHASES[..] } else { &[0.0] };
         phases.iter().all(|phase| {
-            let ratio = self.ratio(tilt, factor, *phase);
+            let ratio = self.limit_ratio(tilt, factor, *phase);
             ratio.is_some_and(|ratio| ratio <= MARGIN)
         })
     }
 
     /// Returns the worst standard deviation of the imagined scene as a fraction of its limit.
-    fn ratio(&self, tilt: Option<f64>, factor: f64, phase: f64) -> Option<f64> {
+    fn limit_ratio(&self, tilt: Option<f64>, factor: f64, phase: f64) -> Option<f64> {
         let planes = &self.planes;
         let turn = if planes.len() == 2 {
             FRAC_PI_2
@@ -226,18 +226,18 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
         };
         let mut view = self.conditioning.view.clone();
         view.lens = self.lens;
-        let mut seen = Vec::with_capacity(planes.len());
+        let mut imagined_planes = Vec::with_capacity(planes.len());
         for (i, plane) in planes.iter().enumerate() {
             let direction = TAU * phase + turn * i as f64;
             let tilt = tilt.map(|degrees| (degrees.to_radians(), direction));
-            let (pose, plane) = self.shown(plane, i, tilt, factor)?;
+            let (pose, plane) = self.imagined_plane(plane, i, tilt, factor)?;
             view.planes[i].pose = pose;
-            seen.push(plane);
+            imagined_planes.push(plane);
         }
-        self.judged_ratio(&view, &seen)
+        self.judged_limit_ratio(&view, &imagined_planes)
     }
 
-    fn judged_ratio(&self, view: &View<L>, planes: &[ObservedPlane]) -> Option<f64> {
+    fn judged_limit_ratio(&self, view: &View<L>, planes: &[ObservedPlane]) -> Option<f64> {
         let free = self.conditioning.options.free_parameters();
         let judged = judged_parameters(&free);
         let (_, system) = EdgeProblem::new(planes, &judged, self.noise_scale).evaluate(view)?;
@@ -253,7 +253,7 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
 
     /// Returns the pose of a plane rotated about the middle of its samples and brought closer, and
     /// its noise-free samples; `None` if they would leave the picture.
-    fn shown(
+    fn imagined_plane(
         &self,
         plane: &ObservedPlane,
         index: usize,
@@ -292,8 +292,8 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
             rotation,
             translation: ray / ray.z * depth - rotation * middle.push(0.0),
         };
-        let mut seen = plane.clone();
-        for (f, figure) in seen.figures.iter_mut().enumerate() {
+        let mut imagined = plane.clone();
+        for (f, figure) in imagined.figures.iter_mut().enumerate() {
             for side in &mut figure.sides {
                 let state = &view.planes[index];
                 let lines = state.model_lines(&view.lens, f, side);
@@ -308,7 +308,7 @@ impl<'a, 'b, L: Lens> Imagined<'a, 'b, L> {
                 }
             }
         }
-        Some((pose, seen))
+        Some((pose, imagined))
     }
 
     fn is_inside(&self, pixel: &Vector2<f64>) -> bool {

@@ -41,36 +41,39 @@ pub(crate) fn unchecked_targets<L: Lens>(
     found: &Calibration<L>,
     focal: impl Fn(&[PlaneEdges]) -> Option<f64>,
 ) -> Option<Warning> {
-    let equations = |plane: &usize| planes[*plane].equations();
-    let is_of_matrix = |name: &&&str| MATRIX.contains(*name);
-    let unknowns = found.parameters.iter().filter(is_of_matrix).count();
+    let equation_count = |plane: &usize| planes[*plane].equation_count();
+    let is_camera_matrix = |name: &&&str| MATRIX.contains(*name);
+    let unknowns = found.parameters.iter().filter(is_camera_matrix).count();
     let is_used = |plane: &usize| !planes[*plane].is_outlier();
     let used: Vec<usize> = (0..planes.len()).filter(is_used).collect();
     let neighbours = found.residual_correlation.neighbours;
-    let shows = |plane: &&usize| shape_std(&found.planes[**plane], neighbours) < STRETCH / CLEARLY;
-    let clear: Vec<usize> = used.iter().filter(shows).copied().collect();
+    let is_checkable =
+        |plane: &&usize| shape_std(&found.planes[**plane], neighbours) < STRETCH / CLEARLY;
+    let checkable: Vec<usize> = used.iter().filter(is_checkable).copied().collect();
     let count = used.len();
-    let used = match clear.iter().map(equations).sum::<usize>() >= unknowns {
-        true => clear,
+    let used = match checkable.iter().map(equation_count).sum::<usize>() >= unknowns {
+        true => checkable,
         false => used,
     };
-    let mut telling = used.clone();
-    telling.sort_by_key(|plane| Reverse(equations(plane)));
-    let alike = alike_within(unknowns, &telling, equations, &found.planes)?;
+    let mut sorted_planes = used.clone();
+    sorted_planes.sort_by_key(|plane| Reverse(equation_count(plane)));
+    let alike = alike_groups(unknowns, &sorted_planes, equation_count, &found.planes)?;
     let std = found.std_of("fx")?;
-    let are_angles = used.iter().all(|plane| equations(plane) == 1);
-    if !are_angles && edges.iter().any(|own| !own.relations.is_empty()) {
+    let are_angles = used.iter().all(|plane| equation_count(plane) == 1);
+    if !are_angles && edges.iter().any(|figure| !figure.relations.is_empty()) {
         return None;
     }
-    let thinned = edges.iter().map(|own| own.as_rectangle().thinned(SAMPLES));
+    let thinned = edges
+        .iter()
+        .map(|figure| figure.as_rectangle().thinned(SAMPLES));
     let thinned: Vec<PlaneEdges> = thinned.collect();
     let before = focal(&thinned)?;
     let mut square = 0.0;
     for group in &alike {
         // A free extent absorbs all of a stretch.
-        let is_changed = |plane: &&usize| are_angles || equations(plane) > 1;
+        let is_changed = |plane: &&usize| are_angles || equation_count(plane) > 1;
         let changed = group.iter().filter(is_changed).map(|plane| &planes[*plane]);
-        square += (focal(&untrue(&thinned, changed, are_angles))? - before).powi(2);
+        square += (focal(&deformed_edges(&thinned, changed, are_angles))? - before).powi(2);
     }
     let change = square.sqrt();
     (change > COVERED * std).then_some(Warning::TargetsUnchecked {
@@ -86,26 +89,26 @@ pub(crate) fn unchecked_targets<L: Lens>(
 }
 
 /// Groups planes that stand alike, those with more equations first; `None` where the first planes
-/// of the groups give more than `most` equations.
-fn alike_within(
-    most: usize,
-    telling: &[usize],
-    equations: impl Fn(&usize) -> usize,
+/// of the groups give more than `max_equations` equations.
+fn alike_groups(
+    max_equations: usize,
+    sorted_planes: &[usize],
+    equation_count: impl Fn(&usize) -> usize,
     found: &[Plane],
 ) -> Option<Vec<Vec<usize>>> {
     let mut alike: Vec<Vec<usize>> = Vec::new();
     let mut count = 0;
-    for &plane in telling {
+    for &plane in sorted_planes {
         let pose = &found[plane].pose;
-        let stands = |group: &&mut Vec<usize>| stand_alike(pose, &found[group[0]].pose);
-        match alike.iter_mut().find(stands) {
+        let is_alike = |group: &&mut Vec<usize>| are_alike(pose, &found[group[0]].pose);
+        match alike.iter_mut().find(is_alike) {
             Some(group) => group.push(plane),
             None => {
                 alike.push(vec![plane]);
-                count += equations(&plane);
+                count += equation_count(&plane);
             }
         }
-        if count > most {
+        if count > max_equations {
             return None;
         }
     }
@@ -113,7 +116,7 @@ fn alike_within(
 }
 
 /// Returns the edges with some planes stretched, or sheared where only their angles are known.
-fn untrue<'a>(
+fn deformed_edges<'a>(
     edges: &[PlaneEdges],
     planes: impl Iterator<Item = &'a ObservedPlane>,
     are_angles: bool,
@@ -140,7 +143,7 @@ fn shape_std(plane: &Plane, neighbours: f64) -> f64 {
 }
 
 /// Whether two planes face the same way with their sides in the same directions.
-fn stand_alike(first: &Pose, second: &Pose) -> bool {
+fn are_alike(first: &Pose, second: &Pose) -> bool {
     let turn = first.rotation.tr_mul(&second.rotation);
     let sides = turn.m21.atan2(turn.m11).to_degrees().rem_euclid(90.0);
     turn.m33 > ALIKE.to_radians().cos() && sides.min(90.0 - sides) < ALIKE
