@@ -277,7 +277,8 @@ def calibrate_photographs(
         gathered.warnings += _side_warnings(side)
         solution = outcome.solution()
         fitted = replace(settings, model=solution.model)
-        gathered.warnings += differing_pictures(candidates, gathered, fitted, choosing)
+        # A cause comes before its consequences.
+        gathered.warnings[:0] = differing_pictures(candidates, gathered, fitted, choosing)
         calibration = assemble(solution, gathered, settings, length, photographs.file_names)
     except TrisquareError as error:
         add_reasons(error, gathered)

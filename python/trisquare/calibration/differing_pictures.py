@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations, groupby
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 
 import trisquare._core as _core
 from trisquare._support.number_text import listed, plus_minus
@@ -30,14 +29,6 @@ PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
 """Row and column in the camera matrix of the parameters that are compared."""
 
 
-@dataclass(frozen=True)
-class _Difference:
-    """The most significant difference of two pictures' cameras."""
-
-    deviations: float
-    text: str
-
-
 def differing_pictures(
     candidates: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
 ) -> list[CalibrationWarning]:
@@ -56,44 +47,68 @@ def differing_pictures(
         for image, figures in by_picture.items()
     }
     known = {image: own for image, own in alone.items() if own is not None and not _is_doubted(own)}
-    differences = {
-        (one, other): difference
-        for one, other in combinations(known, 2)
-        if (difference := _difference(known[one], known[other], gathered.image_size[0])) is not None
-    }
-    if not differences:
+    width = gathered.image_size[0]
+    differing = {image: _differing_from(image, known, width) for image in known}
+    differing = {image: others for image, others in differing.items() if others}
+    if not differing:
         return []
-    worst = max(differences.values(), key=lambda own: own.deviations)
-    reference = min(known, key=lambda image: sum(image in pair for pair in differences))
-    others = sorted({image for pair in differences if reference in pair for image in pair})
-    others.remove(reference)
-    names = listed([gathered.names[image] for image in others])
-    text = (
-        f"the pictures are not of one camera: alone, {names} and {gathered.names[reference]} give "
-        f"different ones ({worst.text}). Was another zoom, focus or camera used, or were pictures "
-        "turned, cropped or stabilised? Calibrate those of each camera on their own"
-    )
-    return [CalibrationWarning(text, "pictures_disagree", "high")]
+    reference = min(differing, key=lambda image: len(differing[image]))
+    return [_warning(reference, differing[reference], known, gathered.names)]
 
 
 def _is_doubted(solution: _core.Solution) -> bool:
     return any(warning.severity == "high" for warning in solution.warnings)
 
 
-def _difference(one: _core.Solution, other: _core.Solution, width: int) -> _Difference | None:
-    """Return the most significant difference of two cameras; None if they may be the same."""
-    found = None
+def _differing_from(
+    reference: int, known: Mapping[int, _core.Solution], width: int
+) -> dict[int, tuple[float, str]]:
+    """Return the pictures with another camera than `reference`.
+
+    With each, its most significant difference: standard deviations, and the parameter's name.
+    """
+    found = {}
+    for image in known:
+        differences = list(_differences(known[image], known[reference], width))
+        if differences:
+            found[image] = max(differences)
+    return found
+
+
+def _differences(
+    one: _core.Solution, other: _core.Solution, width: int
+) -> Iterator[tuple[float, str]]:
     for name, place in PLACES.items():
         if name not in one.std or name not in other.std:
             continue
-        value, other_value = one.camera_matrix[place], other.camera_matrix[place]
-        apart = abs(value - other_value)
+        value = one.camera_matrix[place]
+        difference = abs(value - other.camera_matrix[place])
+        deviations = difference / math.hypot(one.std[name], other.std[name])
         scale = value if place[0] == place[1] else width
-        deviations = apart / math.hypot(one.std[name], other.std[name])
-        if apart < MIN_DIFFERENCE * scale or deviations < MIN_DEVIATIONS:
-            continue
-        if found is None or deviations > found.deviations:
-            value_text = plus_minus(value, one.std[name])
-            other_text = plus_minus(other_value, other.std[name])
-            found = _Difference(deviations, f"{name} {value_text} and {other_text}")
-    return found
+        if deviations > MIN_DEVIATIONS and difference > MIN_DIFFERENCE * scale:
+            yield deviations, name
+
+
+def _warning(
+    reference: int,
+    differing: Mapping[int, tuple[float, str]],
+    known: Mapping[int, _core.Solution],
+    names: Sequence[str],
+) -> CalibrationWarning:
+    worst = max(differing, key=lambda image: differing[image])
+    parameter = differing[worst][1]
+    values = {
+        image: plus_minus(
+            known[image].camera_matrix[PLACES[parameter]], known[image].std[parameter]
+        )
+        for image in (worst, reference)
+    }
+    others = [names[image] for image in differing if image != worst]
+    also = f" (from which {listed(others)} differs, too)" if others else ""
+    text = (
+        f"the pictures are not of one camera: calibrated alone, {names[worst]} has {parameter} "
+        f"{values[worst]}, and {names[reference]} {values[reference]}{also}. Was another zoom, "
+        "focus or camera used, or were pictures turned, cropped or stabilised? Calibrate the "
+        "pictures of each camera on their own"
+    )
+    return CalibrationWarning(text, "pictures_disagree", "high")
