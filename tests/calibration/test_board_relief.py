@@ -6,8 +6,8 @@ from quick import first_quick
 from scenes import edges_of, errors_in_std, squares
 
 import trisquare as ts
-from trisquare.calibration.calibrate import _ask_core as ask_core
 from trisquare.calibration.gather import Gathered
+from trisquare.calibration.solve import solve
 from trisquare.camera.settings import Settings
 from trisquare_scenes.picture_faults import with_relief
 
@@ -86,7 +86,7 @@ def test_beside_bent_boards_no_square_is_trusted(seed):
     figures = [*bent, *(oblong(rng, camera, place) for place in ((-3.0, 0.0), (3.0, -1.0)))]
     settings = Settings.check("ml", "radial2", (), None, (), (), ())
     gathered = Gathered(SIZE, figures)
-    outcome = ask_core(figures, gathered, settings, choosing=True)
+    outcome = solve(figures, gathered, settings, choosing=True)
     assert [verdict.kept for verdict in outcome.verdicts] == [True] * 3 + [False] * 2
     assert abs(outcome.solution().camera_matrix[0, 0] - 1600) < 20
 
