@@ -22,7 +22,8 @@ def test_a_small_zoom_between_two_pictures_is_named(seed: int) -> None:
     pictures = two_pictures(seed, 1.008)
     warning = ts.calibrate(pictures).warnings[0]
     assert (warning.code, warning.severity) == ("pictures_disagree", "high")
-    assert "picture 1 has f" in warning and "picture 0 " in warning
+    assert "picture 1 has f" in warning
+    assert "picture 0 " in warning
     for picture in pictures:
         assert not any(own.code == "pictures_disagree" for own in ts.calibrate(picture).warnings)
 
