@@ -63,7 +63,8 @@ def standalone(figure: Figure, name: str) -> str:
     background is one of them, so that the picture is readable on any page.
     """
     css = (resources.files("trisquare") / "report" / "report.css").read_text(encoding="utf-8")
-    palette = css[: css.index("/* Paper")].strip()
+    on_screen = css[: css.index("@media print")]
+    palette = re.sub(r"/\*.*?\*/", "", on_screen).strip()
     ground = FOLLOWING.format(palette=palette, round=ROUND)
     svg = inline_svg(figure, name).replace(' aria-hidden="true"', "", 1)
     # A tenth of a point is invisible, and the needless parts are half of the file.
