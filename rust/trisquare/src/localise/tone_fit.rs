@@ -68,6 +68,14 @@ const TOTAL: usize = SIDE_PARAMETERS + SHARED;
 const TRUSTED_MISFIT: f64 = 5e-4;
 /// Misfit above which the profiles are taken to fit no tone curve at all.
 pub(crate) const MAX_MISFIT: f64 = 1.5e-3;
+/// Ratio of a side's squared contradiction to the median of all sides above which the side does not
+/// count: in clean pictures 2 sides in a million are beyond it by chance.
+const MAX_CONTRADICTION: f64 = 12.0;
+/// Median of chi square with three degrees of freedom.
+const CHI_SQUARE_MEDIAN: f64 = 2.4;
+/// Rounds of finding the sides that agree.
+const AGREEMENT_ROUNDS: usize = 3;
+
 /// Shift, in blurs per unit of misfit, that a misfit may hide where no curve fits, and where the
 /// fitted curve is used. A shift of one blur changes the profile by 0.2 in root mean square over
 /// its bins; a third of that remains after a fit, and less where the fitted curve is used. For a
@@ -270,6 +278,15 @@ impl ToneShare {
         })
     }
 
+    /// Squared deviation of the side's own estimate of the shared parameters from a step of them, in
+    /// its variances; zero if the side does not determine them.
+    fn contradiction(&self, step: &Shared) -> f64 {
+        let gradient = self.gradient - self.information * step;
+        self.information
+            .cholesky()
+            .map_or(0.0, |factor| gradient.dot(&factor.solve(&gradient)))
+    }
+
     /// The step of the side's own parameters for a step of the shared ones.
     pub fn side_step(&self, step: &Shared) -> SVector<f64, SIDE_PARAMETERS> {
         self.factor.solve(&(self.right - self.cross * step))
@@ -322,7 +339,8 @@ pub(super) fn pool<'a>(
     let mut profile = ResidualProfile::default();
     let mut blurs = 0.0;
     let (mut side_information, mut side_gradient) = (SharedMatrix::zeros(), Shared::zeros());
-    for share in shares.filter(|share| share.is_sound && share.blur.is_finite()) {
+    let sound = shares.filter(|share| share.is_sound && share.blur.is_finite());
+    for share in agreeing(sound.collect(), (&information, &gradient)) {
         side_information += share.information;
         side_gradient += share.gradient;
         profile.merge(&share.profile);
@@ -377,6 +395,32 @@ pub(super) fn pool<'a>(
         covariance,
         estimate,
     }
+}
+
+/// Returns the sides that agree on a step of the shared parameters, at least half of them. The
+/// border of a shadow, for example, makes a side contradict the others by hundreds of standard
+/// deviations.
+fn agreeing<'a>(shares: Vec<&'a ToneShare>, prior: (&SharedMatrix, &Shared)) -> Vec<&'a ToneShare> {
+    let mut kept = shares.clone();
+    let mut step = Shared::zeros();
+    for _ in 0..AGREEMENT_ROUNDS {
+        let squares: Vec<f64> = shares.iter().map(|own| own.contradiction(&step)).collect();
+        let typical = median(squares.clone())
+            .unwrap_or(0.0)
+            .max(CHI_SQUARE_MEDIAN);
+        let agrees = |(_, square): &(&&ToneShare, &f64)| **square <= MAX_CONTRADICTION * typical;
+        let agreeing = shares.iter().zip(&squares).filter(agrees);
+        kept = agreeing.map(|(share, _)| *share).collect();
+        let (mut information, mut gradient) = (*prior.0, *prior.1);
+        for share in &kept {
+            information += share.information;
+            gradient += share.gradient;
+        }
+        step = information
+            .cholesky()
+            .map_or(step, |factor| factor.solve(&gradient));
+    }
+    kept
 }
 
 /// Additional shift of all edges towards the dark, in blurs, that this curve may lack if no curve
