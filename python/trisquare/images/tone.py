@@ -114,8 +114,9 @@ def shift_text(
     if growth is not None:
         growth_text = f", which makes standard deviations up to {growth:.1f} times as large"
     return (
-        "the edge profiles fit no tone curve (is the picture sharpened or compressed?): all edges "
-        f"of a picture may be shifted toward their dark side by a common distance{growth_text}. "
+        "the edge profiles fit no tone curve (is the picture sharpened or compressed, or does a "
+        "shadow cross the targets?): all edges of a picture may be shifted toward their dark side "
+        f"by a common distance{growth_text}. "
         'State the curve if you know it, as with tone="srgb"; phones have curves of their own. '
         f"Estimated shift ({'; '.join(shifts)})"
     )

@@ -109,7 +109,8 @@ def _dropped_by_stages(picture: NDArray[np.uint8]) -> Iterator[tuple[FloatArray,
     for corners in _dropped(fitted, views):
         yield (
             corners,
-            'no camera sees a square like this; a sheet of paper has to be named (targets="a4")',
+            "no camera sees a square like this: something may lie across it; a sheet of paper has "
+            'to be named (targets="a4")',
         )
     for corners in _dropped(rough, fitted):
         along = np.roll(corners, -1, axis=0) - corners

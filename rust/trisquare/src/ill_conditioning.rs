@@ -199,6 +199,10 @@ impl fmt::Display for Cause {
                 100.0 * height
             ),
             Self::Open { planes: 1, .. } => write!(f, "one plane determines too few parameters"),
+            Self::Open { planes: 2, degrees } => write!(
+                f,
+                "the 2 planes, {degrees:.1} degrees apart, determine too few parameters"
+            ),
             Self::Open { planes, degrees } => write!(
                 f,
                 "the {planes} planes, of which no two differ by more than {degrees:.1} degrees, \
