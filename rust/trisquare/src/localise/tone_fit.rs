@@ -199,6 +199,8 @@ pub(super) struct ToneShare {
     gradient: Shared,
     profile: ResidualProfile,
     blur: f64,
+    /// Whether it is a line of a board, with light and dark in turn on either side.
+    is_crossed: bool,
     /// Whether the profile's asymmetry is due to the tone curve only.
     pub is_sound: bool,
 }
@@ -274,13 +276,18 @@ impl ToneShare {
             right,
             profile: ResidualProfile::default(),
             blur: side.mean_blur(),
+            is_crossed: side.spread.is_some(),
             is_sound,
         })
     }
 
     /// Squared deviation of the side's own estimate of the shared parameters from a step of them, in
-    /// its variances; zero if the side does not determine them.
+    /// its variances; zero if the side does not determine them, and for a line of a board: gaps
+    /// between its cells make all lines contradict each other.
     fn contradiction(&self, step: &Shared) -> f64 {
+        if self.is_crossed {
+            return 0.0;
+        }
         let gradient = self.gradient - self.information * step;
         self.information
             .cholesky()
@@ -583,6 +590,7 @@ mod tests {
                 gradient: Shared::zeros(),
                 profile,
                 blur,
+                is_crossed: false,
                 is_sound: true,
             }
         };
