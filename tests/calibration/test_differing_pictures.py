@@ -42,4 +42,12 @@ def test_the_pictures_that_differ_from_most_are_named() -> None:
     result = ts.calibrate([one, other, again])
     assert result.warnings[0].code == "pictures_disagree"
     assert "calibrated alone, picture 1 has f" in result.warnings[0]
-    assert "differs, too" not in result.warnings[0]
+    assert "another camera than" not in result.warnings[0]
+
+
+def test_all_pictures_of_another_camera_are_named() -> None:
+    one, other = two_pictures(7, 1.02)
+    _, third = two_pictures(8, 1.0)
+    text = ts.calibrate([one, other, third]).warnings[0]
+    assert text.code == "pictures_disagree"
+    assert "(another camera than picture " in text

@@ -37,7 +37,7 @@ def differing_pictures(
     `candidates` are the figures of all pictures, with those that the joint calibration leaves out.
     """
     by_picture = {
-        image: list(figures) for image, figures in groupby(candidates, lambda own: own.image)
+        image: list(figures) for image, figures in groupby(candidates, lambda figure: figure.image)
     }
     has_relations = bool(settings.orthogonal or settings.parallel)
     if not 1 < len(by_picture) <= MAX_PICTURES or settings.method == "linear" or has_relations:
@@ -46,7 +46,11 @@ def differing_pictures(
         image: solve_alone(figures, gathered, settings, choosing)
         for image, figures in by_picture.items()
     }
-    known = {image: own for image, own in alone.items() if own is not None and not _is_doubted(own)}
+    known = {
+        image: solution
+        for image, solution in alone.items()
+        if solution is not None and not _is_doubted(solution)
+    }
     width = gathered.image_size[0]
     differing = {image: _differing_from(image, known, width) for image in known}
     differing = {image: others for image, others in differing.items() if others}
@@ -104,7 +108,7 @@ def _warning(
         for image in (worst, reference)
     }
     others = [names[image] for image in differing if image != worst]
-    also = f" (from which {listed(others)} differs, too)" if others else ""
+    also = f" (another camera than {names[reference]}, too: {listed(others)})" if others else ""
     text = (
         f"the pictures are not of one camera: calibrated alone, {names[worst]} has {parameter} "
         f"{values[worst]}, and {names[reference]} {values[reference]}{also}. Was another zoom, "
