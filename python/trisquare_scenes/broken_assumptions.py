@@ -272,9 +272,14 @@ def two_zooms(rng: np.random.Generator, damaged: bool) -> Broken:
     """Draw two pictures, the second one of which is taken with another focal length."""
     camera = random_camera(rng)
     zoom = rng.uniform(1.03, 1.3) if damaged else 1.0
+    return Broken(zoomed_pictures(rng, camera, zoom), camera.fx)
+
+
+def zoomed_pictures(rng: np.random.Generator, camera: TrueCamera, zoom: float) -> list[Image]:
+    """Draw a picture of a camera, and one with `zoom` times its focal lengths."""
     zoomed = replace(camera, fx=zoom * camera.fx, fy=zoom * camera.fy)
     scenes = [random_scene(rng, camera=scene_camera) for scene_camera in (camera, zoomed)]
-    return Broken([render(scene, rng, **settings(rng)) for scene in scenes], camera.fx)
+    return [render(scene, rng, **settings(rng)) for scene in scenes]
 
 
 @dataclass(frozen=True, slots=True)

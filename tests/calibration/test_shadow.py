@@ -5,17 +5,10 @@ import pytest
 
 import trisquare as ts
 from trisquare.simulate import random_scene, render
+from trisquare.simulate.render import decode_tone, encode_tone
 
 DEPTH = 0.4
 SOFTNESS = 8.0  # pixels
-
-
-def coded(light: np.ndarray) -> np.ndarray:
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-
-
-def light_of(values: np.ndarray) -> np.ndarray:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def rise(distance: np.ndarray, softness: float) -> np.ndarray:
@@ -35,7 +28,8 @@ def test_a_shadow_on_one_square_leaves_the_tone_curve_known(seed: int) -> None:
     across = (x - centre[0]) * np.cos(angle) + (y - centre[1]) * np.sin(angle)
     is_near = rise(0.75 * side - np.hypot(x - centre[0], y - centre[1]), 0.05 * side)
     shade = is_near * rise(0.15 * side - np.abs(across), SOFTNESS)
-    shadowed = 255.0 * coded(light_of(image / 255.0) * (1.0 - DEPTH * shade))
+    light = decode_tone(image / 255.0, "srgb") * (1.0 - DEPTH * shade)
+    shadowed = 255.0 * encode_tone(light, "srgb")
     result = ts.calibrate(np.round(shadowed).astype(np.uint8))
     assert not any(warning.code == "no_tone_curve" for warning in result.warnings)
     assert result.std["fx"] < 1e-3 * scene.camera.fx

@@ -101,11 +101,9 @@ def _interlaced_warnings(
 ) -> list[CalibrationWarning]:
     """Warn of interlaced pictures, looked for only after a warning of `INCONSISTENCY_CODES`."""
     codes = {warning.code for warning in (*gathered.warnings, *fit_warnings)}
-    return (
-        []
-        if "interlaced" in codes or codes.isdisjoint(INCONSISTENCY_CODES)
-        else interlaced(gathered)
-    )
+    if "interlaced" in codes or codes.isdisjoint(INCONSISTENCY_CODES):
+        return []
+    return interlaced(gathered)
 
 
 def _tones(solution: _core.Solution, edge_tones: Sequence[PictureTone]) -> Sequence[PictureTone]:

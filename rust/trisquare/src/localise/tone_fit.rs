@@ -336,33 +336,32 @@ pub(super) fn pool<'a>(
 ) -> Pooled {
     let prior = TonePrior::at(&curve);
     let [gamma_information, toe_information] = prior.information;
-    let mut information = SharedMatrix::from_diagonal(&Shared::new(
+    let prior_information = SharedMatrix::from_diagonal(&Shared::new(
         gamma_information,
         toe_information,
         USUAL_KURTOSIS,
     ));
-    let mut gradient = Shared::new(prior.gradient[0], prior.gradient[1], 0.0);
-    let mut sides = 0_u32;
+    let prior_gradient = Shared::new(prior.gradient[0], prior.gradient[1], 0.0);
+    let sound = shares.filter(|share| share.is_sound && share.blur.is_finite());
+    let sound: Vec<_> = sound.collect();
+    let agreeing = agreeing(&sound, (&prior_information, &prior_gradient));
+    let sides = agreeing.len();
     let mut profile = ResidualProfile::default();
     let mut blurs = 0.0;
-    let (mut side_information, mut side_gradient) = (SharedMatrix::zeros(), Shared::zeros());
-    let sound = shares.filter(|share| share.is_sound && share.blur.is_finite());
-    for share in agreeing(sound.collect(), (&information, &gradient)) {
-        side_information += share.information;
-        side_gradient += share.gradient;
+    for share in &agreeing {
         profile.merge(&share.profile);
         blurs += share.blur;
-        sides += 1;
     }
     let misfit = profile.misfit();
     let trust = match trust {
         Trust::Full => 1.0,
         Trust::ByMisfit => 1.0 / (1.0 + (misfit / TRUSTED_MISFIT).powi(2)),
     };
-    information += side_information * trust;
-    gradient += side_gradient * trust;
+    let (side_information, side_gradient) = summed(&agreeing);
+    let information = prior_information + side_information * trust;
+    let gradient = prior_gradient + side_gradient * trust;
     let has_fit = sides > 0 && misfit < MAX_MISFIT;
-    let mean_blur = blurs / f64::from(sides);
+    let mean_blur = blurs / sides as f64;
     // The prior makes it positive definite, unless it overflows.
     let covariance = information
         .try_inverse()
@@ -390,7 +389,7 @@ pub(super) fn pool<'a>(
     let estimate = ToneEstimate {
         curve,
         covariance: curve_covariance,
-        sides: sides as usize,
+        sides,
         misfit,
         hidden_shift,
         misfit_shift,
@@ -407,27 +406,37 @@ pub(super) fn pool<'a>(
 /// Returns the sides that agree on a step of the shared parameters, at least half of them. The
 /// border of a shadow, for example, makes a side contradict the others by hundreds of standard
 /// deviations.
-fn agreeing<'a>(shares: Vec<&'a ToneShare>, prior: (&SharedMatrix, &Shared)) -> Vec<&'a ToneShare> {
-    let mut kept = shares.clone();
-    let mut step = Shared::zeros();
-    for _ in 0..AGREEMENT_ROUNDS {
-        let squares: Vec<f64> = shares.iter().map(|own| own.contradiction(&step)).collect();
-        let typical = median(squares.clone())
-            .unwrap_or(0.0)
-            .max(CHI_SQUARE_MEDIAN);
-        let agrees = |(_, square): &(&&ToneShare, &f64)| **square <= MAX_CONTRADICTION * typical;
-        let agreeing = shares.iter().zip(&squares).filter(agrees);
-        kept = agreeing.map(|(share, _)| *share).collect();
-        let (mut information, mut gradient) = (*prior.0, *prior.1);
-        for share in &kept {
-            information += share.information;
-            gradient += share.gradient;
-        }
-        step = information
-            .cholesky()
-            .map_or(step, |factor| factor.solve(&gradient));
+fn agreeing<'a>(
+    shares: &[&'a ToneShare],
+    (prior_information, prior_gradient): (&SharedMatrix, &Shared),
+) -> Vec<&'a ToneShare> {
+    let mut kept = agreeing_on(shares, &Shared::zeros());
+    for _ in 1..AGREEMENT_ROUNDS {
+        let (information, gradient) = summed(&kept);
+        let Some(factor) = (prior_information + information).cholesky() else {
+            break;
+        };
+        kept = agreeing_on(shares, &factor.solve(&(prior_gradient + gradient)));
     }
     kept
+}
+
+/// Returns the sides that do not contradict a step of the shared parameters far more than most do.
+fn agreeing_on<'a>(shares: &[&'a ToneShare], step: &Shared) -> Vec<&'a ToneShare> {
+    let squares: Vec<f64> = shares.iter().map(|own| own.contradiction(step)).collect();
+    let typical = median(squares.clone()).unwrap_or(0.0);
+    let limit = MAX_CONTRADICTION * typical.max(CHI_SQUARE_MEDIAN);
+    let with_squares = shares.iter().zip(squares);
+    let agreeing = with_squares.filter(|(_, square)| *square <= limit);
+    agreeing.map(|(share, _)| *share).collect()
+}
+
+/// Sums of the sides' information and gradients.
+fn summed(shares: &[&ToneShare]) -> (SharedMatrix, Shared) {
+    let none = (SharedMatrix::zeros(), Shared::zeros());
+    shares.iter().fold(none, |(information, gradient), share| {
+        (information + share.information, gradient + share.gradient)
+    })
 }
 
 /// Additional shift of all edges towards the dark, in blurs, that this curve may lack if no curve
