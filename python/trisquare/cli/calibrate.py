@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from trisquare._support.json_members import dump_members
 from trisquare._support.suggestions import unknown
-from trisquare._support.writing import write_atomically
+from trisquare._support.writing import PathLike
 from trisquare.analysis.diagnosis import diagnose
 from trisquare.calibration.calibrate import calibrate_photographs
 from trisquare.calibration.missed_squares import missed_squares
 from trisquare.camera.lens_models import MODELS
 from trisquare.camera.settings import AUTO, METHODS
+from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, progress_bar
 from trisquare.cli.framework import NOT_ALL_PASSED_EXIT, command_line, reading
 from trisquare.cli.input_files import camera_alone, photographs_named, with_content_of_input
@@ -51,10 +50,12 @@ from trisquare.formats.registry import ENDINGS, format_of_name
 from trisquare.images.frame_choice import with_frames
 from trisquare.images.limits import PictureLimits
 from trisquare.images.photographs import Photographs
-from trisquare.images.pixels import TONE_CURVES, Image, checked_tone
+from trisquare.images.pixels import TONE_CURVES, checked_tone
 from trisquare.images.video import is_video
 from trisquare.report import check_extra, report_page
+from trisquare.results.calibration import Calibration
 from trisquare.results.calibration_warning import SEVERITIES
+from trisquare.results.rejected import Rejected
 
 EXAMPLES = (
     "trisquare calibrate photo.jpg",
@@ -64,7 +65,6 @@ EXAMPLES = (
     "trisquare calibrate photo.jpg --initial camera.json --fix focal,principal_point",
     "trisquare calibrate clip.mp4 --frames 10 -o camera.json",
 )
-
 
 REPORT_ENDINGS = ("", ".html", ".htm", ".xhtml")
 
@@ -185,37 +185,23 @@ def calibrate_command(
     """Calibrate a camera from its photographs."""
     if with_diagnosis and quiet:
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
-    if fail_on is not None and fail_on not in SEVERITIES:
-        raise unknown("--fail-on", fail_on, SEVERITIES)
+    failing = _failing_severities(fail_on)
     photos = photographs_named(photos, with_videos=frames is not None, with_input=True)
-    clips = 0 if frames is None else sum(map(is_video, photos))
-    most_pictures = len(photos) + clips * max(0, (frames or 0) - 1)
-    overlay_paths = numbered_paths(overlay, most_pictures)
-    debug_images = numbered_paths(debug_image, most_pictures)
+    most = _most_pictures(photos, frames)
+    files = _Files(output, report, numbered_paths(overlay, most), numbered_paths(debug_image, most))
     # Only a layout's file can have the same name as an output.
-    inputs = [*photos, outline, initial, None if board is None else Path(board)]
-    check_outputs(inputs, [*overlay_paths, *debug_images], [output, report])
-    written_as = None if output is None else format_of_name(output.name, OTHER_ENDING)
-    if report is not None:
-        if report.suffix.lower() not in REPORT_ENDINGS:
-            raise ValueError(f"{report}: a report is a page: let its name end in .html")
-        check_extra()
+    files.check([*photos, outline, initial, None if board is None else Path(board)])
     if board is not None:
-        if targets != "auto":
-            raise ValueError("--board and --targets both name the targets: give one of them")
-        with reading():
-            parse_layout(board)
-        targets = board  # one argument in Python
+        targets = _checked_layout(board, targets)  # one argument in Python
     known = None if initial is None else camera_alone(initial)
     limits = PictureLimits.stated(
         amount(max_pixels, "--max-pixels"), amount(max_bytes, "--max-bytes")
     )
     with progress_bar("choosing frames", quiet) as progress, reading():
         sources = with_frames(with_content_of_input(photos, limits), frames, limits, progress)
-    overlay_paths, debug_images = overlay_paths[: len(sources)], debug_images[: len(sources)]
     photographs = Photographs(sources, keep=bool(overlay or debug_image or report), limits=limits)
     with (
-        drawn_on_failure(photographs, debug_images),
+        drawn_on_failure(photographs, files.debug_images),
         progress_bar("measuring", quiet, then="fitting") as progress,
         reading(),
     ):
@@ -238,33 +224,94 @@ def calibrate_command(
             explain=not (json or quiet),
             explain_all=debug_image is not None,
         )
-    rejected = [*calibration.rejected, *rejected_shapes]
-    outputs = Outputs()
-    if output is not None:
-        outputs.attempt([output], lambda: calibration.save(output))
-
-    def write_drawn(paths: list[Path], draw: Callable[..., Image], *what: Any) -> None:
-        outputs.attempt(paths, lambda: write_atomically(drawn(draw, photographs, paths, *what)))
-
-    write_drawn(debug_images, draw_detections, calibration.planes, rejected)
-    write_drawn(overlay_paths, draw_overlay, calibration)
-    if report is not None:
-        page = partial(report_page, calibration, photographs, command=command_line(context))
-        outputs.attempt([report], lambda: write_atomically({report: page()}))
+    outputs = files.write(calibration, rejected_shapes, photographs, context)
     parts = calibration_report(calibration, missed_squares(calibration, rejected_shapes))
     members = calibration.members()
     if with_diagnosis:
         diagnosis = diagnose(calibration)
         parts += str(diagnosis).split("\n")
         members["diagnosis"] = diagnosis.members()
-    what = ""
-    if written_as is not None and written_as is not OWN_FORMAT:
-        what = f" ({written_as.name}: the camera alone)"
-    for path in outputs.written:
-        parts.append(f"wrote {os.fspath(path)}{what if path == output else ''}")
+    parts += [_written_line(path, output) for path in outputs.written]
     warnings = warning_lines(calibration, verbose=verbose)
     answer(json, quiet, dump_members(members).rstrip(), parts, warnings)
     outputs.raise_first_failure()
-    failing = () if fail_on is None else SEVERITIES[: SEVERITIES.index(fail_on) + 1]
     if any(warning.severity in failing for warning in calibration.warnings):
         raise typer.Exit(NOT_ALL_PASSED_EXIT)
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The output files that are asked for."""
+
+    result: Path | None
+    report: Path | None
+    overlays: list[Path]
+    debug_images: list[Path]
+
+    def check(self, inputs: Iterable[Path | None]) -> None:
+        """Refuse files that cannot be written, before anything is computed."""
+        check_outputs(inputs, [*self.overlays, *self.debug_images], [self.result, self.report])
+        if self.result is not None:
+            format_of_name(self.result.name, OTHER_ENDING)
+        if self.report is not None:
+            if self.report.suffix.lower() not in REPORT_ENDINGS:
+                raise ValueError(f"{self.report}: a report is a page: let its name end in .html")
+            check_extra()
+
+    def write(
+        self,
+        calibration: Calibration,
+        rejected_shapes: Iterable[Rejected],
+        photographs: Photographs,
+        context: typer.Context,
+    ) -> Outputs:
+        """Write all of them; the failure of one does not prevent the others."""
+        outputs = Outputs()
+        result, report = self.result, self.report
+        if result is not None:
+            outputs.write(lambda: {result: _result_content(calibration, result)})
+        found = calibration.planes, [*calibration.rejected, *rejected_shapes]
+        outputs.write(lambda: drawn(draw_detections, photographs, self.debug_images, *found))
+        outputs.write(lambda: drawn(draw_overlay, photographs, self.overlays, calibration))
+        if report is not None:
+            command = command_line(context)
+            outputs.write(lambda: {report: report_page(calibration, photographs, command=command)})
+        return outputs
+
+
+def _failing_severities(fail_on: str | None) -> Sequence[str]:
+    """Return the severities that make the command fail: the given one and the higher ones."""
+    if fail_on is None:
+        return ()
+    if fail_on not in SEVERITIES:
+        raise unknown("--fail-on", fail_on, SEVERITIES)
+    return SEVERITIES[: SEVERITIES.index(fail_on) + 1]
+
+
+def _most_pictures(photos: Sequence[Path], frames: int | None) -> int:
+    """Return the maximum number of pictures, with the frames that are chosen from videos."""
+    return len(photos) + sum(map(is_video, photos)) * max(0, (frames or 1) - 1)
+
+
+def _checked_layout(board: str, targets: str) -> str:
+    """Return the layout of `--board`, which excludes `--targets`."""
+    if targets != "auto":
+        raise ValueError("--board and --targets both name the targets: give one of them")
+    with reading():
+        parse_layout(board)
+    return board
+
+
+def _result_content(calibration: Calibration, path: Path) -> bytes:
+    """Return the content of the result's file, in a format other than JSON the camera alone."""
+    if camera_format(path) is OWN_FORMAT:
+        return calibration.to_json().encode()
+    return camera_content(calibration.camera, path)
+
+
+def _written_line(path: PathLike, result: Path | None) -> str:
+    """Return a line on a written file, with a note if it is the result and the camera alone."""
+    note = ""
+    if result is not None and path == result and camera_format(result) is not OWN_FORMAT:
+        note = f" ({camera_format(result).name}: the camera alone)"
+    return f"wrote {path}{note}"

@@ -1,4 +1,4 @@
-"""The camera file that a command writes in addition to its pictures, in the format of its name."""
+"""The camera file that a command writes, in the format of its name."""
 
 from __future__ import annotations
 

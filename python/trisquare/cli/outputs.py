@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from trisquare._support.writing import PathLike
+from trisquare._support.writing import PathLike, write_atomically
 
 
 @dataclass
@@ -22,14 +22,15 @@ class Outputs:
     written: list[PathLike] = field(default_factory=list)
     failures: list[Exception] = field(default_factory=list)
 
-    def attempt(self, paths: Iterable[PathLike], write: Callable[[], object]) -> None:
+    def write(self, contents: Callable[[], Mapping[PathLike, bytes]]) -> None:
         """Create and write files; a failure is raised later, when the others are written."""
         try:
-            write()
+            created = contents()
+            write_atomically(created)
         except Exception as error:
             self.failures.append(error)
         else:
-            self.written.extend(paths)
+            self.written.extend(created)
 
     def raise_first_failure(self) -> None:
         """Raise the first failure; to be called once the answer is printed."""
