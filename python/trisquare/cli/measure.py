@@ -25,7 +25,7 @@ from trisquare.analysis.measure import (
 )
 from trisquare.analysis.rectify import TopView
 from trisquare.analysis.rectify import rectify as rectified
-from trisquare.calibration.locate import HOLE, located
+from trisquare.calibration.locate import HOLE, Located, located
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.console import answer, coded_lines, progress_bar, texts_and_codes
@@ -35,6 +35,7 @@ from trisquare.cli.options import JSON, QUIET, argument, flag, option
 from trisquare.cli.pictures_drawn import check_depth, check_outputs
 from trisquare.detection.kinds import TAG_SEARCHES
 from trisquare.images.encoding import encode_image
+from trisquare.images.orientation import OrientationTag
 from trisquare.images.pixels import picture_size
 from trisquare.images.reading import read_photograph
 from trisquare.results.calibration import Calibration
@@ -118,82 +119,81 @@ def measure_command(
     if camera is None:
         raise ValueError("say which camera took the photograph: --camera camera.json")
     pixels = _pixels(points or [])
-    if len(pixels) == 1 or (not len(pixels) and rectify is None):
-        raise ValueError("give two points or more, as X,Y; or --rectify FILE")
-    if resolution is not None and rectify is None:
-        raise ValueError("--resolution is of the view from above: give --rectify FILE as well")
+    _check_request(len(pixels), rectify, resolution)
     given_side = None if side is None else Length.with_unit(side, "--side")
     check_outputs([photo, camera, outline], [rectify])
-    known = read_camera(camera)
-    calibrated_side, is_of_rectangles = _stated_side(known), _are_rectangles(known)
+    calibration = read_camera(camera)
     picture, tag = read_photograph(photo)
     if rectify is not None:
         check_depth(picture, rectify)
     size = picture_size(picture)
-    known = of_size(known, size, rescale, str(photo))
-    warnings: list[CalibrationWarning] = []
-    if tag is not None:
-        text = f"{photo}: {tag.ignored('the points refer', size)}"
-        warnings.append(CalibrationWarning(text, "orientation_ignored"))
-    try:
-        check_inside(pixels, size)
-    except ValueError as error:
-        raise ValueError("; ".join([str(error), *warnings])) from error
+    known = of_size(calibration, size, rescale, str(photo))
+    warnings = [] if tag is None else [_orientation_warning(photo, tag, size)]
+    _check_inside(pixels, size, warnings)
     lens = camera_of(known)
     with progress_bar("measuring", quiet), reading():
-        planes, doubts, holes = located(picture, known, targets=targets, outlines=outline)
-    alternatives: Sequence[int] = ()
-    if plane is None:
-        plane, *alternatives = _likely_planes(pixels, planes, lens)
-    chosen = _chosen(planes, plane)
-    if plane in holes:
-        warnings.append(CalibrationWarning(f"plane {plane} {HOLE}", "side_unknown"))
-        calibrated_side = None  # the calibration states the side of frames, not of holes
-    length = given_side or calibrated_side or Length(1.0, "")
-    warnings += _side_warnings(given_side, calibrated_side)
-    if chosen.kind != RECTANGLE and is_of_rectangles:
-        text = (
-            f"plane {plane} is taken for a {chosen.kind}, where the calibration's planes are "
-            "rectangles: if it is one of them, name it as there, such as --targets a4"
-        )
-        warnings.append(CalibrationWarning(text, "shape_differs"))
-    if alternatives:
-        options = " or ".join(f"--plane {index}" for index in (plane, *alternatives))
-        text = (
-            f"no plane holds a point: plane {plane} is the nearest, and plane "
-            f"{listed([str(alternative) for alternative in alternatives])} nearly as near: "
-            f"say {options}"
-        )
-        warnings.append(CalibrationWarning(text, "plane_unclear"))
-    if doubts[plane] is not None:
-        warnings.append(CalibrationWarning(f"plane {plane}: {doubts[plane]}", "plane_misfits"))
-    lines = [_heading(plane, chosen, given_side, calibrated_side)]
-    members: dict[str, Any] = {
-        "format": MEASUREMENT_FORMAT,
-        "plane": plane,
-        "kind": chosen.kind,
-        "corners": chosen.corners.tolist(),
-        "side": length.value,
-        "unit": length.unit,
-    }
+        found = located(picture, known, targets=targets, outlines=outline)
+    index, *alternatives = _likely_planes(pixels, found.planes, lens) if plane is None else (plane,)
+    chosen = _chosen(found.planes, index)
+    # The calibration states the side of frames, not of holes.
+    stated_side = None if index in found.holes else _stated_side(calibration)
+    length = given_side or stated_side or Length(1.0, "")
+    warnings += _side_warnings(given_side, stated_side)
+    warnings += _plane_warnings(found, index, alternatives, calibration)
+    lines = [_heading(index, chosen, given_side, stated_side)]
+    members = _plane_members(index, chosen, length)
     if len(pixels):
         measured = measure(chosen, pixels, known, side=length.value, point_std=point_std)
+        exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
         lines += _lines(measured, length)
-        if point_std > 0.0:
-            exact = measure(chosen, pixels, known, side=length.value, point_std=0.0)
-            lines.append(_share_of_points(measured, exact, point_std))
+        lines += _share_of_points(measured, exact, point_std)
         lines += _side_errors(chosen)
         members |= {key: value for key, value in measured.members().items() if key not in members}
-        warnings += _doubts(measured, pixels, planes, plane)
+        warnings += _doubts(measured, pixels, found.planes, index)
     if rectify is not None:
         scale = None if resolution is None else resolution * length.value
         view = rectified(picture, chosen, lens, resolution=scale)
         write_atomically({rectify: encode_image(view.image, rectify)})
-        members["rectified"] = _view_members(view, length)
         lines += [_view_line(view, length), f"wrote {rectify}"]
+        members["rectified"] = _view_members(view, length)
         warnings += _doubts_of_view(view, length, rectify)
-    members |= texts_and_codes(warnings)
-    answer(json, quiet, members, lines, coded_lines(warnings))
+    answer(json, quiet, members | texts_and_codes(warnings), lines, coded_lines(warnings))
+
+
+def _check_request(points: int, rectify: Path | None, resolution: float | None) -> None:
+    """Check that there are points to measure between, or a view to draw."""
+    if points == 1 or (not points and rectify is None):
+        raise ValueError("give two points or more, as X,Y; or --rectify FILE")
+    if resolution is not None and rectify is None:
+        raise ValueError("--resolution is of the view from above: give --rectify FILE as well")
+
+
+def _orientation_warning(
+    photo: Path, tag: OrientationTag, size: tuple[int, int]
+) -> CalibrationWarning:
+    text = f"{photo}: {tag.ignored('the points refer', size)}"
+    return CalibrationWarning(text, "orientation_ignored")
+
+
+def _check_inside(
+    pixels: FloatArray, size: tuple[int, int], warnings: Sequence[CalibrationWarning]
+) -> None:
+    """Refuse points outside the picture; the error includes warnings, which may explain it."""
+    try:
+        check_inside(pixels, size)
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *warnings])) from error
+
+
+def _plane_members(index: int, plane: Plane, length: Length) -> dict[str, Any]:
+    return {
+        "format": MEASUREMENT_FORMAT,
+        "plane": index,
+        "kind": plane.kind,
+        "corners": plane.corners.tolist(),
+        "side": length.value,
+        "unit": length.unit,
+    }
 
 
 def _heading(index: int, plane: Plane, given: Length | None, stated: Length | None) -> str:
@@ -214,6 +214,31 @@ def _side_warnings(given: Length | None, stated: Length | None) -> Iterator[Cali
             f"{stated.value:g} {stated.unit}: right if this is another square"
         )
         yield CalibrationWarning(text, "side_differs")
+
+
+def _plane_warnings(
+    found: Located, index: int, alternatives: Sequence[int], calibration: Calibration | Camera
+) -> Iterator[CalibrationWarning]:
+    """Yield warnings of a plane that may not be what it is taken for, or not the one meant."""
+    if index in found.holes:
+        yield CalibrationWarning(f"plane {index} {HOLE}", "side_unknown")
+    kind = found.planes[index].kind
+    if kind != RECTANGLE and _are_rectangles(calibration):
+        text = (
+            f"plane {index} is taken for a {kind}, where the calibration's planes are "
+            "rectangles: if it is one of them, name it as there, such as --targets a4"
+        )
+        yield CalibrationWarning(text, "shape_differs")
+    if alternatives:
+        options = " or ".join(f"--plane {number}" for number in (index, *alternatives))
+        text = (
+            f"no plane holds a point: plane {index} is the nearest, and plane "
+            f"{listed([str(alternative) for alternative in alternatives])} nearly as near: "
+            f"say {options}"
+        )
+        yield CalibrationWarning(text, "plane_unclear")
+    if found.doubts[index] is not None:
+        yield CalibrationWarning(f"plane {index}: {found.doubts[index]}", "plane_misfits")
 
 
 def _side_errors(plane: Plane) -> Iterator[str]:
@@ -346,10 +371,11 @@ def _lines(measured: Measurement, length: Length) -> Iterator[str]:
         yield "area: none, for the polygon's sides cross: give its corners in order round it"
 
 
-def _share_of_points(measured: Measurement, exact: Measurement, point_std: float) -> str:
-    """Return a line with the fraction of the lengths' variance that is due to the given pixels."""
-    share = 1.0 - float(np.sum(exact.lengths_std**2) / np.sum(measured.lengths_std**2))
-    return (
-        f"the points, taken as known to {point_std:g} px (--point-std), make up "
-        f"{100 * share:.0f} % of the variance of the lengths"
-    )
+def _share_of_points(measured: Measurement, exact: Measurement, point_std: float) -> Iterator[str]:
+    """Yield a line with the fraction of the lengths' variance that is due to the given pixels."""
+    if point_std > 0.0:
+        share = 1.0 - float(np.sum(exact.lengths_std**2) / np.sum(measured.lengths_std**2))
+        yield (
+            f"the points, taken as known to {point_std:g} px (--point-std), make up "
+            f"{100 * share:.0f} % of the variance of the lengths"
+        )
