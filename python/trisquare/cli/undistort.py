@@ -111,58 +111,28 @@ def undistort_command(
     PATH.
     """
     photos = photographs_named(photos)
-    videos = [is_video(photo) for photo in photos]
     for photo in photos:
         check_named_video(photo)
     into_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
-    paths = _output_paths(output, photos, into_folder=into_folder, with_videos=any(videos))
+    paths = _output_paths(output, photos, into_folder=into_folder)
     resampling = checked_interpolation(interpolation)  # before any photograph is read
     _check_view(view, balance, new_camera)
     known = read_camera(camera)
     lens = camera_of(known)
-
-    @lru_cache(maxsize=1)
-    def undistorter_of(size: tuple[int, int]) -> Undistorter:
-        taken_by = lens.rescaled(size) if rescale and size != lens.image_size else lens
-        if view == "pinhole":
-            return Undistorter(taken_by, new_camera=taken_by.undistorted(balance, field=field))
-        return Undistorter(taken_by, new_camera=Panorama.of(taken_by, view, field))
-
+    undistorter_of = _undistorters(lens, view, balance, field, rescale=rescale)
     done = _Undistorted(undistorter_of, resampling)
-
-    def contents() -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
-        """Undistort one photograph after another, as each is written."""
-        for photo, path, has_frames in zip(photos, paths, videos, strict=True):
-            if has_frames:
-                yield path, partial(done.write_video, photo, path, progress)
-                continue
-            if progress is not None:
-                progress(len(done.pictures), len(photos))
-            yield path, done.photograph(photo, path)
-        if new_camera is not None:
-            yield new_camera, _camera_file(done.views, new_camera)
-
     with (
         making_folder(output) if into_folder else nullcontext(),
         progress_bar("undistorting", quiet) as progress,
     ):
-        moving = list(compress(paths, videos))
-        still = [path for path in paths if path not in moving]
-        check_outputs([*photos, camera], still, [*moving, new_camera])
-        for path in moving:
-            check_video_name(path)
+        _check_files(photos, paths, camera, new_camera)
         undistorter_of(lens.image_size)  # errors of the view must not name a photograph
-        write_in_turn(contents())
-    warnings = done.warnings
-    if isinstance(known, Calibration):
-        warnings += [
-            CalibrationWarning(f"{camera}: {item}", item.code, item.severity)
-            for item in known.warnings
-            if _is_repeated(item)
-        ]
-    # Without black pixels nothing is missing: a narrow view was asked for.
-    has_black = any(item["valid_rectangle"][2:] != item["image_size"] for item in done.pictures)
-    warnings += _warnings_of_views(lens, done.views, has_black=has_black)
+        write_in_turn(done.contents(photos, paths, new_camera, progress))
+    warnings = [
+        *done.warnings,
+        *_warnings_of_camera(camera, known),
+        *_warnings_of_views(lens, done),
+    ]
     members = {
         "format": UNDISTORTION_FORMAT,
         "view": view,
@@ -172,19 +142,14 @@ def undistort_command(
         "new_camera": None if new_camera is None else str(new_camera),
         **texts_and_codes(warnings),
     }
-    lines = list(_lines(done.pictures, is_camera_kept=new_camera is not None))
-    if new_camera is not None:
-        lines.append(f"wrote {new_camera}")
-    answer(json, quiet, members, lines, coded_lines(warnings))
+    answer(json, quiet, members, _lines(done.pictures, new_camera), coded_lines(warnings))
 
 
-def _output_paths(
-    output: str, photos: Sequence[Path], *, into_folder: bool, with_videos: bool
-) -> list[Path]:
+def _output_paths(output: str, photos: Sequence[Path], *, into_folder: bool) -> list[Path]:
     """Return the output path of each photograph or video."""
     if into_folder:
         return [Path(output, photo.name) for photo in photos]
-    if not (Path(output).suffix or with_videos):
+    if not (Path(output).suffix or any(map(is_video, photos))):
         raise ValueError(
             f"{output}: write a folder as {output}/, and a picture with its extension, such as "
             f"{output}.png"
@@ -202,6 +167,32 @@ def _check_view(view: str, balance: float, new_camera: Path | None) -> None:
         if view != "pinhole":
             raise ValueError(f"--new-camera is for a pinhole: no format holds --view {view}")
         camera_format(new_camera)
+
+
+def _check_files(
+    photos: Sequence[Path], paths: Sequence[Path], camera: Path, new_camera: Path | None
+) -> None:
+    """Refuse output files that cannot be written, before anything is computed."""
+    moving = list(compress(paths, map(is_video, photos)))
+    still = [path for path in paths if path not in moving]
+    check_outputs([*photos, camera], still, [*moving, new_camera])
+    for path in moving:
+        check_video_name(path)
+
+
+def _undistorters(
+    lens: Camera, view: str, balance: float, field: float | None, *, rescale: bool
+) -> Callable[[tuple[int, int]], Undistorter]:
+    """Return a function that returns the undistorter for photographs of a size."""
+
+    @lru_cache(maxsize=1)
+    def undistorter_of(size: tuple[int, int]) -> Undistorter:
+        taken_by = lens.rescaled(size) if rescale and size != lens.image_size else lens
+        if view == "pinhole":
+            return Undistorter(taken_by, new_camera=taken_by.undistorted(balance, field=field))
+        return Undistorter(taken_by, new_camera=Panorama.of(taken_by, view, field))
+
+    return undistorter_of
 
 
 class _Undistorted:
@@ -234,7 +225,25 @@ class _Undistorted:
         self.views: set[Camera | Panorama] = set()
         self.warnings: list[CalibrationWarning] = []
 
-    def photograph(self, photo: Path, path: Path) -> bytes:
+    def contents(
+        self,
+        photos: Sequence[Path],
+        paths: Sequence[Path],
+        new_camera: Path | None,
+        progress: Callable[[int, int], None] | None,
+    ) -> Iterator[tuple[Path, bytes | Callable[[Path], None]]]:
+        """Undistort one photograph after another, as each is written."""
+        for photo, path in zip(photos, paths, strict=True):
+            if is_video(photo):
+                yield path, partial(self._write_video, photo, path, progress)
+                continue
+            if progress is not None:
+                progress(len(self.pictures), len(photos))
+            yield path, self._photograph(photo, path)
+        if new_camera is not None:
+            yield new_camera, _camera_file(self.views, new_camera)
+
+    def _photograph(self, photo: Path, path: Path) -> bytes:
         """Undistort a photograph and return the content of the output file."""
         picture, tag = read_photograph(photo)
         check_depth(picture, path)
@@ -247,7 +256,7 @@ class _Undistorted:
             self.warnings.append(CalibrationWarning(missed, "orientation_lost"))
         return encoded
 
-    def write_video(
+    def _write_video(
         self, clip: Path, path: Path, progress: Callable[[int, int], None] | None, temporary: Path
     ) -> None:
         """Write an undistorted video to a temporary file, which later replaces that of the path."""
@@ -295,16 +304,18 @@ def _warnings_of_video(video: Video, path: Path) -> Iterator[CalibrationWarning]
         yield CalibrationWarning(text, "uneven_frames")
 
 
-def _is_repeated(warning: CalibrationWarning) -> bool:
-    """Return whether a calibration's warning is repeated for undistorted pictures."""
-    return warning.code in OF_THE_RIM or warning.severity == "high"
+def _warnings_of_camera(camera: Path, known: Calibration | Camera) -> Iterator[CalibrationWarning]:
+    """Yield a calibration's warnings that also concern undistorted pictures."""
+    for item in known.warnings if isinstance(known, Calibration) else ():
+        if item.code in OF_THE_RIM or item.severity == "high":
+            yield CalibrationWarning(f"{camera}: {item}", item.code, item.severity)
 
 
-def _warnings_of_views(
-    lens: Camera, views: Collection[Camera | Panorama], *, has_black: bool
-) -> Iterator[CalibrationWarning]:
+def _warnings_of_views(lens: Camera, done: _Undistorted) -> Iterator[CalibrationWarning]:
     """Yield warnings of a part of the photographs that is left out, and of too wide a pinhole."""
     unknown_part = 1.0 - known_part(lens)
+    # Without black pixels nothing is missing: a narrow view was asked for.
+    has_black = any(item["valid_rectangle"][2:] != item["image_size"] for item in done.pictures)
     if unknown_part > 0.0 and has_black:
         text = (
             f"{100.0 * unknown_part:.2g} % of the photograph is left out: it lies beyond the "
@@ -312,7 +323,7 @@ def _warnings_of_views(
             "the corners, or with fewer coefficients"
         )
         yield CalibrationWarning(text, "part_left_out")
-    seen = [angles_of_view(view) for view in views if isinstance(view, Camera)]
+    seen = [angles_of_view(view) for view in done.views if isinstance(view, Camera)]
     widest = max((angles[0] for angles in seen if angles is not None), default=0.0)
     if widest > WIDE_FIELD:
         text = (
@@ -353,7 +364,7 @@ def _view_members(view: Camera | Panorama) -> dict[str, Any]:
     return {"panorama": {name: getattr(view, name) for name in names}}
 
 
-def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Iterator[str]:
+def _lines(pictures: Sequence[dict[str, Any]], new_camera: Path | None) -> Iterator[str]:
     """Describe the written files; consecutive files with the same camera share its line."""
     before = None
     for picture in pictures:
@@ -364,10 +375,12 @@ def _lines(pictures: Sequence[dict[str, Any]], *, is_camera_kept: bool) -> Itera
             names = ("fx", "fy", "focal", "cx", "cy")
             numbers = ", ".join(f"{name} {camera[name]:.6g}" for name in names if name in camera)
             view_name = camera.get("projection", "new camera")
-            is_lost = not is_camera_kept and "projection" not in camera
+            is_lost = new_camera is None and "projection" not in camera
             hint = " (--new-camera FILE keeps it)" if is_lost else ""
             yield f"{view_name}, without distortion: {width} x {height}, {numbers}{hint}"
             rectangle = f"({x}, {y}) of {valid_width} x {valid_height}"
             yield f"no black border in the rectangle from {rectangle}"
         before = camera
         yield f"wrote {picture['output']}"
+    if new_camera is not None:
+        yield f"wrote {new_camera}"
