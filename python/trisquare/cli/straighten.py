@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from trisquare._support.number_text import with_its_std
 from trisquare._support.paths import naming
 from trisquare._support.writing import PathLike, write_atomically
+from trisquare.camera.camera import Camera
 from trisquare.camera.lens_models import is_fisheye
 from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, coded_lines, texts_and_codes
@@ -60,21 +61,11 @@ def straighten_command(
 ) -> None:
     """Remove the lens distortion from a photograph by its straight lines, without a target."""
     check_outputs([photo], [output, overlay], [save_camera])
-    if (save_camera is None) != (focal is None):
-        raise ValueError(
-            "--save-camera and --focal go together: straight lines do not tell the focal length, "
-            "which is in pixels"
-        )
-    if save_camera is not None:
-        camera_format(save_camera)
+    _check_camera_options(save_camera, focal)
     resampling = checked_interpolation(interpolation)
     picture, tag = read_photograph(photo)
     check_depth(picture, output)
-    if focal is not None and focal < SHORTEST * max(picture.shape[:2]):
-        raise ValueError(
-            f"--focal {focal:g} is in pixels: no lens has so few for a picture of "
-            f"{max(picture.shape[:2])} (divide millimetres by the size of a pixel)"
-        )
+    _check_focal(focal, max(picture.shape[:2]))
     with naming(photo):
         found = straighten(picture)
         straight = found.undistort(picture, balance, interpolation=resampling)
@@ -84,26 +75,40 @@ def straighten_command(
     if overlay is not None:
         drawn = draw_straight_lines(picture, found.used, found.rejected, f"rms {found.rms:.2f} px")
         files[overlay] = encode_drawn(drawn, overlay)
-    models: dict[PathLike, str] = {}
-    if save_camera is not None and focal is not None:
-        camera = found.camera.camera(focal)
+    camera = None if focal is None else found.camera.camera(focal)
+    if save_camera is not None and camera is not None:
         files[save_camera] = camera_content(camera, save_camera)
-        models[save_camera] = camera.model
     write_atomically(files)
-    members: dict[str, Any] = {"format": STRAIGHTENING_FORMAT}
-    members |= {"photo": str(photo), "output": str(output)}
-    members |= _members(found)
-    members |= {
+    members = {
+        "format": STRAIGHTENING_FORMAT,
+        "photo": str(photo),
+        "output": str(output),
+        **_members(found),
         "camera_file": None if save_camera is None else str(save_camera),
         **texts_and_codes(warnings),
     }
-    answer(
-        json,
-        quiet,
-        members,
-        _lines(found, files, models),
-        coded_lines(warnings),
-    )
+    lines = [*_lines(found), *_written_lines(files, save_camera, camera)]
+    answer(json, quiet, members, lines, coded_lines(warnings))
+
+
+def _check_camera_options(save_camera: Path | None, focal: float | None) -> None:
+    """Check that a camera is written with a focal length, in a known format."""
+    if (save_camera is None) != (focal is None):
+        raise ValueError(
+            "--save-camera and --focal go together: straight lines do not tell the focal length, "
+            "which is in pixels"
+        )
+    if save_camera is not None:
+        camera_format(save_camera)
+
+
+def _check_focal(focal: float | None, longer_side: int) -> None:
+    """Refuse a focal length that is probably in millimetres."""
+    if focal is not None and focal < SHORTEST * longer_side:
+        raise ValueError(
+            f"--focal {focal:g} is in pixels: no lens has so few for a picture of "
+            f"{longer_side} (divide millimetres by the size of a pixel)"
+        )
 
 
 def _members(found: Straightened) -> dict[str, Any]:
@@ -123,10 +128,8 @@ def _members(found: Straightened) -> dict[str, Any]:
     }
 
 
-def _lines(
-    found: Straightened, files: Mapping[PathLike, bytes], models: Mapping[PathLike, str]
-) -> Iterator[str]:
-    """Yield lines on the result; `models` are the lens models of the files that are cameras."""
+def _lines(found: Straightened) -> Iterator[str]:
+    """Yield lines on the lines used and on the lens."""
     camera = found.camera
     yield (
         f"{len(found.used)} straight lines, rms {found.rms:.2g} px; "
@@ -153,10 +156,17 @@ def _lines(
         *(float((each[largest] ** 2).sum()) ** 0.5 for each in (map_.displacement, map_.std))
     )
     yield f"largest displacement {moved} +- {std_text} px"
-    if not models:
+
+
+def _written_lines(
+    files: Iterable[PathLike], save_camera: Path | None, camera: Camera | None
+) -> Iterator[str]:
+    """Yield a line for each file, with the model of the camera, if one is written."""
+    if camera is None:
         yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
     for path in files:
-        model = models.get(path)
-        kind = f", a camera of the model {model}" if model else ""
-        use = " (of OpenCV: cv2.fisheye)" if model and is_fisheye(model) else ""
-        yield f"wrote {path}{kind}{use}"
+        if camera is None or path != save_camera:
+            yield f"wrote {path}"
+        else:
+            use = " (of OpenCV: cv2.fisheye)" if is_fisheye(camera.model) else ""
+            yield f"wrote {path}, a camera of the model {camera.model}{use}"
