@@ -95,15 +95,7 @@ def predict_command(
     written = None if plan is None else read_plan(plan)
     with nullcontext() if plan is None else naming(plan):
         guess = _pinhole(written, stated, pixels) if known is None else known
-        planned = []
-        if written is not None and not square:
-            planned = [
-                planned_square(fields, guess, frame) for fields in written.objects("squares")
-            ]
-    if square:
-        planned = [_square(text, guess, frame) for text in square]
-    elif written is None:
-        planned = _default_squares(guess, frame)
+    planned = _planned_squares(square, plan, written, guess, frame)
     prediction = predict(
         guess,
         planned,
@@ -151,6 +143,22 @@ def _pinhole(
     if focal is None:
         focal = float(width) if written is None else written.number_or("focal", width)
     return centred_pinhole(focal, (width, height))
+
+
+def _planned_squares(
+    texts: list[str] | None,
+    plan: Path | None,
+    written: JsonFields | None,
+    camera: Camera,
+    frame: float | None,
+) -> list[PlannedSquare]:
+    """Return the squares of the options, or else those of the plan, or else the default ones."""
+    if texts:
+        return [_square(text, camera, frame) for text in texts]
+    if plan is None or written is None:
+        return _default_squares(camera, frame)
+    with naming(plan):
+        return [planned_square(fields, camera, frame) for fields in written.objects("squares")]
 
 
 def _default_squares(camera: Camera, frame: float | None) -> list[PlannedSquare]:
