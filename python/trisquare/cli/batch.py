@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from trisquare._support.writing import write_atomically
 from trisquare.batch.fleet import Fleet
 from trisquare.batch.inputs import camera_pattern, find_jobs
 from trisquare.batch.limits import JobLimits
@@ -150,42 +152,22 @@ def batch_command(
         total = sum(1 for _ in find_jobs(inputs, camera, options))
     if parquet:
         check_parquet()
-    with ExitStack() as stack:
-        executor = None
-        if dask is not None:
-            executor = stack.enter_context(dask_executor(dask))
-        elif mpi:
-            executor = stack.enter_context(mpi_executor())
-        store = stack.enter_context(Store(output, bounds, retry=retry))
-        submit = stack.enter_context(Submission(executor, jobs, bounds))
-        told = stack.enter_context(_progress(total, quiet))
-        found = finished(find_jobs(inputs, camera, options), submit, store, WINDOW)
+    with (
+        _executor(dask, mpi) as executor,
+        Store(output, bounds, retry=retry) as store,
+        Submission(executor, jobs, bounds) as submit,
+        _progress(total, quiet) as told,
+    ):
         done = 0
+        found = finished(find_jobs(inputs, camera, options), submit, store, WINDOW)
         for done, _ in enumerate(found, 1):
             told(done)
         told(None)
         store.finish()
-        fleet, counts, notes = _write_summary(output, store, requirements, parquet)
-        judged = rows(store.records(), fleet, requirements)
-        unfit = (row for row in judged if row["status"] not in ("passed", "earlier"))
-        failed = list(islice(unfit, MAX_FAILED))
-    members = {
-        "format": FORMAT,
-        "output": str(output),
-        "cameras": counts.total,
-        "done_now": done,
-        "passed": counts.passed,
-        "passed_with_high_warning": counts.passed_with_high_warning,
-        "beyond_limits": counts.beyond_limits,
-        "failed": counts.failed,
-        "earlier": counts.earlier,
-        "retake": counts.retake,
-        "outlying": counts.outlying,
-        "all_passed": counts.all_passed,
-        "limits": [str(requirement) for requirement in requirements],
-    }
-    answer(json, quiet, members, _report(output, counts, done, failed, notes))
-    if not counts.all_passed:
+        summary = _write_summary(output, store, requirements, parquet)
+    members = _members(output, done, summary.counts, requirements)
+    answer(json, quiet, members, _report(output, done, summary))
+    if not summary.counts.all_passed:
         raise typer.Exit(NOT_ALL_PASSED_EXIT)
 
 
@@ -224,6 +206,13 @@ def _options(
         "lines": (lines, False),
     }
     return {name: value for name, (value, default) in given.items() if value != default}
+
+
+def _executor(dask: str | None, mpi: bool) -> AbstractContextManager[Executor | None]:
+    """Return the executor of a cluster; None for processes of this machine."""
+    if dask is not None:
+        return dask_executor(dask)
+    return mpi_executor() if mpi else nullcontext()
 
 
 @contextmanager
@@ -272,9 +261,19 @@ def mpi_executor() -> Executor:
     return executor
 
 
+@dataclass(frozen=True)
+class _Summary:
+    """What is printed of a summary: counts, rows of the first unfit cameras, and notes."""
+
+    counts: Counts
+    unfit: list[dict[str, Any]]
+    notes: list[str]
+
+
 def _write_summary(
     output: Path, store: Store, requirements: list[AnyRequirement], parquet: bool
-) -> tuple[Fleet, Counts, list[str]]:
+) -> _Summary:
+    """Write the summary's files, the page only if its extra is installed."""
     fleet = Fleet.of(store.records())
     shown = columns(fleet)
 
@@ -284,20 +283,40 @@ def _write_summary(
     counts = write_csv(output / "summary.csv", each(), shown)
     if parquet:
         write_parquet(output / "summary.parquet", each(), shown)
+    notes = []
     try:
         from trisquare.batch.page import summary_page
     except ImportError:
-        return fleet, counts, ["no summary.html, which needs pip install 'trisquare[batch]'"]
-    from trisquare._support.writing import write_atomically
+        notes.append("no summary.html, which needs pip install 'trisquare[batch]'")
+    else:
+        page = summary_page(each(), fleet, counts, requirements)
+        write_atomically({output / "summary.html": page})
+    unfit = (row for row in each() if row["status"] not in ("passed", "earlier"))
+    return _Summary(counts, list(islice(unfit, MAX_FAILED)), notes)
 
-    page = summary_page(each(), fleet, counts, requirements)
-    write_atomically({output / "summary.html": page})
-    return fleet, counts, []
+
+def _members(
+    output: Path, done: int, counts: Counts, requirements: list[AnyRequirement]
+) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "output": str(output),
+        "cameras": counts.total,
+        "done_now": done,
+        "passed": counts.passed,
+        "passed_with_high_warning": counts.passed_with_high_warning,
+        "beyond_limits": counts.beyond_limits,
+        "failed": counts.failed,
+        "earlier": counts.earlier,
+        "retake": counts.retake,
+        "outlying": counts.outlying,
+        "all_passed": counts.all_passed,
+        "limits": [str(requirement) for requirement in requirements],
+    }
 
 
-def _report(
-    output: Path, counts: Counts, done: int, failed: list[dict[str, Any]], notes: list[str]
-) -> list[RenderableType]:
+def _report(output: Path, done: int, summary: _Summary) -> list[RenderableType]:
+    counts = summary.counts
     noun = "camera" if counts.total == 1 else "cameras"
     high = ""
     if counts.passed_with_high_warning:
@@ -318,15 +337,15 @@ def _report(
             f"{counts.earlier} more {noun} of earlier runs, which this one was not given, {are} "
             f"kept and {do} not count"
         )
-    for row in failed:
+    for row in summary.unfit:
         reason = row.get("beyond_limits") or row["failure"]
         removed = row.get("removed")
         stale = f"; {removed}, of an earlier photograph, is removed" if removed else ""
         lines.append(f"{row['name']}: {row['status']}: {reason}{stale}")
-    more = counts.beyond_limits + counts.failed - len(failed)
+    more = counts.beyond_limits + counts.failed - len(summary.unfit)
     if more > 0:
         lines.append(f"and {more} more: summary.csv")
-    return [*lines, *notes]
+    return [*lines, *summary.notes]
 
 
 @contextmanager
