@@ -321,7 +321,6 @@ def test_a_log_has_a_line_a_minute(monkeypatch, capsys):
     for done in range(1, 201):
         clock[0] += 1.0
         show(done)
-    show(None)
     assert capsys.readouterr().err.splitlines() == [
         "60 of 1000 cameras, 1.00/s, 16 min left",
         "120 of 1000 cameras, 1.00/s, 15 min left",

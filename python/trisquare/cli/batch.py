@@ -162,7 +162,6 @@ def batch_command(
         found = finished(find_jobs(inputs, camera, options), submit, store, WINDOW)
         for done, _ in enumerate(found, 1):
             told(done)
-        told(None)
         store.finish()
         summary = _write_summary(output, store, requirements, parquet)
     members = _members(output, done, summary.counts, requirements)
@@ -349,10 +348,10 @@ def _report(output: Path, done: int, summary: _Summary) -> list[RenderableType]:
 
 
 @contextmanager
-def _progress(total: int, quiet: bool) -> Iterator[Callable[[int | None], None]]:
+def _progress(total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
     """Show the progress on standard error: a bar on a terminal, else a line per minute.
 
-    Yields a function that is called with the number of jobs done, and with None at the end.
+    Yields a function that is called with the number of jobs done.
     """
     console = Console(stderr=True)
     if quiet:
@@ -370,23 +369,22 @@ def _progress(total: int, quiet: bool) -> Iterator[Callable[[int | None], None]]
             task = bar.add_task("", total=total, rate="")
             start = time.monotonic()
 
-            def show(done: int | None) -> None:
+            def show(done: int) -> None:
                 seconds = time.monotonic() - start
-                if done is not None:
-                    bar.update(task, completed=done, rate=f"{done / max(seconds, 1e-9):.1f}/s")
+                bar.update(task, completed=done, rate=f"{done / max(seconds, 1e-9):.1f}/s")
 
             yield show
     else:
         yield _log(total)
 
 
-def _log(total: int) -> Callable[[int | None], None]:
+def _log(total: int) -> Callable[[int], None]:
     start = last = time.monotonic()
 
-    def show(done: int | None) -> None:
+    def show(done: int) -> None:
         nonlocal last
         now = time.monotonic()
-        if done is not None and now - last >= LOG_SECONDS:
+        if now - last >= LOG_SECONDS:
             last = now
             rate = done / (now - start)
             seconds_left = max(0, total - done) / rate
