@@ -239,7 +239,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             refined.covariance_factor,
         ));
         warnings.extend(causes);
-        warnings.extend(held_skew(&solution.planes, refined, options, |fixed| {
+        let parameters = (&problem.free, &problem.judged);
+        warnings.extend(held_skew(refined, parameters, options, |fixed| {
             compared(self.edges, fixed)
         }));
         warnings.extend(unlikely_camera(found, options.fixed, |fixed| {

@@ -228,6 +228,16 @@ impl FreeParameters {
         freed
     }
 
+    /// Returns the same parameters with the skew freed, if the lens has that parameter.
+    pub fn with_free_skew(&self) -> Self {
+        let mut freed = self.clone();
+        let column = self.names.iter().position(|name| *name == SKEW);
+        freed
+            .columns
+            .extend(column.filter(|column| !self.columns.contains(column)));
+        freed
+    }
+
     /// Whether `fy` follows `fx`.
     pub fn aspect_is_fixed(&self) -> bool {
         self.aspect.is_some()

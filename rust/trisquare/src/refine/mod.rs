@@ -11,4 +11,4 @@ pub(crate) use residuals::{
     MIN_SCALE, Residual, Residuals, residuals, robust_scale, root_mean_square,
     straightness_residuals,
 };
-pub(crate) use search::{Refined, Search, finish, information, search, system_at};
+pub(crate) use search::{Refined, Search, finish, information, search};

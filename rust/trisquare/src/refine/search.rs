@@ -143,18 +143,6 @@ pub(crate) fn information<L: Lens>(
     EdgeProblem::new(planes, &free.without_reach(), scale).evaluate(view)
 }
 
-/// The normal equations of the samples at an optimum, over other parameters than those of its
-/// search.
-pub(crate) fn system_at<L: Lens>(
-    planes: &[ObservedPlane],
-    free: &FreeParameters,
-    optimum: &Refined<L>,
-) -> Option<ArrowSystem> {
-    let curves = SideCurves::of(planes, &optimum.view, optimum.scale);
-    let problem = EdgeProblem::new(planes, free, optimum.scale).with_curves(Some(&curves));
-    Some(problem.evaluate(&optimum.view)?.1)
-}
-
 /// Result of a search for the optimum.
 #[derive(Clone)]
 pub(crate) struct Search<L> {

@@ -19,6 +19,8 @@ pub(crate) struct JointProblem<'a, L: Lens> {
     pub size: ImageSize,
     pub options: &'a Options<L>,
     pub free: FreeParameters,
+    /// The parameters of the normal equations at an optimum: the free ones first, then those that
+    /// are only tested, the centre of distortion and the skew.
     pub judged: FreeParameters,
     /// Start of the search, if the model is richer than the default.
     pub(super) beginning: Option<Beginning<L>>,
@@ -78,7 +80,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
         Self {
             size,
             options,
-            judged: judged_parameters(&free),
+            judged: judged_parameters(&free).with_free_skew(),
             free,
             beginning: None,
             contradicted: None,
@@ -109,7 +111,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// The problem with other free parameters.
     pub(super) fn with_free(self, free: FreeParameters) -> Self {
         Self {
-            judged: judged_parameters(&free),
+            judged: judged_parameters(&free).with_free_skew(),
             free,
             ..self
         }

@@ -148,8 +148,8 @@ impl<L: Lens> Conditioning<'_, L> {
     /// Returns why the geometry does not determine the camera matrix, without remedies; `None` if
     /// it does.
     ///
-    /// `system` holds the normal equations over the [`judged_parameters`], `factor` turns the
-    /// inverse of their information into a covariance.
+    /// `system` holds the normal equations over the [`judged_parameters`] and possibly others after
+    /// them, `factor` turns the inverse of their information into a covariance.
     pub fn ill_conditioning(
         &self,
         system: &ArrowSystem,
@@ -248,7 +248,7 @@ impl<L: Lens> Conditioning<'_, L> {
         free: &FreeParameters,
         factor: f64,
     ) -> Option<DMatrix<f64>> {
-        let mut system = system.clone();
+        let mut system = system.leading(judged_parameters(free).len());
         self.add_centre_prior(&mut system, free, factor);
         covariance(&system, factor)
     }

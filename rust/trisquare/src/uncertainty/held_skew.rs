@@ -3,8 +3,8 @@
 
 use super::covariance::covariance;
 use crate::lens::{Lens, SKEW};
-use crate::observations::{Fixed, FreeParameters, ObservedPlane, Options};
-use crate::refine::{Refined, system_at};
+use crate::observations::{Fixed, FreeParameters, Options};
+use crate::refine::Refined;
 use crate::result::{Calibration, Warning};
 
 /// Skew, as a fraction of the focal length, above which it matters.
@@ -13,39 +13,31 @@ const NOTABLE_SKEW: f64 = 5e-4;
 /// Skew, in its standard deviations, above which it is evident.
 const EVIDENT: f64 = 4.0;
 
-/// Number of samples of each side in the first, quick test.
-const FIRST_SAMPLES: usize = 50;
-
-/// Skew, in the standard deviations of the first test, above which all samples are tested.
-const POSSIBLE: f64 = 1.5;
-
 /// Warns of a skew that all planes agree with, and that is not zero.
 ///
-/// `freed` returns the calibration with the given parameters held. It is called only if one step
-/// from the optimum shows that the skew is not zero.
+/// The equations of the optimum are over `judged`, of which `free` are the first. `freed` returns the
+/// calibration with the given parameters held. It is called only if one step from the optimum shows
+/// that the skew is not zero.
 pub(crate) fn held_skew<L: Lens>(
-    planes: &[ObservedPlane],
     refined: &Refined<L>,
+    (free, judged): (&FreeParameters, &FreeParameters),
     options: &Options<L>,
     freed: impl Fn(Fixed) -> Option<Calibration<L>>,
 ) -> Option<Warning> {
     let held = options.fixed;
     // If something else is held, a skew would compensate for its error.
     let is_rest_free = !(held.focal || held.principal_point || held.distortion);
-    if !(held.skew && is_rest_free) || L::skew_column().is_none() {
+    if !(held.skew && is_rest_free) {
+        return None;
+    }
+    let skew = judged.position(SKEW)?;
+    if skew_deviations(refined, free.len(), skew)? < EVIDENT {
         return None;
     }
     let fixed = Fixed {
         skew: false,
         ..held
     };
-    let free = Options { fixed, ..*options }.free_parameters();
-    let first: Vec<_> = planes.iter().map(|p| p.subsampled(FIRST_SAMPLES)).collect();
-    if skew_deviations(&first, refined, &free)? < POSSIBLE
-        || skew_deviations(planes, refined, &free)? < EVIDENT
-    {
-        return None;
-    }
     let found = freed(fixed)?;
     if found.warnings.iter().any(is_target_warning) {
         return None;
@@ -68,15 +60,11 @@ fn is_target_warning(warning: &Warning) -> bool {
     )
 }
 
-/// Returns the skew after one step of all parameters from an optimum, in its standard deviations;
-/// `None` if it is not determined.
-fn skew_deviations<L: Lens>(
-    planes: &[ObservedPlane],
-    optimum: &Refined<L>,
-    free: &FreeParameters,
-) -> Option<f64> {
-    let place = free.position(SKEW)?;
-    let system = system_at(planes, free, optimum)?;
+/// Returns the skew after one step of it and of the free parameters from an optimum, in its standard
+/// deviations; `None` if it is not determined. `skew` is its position in the equations.
+fn skew_deviations<L: Lens>(optimum: &Refined<L>, free: usize, skew: usize) -> Option<f64> {
+    let tested: Vec<usize> = (0..free).chain([skew]).collect();
+    let system = optimum.system.selected(&tested);
     let covariance = covariance(&system, optimum.covariance_factor)?;
-    Some(system.solve(0.0)?.shared[place].abs() / covariance[(place, place)].sqrt())
+    Some(system.solve(0.0)?.shared[free].abs() / covariance[(free, free)].sqrt())
 }
