@@ -140,22 +140,72 @@ pub(crate) fn weighted_by_noise(
     })
 }
 
-/// Returns the part of the covariance from every plane: from its noise, with weights for white
-/// noise, and from its sides' displacements.
-fn plane_parts(
-    (system, noise): (&ArrowSystem, f64),
-    units: &[DMatrix<f64>],
-    variances: &[f64],
-) -> Option<Vec<DMatrix<f64>>> {
-    let inverse = system.reduced_information()?.cholesky()?.inverse();
-    let contribution = system.contributions()?.into_iter();
-    let mut plane_parts: Vec<DMatrix<f64>> = contribution
-        .map(|contribution| &inverse * contribution.information * &inverse * noise)
-        .collect();
-    for (part, (unit, variance)) in plane_parts.iter_mut().zip(units.iter().zip(variances)) {
-        *part += unit * *variance;
+/// The normal equations of an optimum with the weights of its fit, and the covariance from them.
+struct FittedEquations {
+    system: ArrowSystem,
+    /// Factor from the inverse of the information to the covariance by noise.
+    noise: f64,
+    /// Contribution of displacements of unit variance on every plane to the covariance; empty if the
+    /// weights account for the displacements.
+    units: Vec<DMatrix<f64>>,
+    /// Covariance by noise, and by the displacements that the residuals show.
+    covariance: DMatrix<f64>,
+}
+
+impl FittedEquations {
+    /// Equations with weights for white noise, by which planes without a relief are fitted.
+    fn with_white_weights(
+        (system, white): (ArrowSystem, f64),
+        independent: &DMatrix<f64>,
+        errors: &SideErrors,
+        strength: &Strength,
+    ) -> Option<Self> {
+        let units = errors.unit_covariances()?;
+        let mut covariance = independent.clone();
+        for (unit, variance) in units.iter().zip(&strength.mean) {
+            covariance += unit * *variance;
+        }
+        Some(Self {
+            system,
+            noise: white,
+            units,
+            covariance,
+        })
     }
-    Some(plane_parts)
+
+    /// Equations marginalised over the displacements: planes with a relief are fitted by generalised
+    /// least squares. `drift` is the covariance from the errors of the tone curves.
+    fn marginalised(system: &ArrowSystem, drift: DMatrix<f64>) -> Option<Self> {
+        Some(Self {
+            covariance: covariance(system, 1.0)? + drift,
+            system: system.clone(),
+            noise: 1.0,
+            units: Vec::new(),
+        })
+    }
+
+    /// Part of the covariance from errors of sides that were known beforehand, beyond the variances
+    /// that the residuals show.
+    fn known_covariance(&self, planes: &[ObservedPlane], variances: &[f64]) -> DMatrix<f64> {
+        let mut known = DMatrix::zeros(self.covariance.nrows(), self.covariance.ncols());
+        for ((unit, variance), plane) in self.units.iter().zip(variances).zip(planes) {
+            known += unit * (displacement_variance(plane.side_error) - variance).max(0.0);
+        }
+        known
+    }
+
+    /// Part of the covariance from every plane: from its noise, and from its sides' displacements.
+    fn plane_parts(&self, variances: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+        let inverse = self.system.reduced_information()?.cholesky()?.inverse();
+        let contributions = self.system.contributions()?.into_iter();
+        let mut parts: Vec<DMatrix<f64>> = contributions
+            .map(|contribution| &inverse * contribution.information * &inverse * self.noise)
+            .collect();
+        for (part, (unit, variance)) in parts.iter_mut().zip(self.units.iter().zip(variances)) {
+            *part += unit * *variance;
+        }
+        Some(parts)
+    }
 }
 
 /// Returns the part of a covariance from the errors of the pictures' tone curves, for planes whose
@@ -211,48 +261,28 @@ pub(crate) fn correlated_covariance<L: Lens>(
     noise: &Noise,
 ) -> Option<Correlated> {
     let white = white_variance(noise, refined);
-    let independent = covariance(&refined.system.leading(free.len()), white)?;
+    let as_white = refined.system.leading(free.len());
+    let independent = covariance(&as_white, white)?;
     let errors = SideErrors::gather(planes, (free, None), &refined.view, noise, white)?;
     let strength = errors.strength()?;
     let misfit = Misfit::of(planes, &refined.view, free, noise);
     let between_plane_variance_ratio = misfit.between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
-    // Boards with an out-of-plane shape have been fitted by generalised least squares, all others
-    // with weights for white noise.
-    let generalised = match planes.iter().any(|plane| plane.board_relief.is_some()) {
-        true => Some(covariance(&system, 1.0)?),
-        false => None,
+    let fitted = match planes.iter().any(|plane| plane.board_relief.is_some()) {
+        true => {
+            let (fit, noise) = ((planes, free), (noise, white));
+            let drift = tone_drift_covariance(fit, refined, noise, &strength, &system)?;
+            FittedEquations::marginalised(&system, drift)?
+        }
+        false => {
+            let white_equations = (as_white, white);
+            FittedEquations::with_white_weights(white_equations, &independent, &errors, &strength)?
+        }
     };
-    let generalised = match generalised {
-        Some(generalised) => Some(
-            generalised
-                + tone_drift_covariance(
-                    (planes, free),
-                    refined,
-                    (noise, white),
-                    &strength,
-                    &system,
-                )?,
-        ),
-        None => None,
-    };
-    let units = match generalised {
-        Some(_) => Vec::new(),
-        None => errors.unit_covariances()?,
-    };
-    let mut stated = generalised.as_ref().unwrap_or(&independent).clone();
-    let mut known = DMatrix::zeros(free.len(), free.len());
-    for ((unit, variance), plane) in units.iter().zip(&strength.mean).zip(planes) {
-        stated += unit * *variance;
-        known += unit * (displacement_variance(plane.side_error) - variance).max(0.0);
-    }
-    stated += &known;
-    let fitted = match generalised {
-        Some(_) => (&system, 1.0),
-        None => (&refined.system.leading(free.len()), white),
-    };
-    let plane_parts = plane_parts(fitted, &units, &strength.mean)?;
-    let spread = spread_of_planes(planes, fitted.0, &plane_parts, &stated);
+    let known = fitted.known_covariance(planes, &strength.mean);
+    let stated = &fitted.covariance + &known;
+    let plane_parts = fitted.plane_parts(&strength.mean)?;
+    let spread = spread_of_planes(planes, &fitted.system, &plane_parts, &stated);
     let group_variance_ratio = spread
         .as_ref()
         .map_or(1.0, |spread| spread.variance_ratio.max(1.0));
