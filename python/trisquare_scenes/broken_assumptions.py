@@ -238,6 +238,18 @@ def stretched(rng: np.random.Generator, picture: Image) -> Image:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC))
 
 
+def skewed(rng: np.random.Generator, picture: Image) -> Image:
+    """Return it sheared by 0.3 to 3 %, as by a rolling shutter that moves or by a scanner."""
+    height, width = picture.shape[:2]
+    shear = rng.choice([-1.0, 1.0]) * rng.uniform(0.003, 0.03)
+    matrix = np.array([[1.0, shear, -0.5 * shear * (height - 1)], [0.0, 1.0, 0.0]])
+    return np.asarray(
+        cv2.warpAffine(
+            picture, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+    )
+
+
 def patterned(rng: np.random.Generator, picture: Image) -> Image:
     """Return it with moire: waves of light of a few pixels."""
     height, width = picture.shape[:2]
@@ -318,8 +330,8 @@ KINDS: Mapping[str, Kind] = {
     "all rectangles 1.003-1.1, turned": Kind(of_targets(rectangular(1.1), None), NO_SQUARES),
     "all rectangles 1.005-1.1, upright": Kind(upright_rectangles, NO_SQUARES),
     "one rectangle 1.003-1.1": Kind(of_targets(rectangular(1.1), 0), NO_SQUARES),
-    "all sheared": Kind(of_targets(sheared, None), NO_SQUARES),
-    "one sheared": Kind(of_targets(sheared, 0), NO_SQUARES),
+    "all targets sheared": Kind(of_targets(sheared, None), NO_SQUARES),
+    "one target sheared": Kind(of_targets(sheared, 0), NO_SQUARES),
     "all on cylinders": Kind(of_targets(rolled, None), NOT_FLAT),
     "one on a cylinder": Kind(of_targets(rolled, 0), NOT_FLAT),
     "all twisted": Kind(of_targets(twisted, None), NOT_FLAT),
@@ -332,6 +344,7 @@ KINDS: Mapping[str, Kind] = {
     "photo of a photo": Kind(of_picture(photo_of_photo), (*STRETCH, *NO_SQUARES)),
     "cropped": Kind(of_picture(cropped), STRETCH),
     "stretched": Kind(of_picture(stretched), STRETCH),
+    "sheared": Kind(of_picture(skewed), ("pixels_not_square",)),
     "mirrored": Kind(of_picture(mirrored), (), is_detectable=False),
     "moire": Kind(of_picture(patterned), ("periodic_pattern", *CODING)),
     "shadow": Kind(of_picture(shadowed), (*CODING, "side_partly_hidden", "side_rejected")),

@@ -15,8 +15,8 @@ NEGLIGIBLE = 0.003
 TOLD = [
     "all rectangles 1.003-1.1, turned",
     "one rectangle 1.003-1.1",
-    "all sheared",
-    "one sheared",
+    "all targets sheared",
+    "one target sheared",
     "all on cylinders",
     "one twisted",
     "tangential lens",
@@ -51,7 +51,7 @@ def test_what_is_wrong_is_named(name: str) -> None:
 def test_a_straight_side_in_the_wrong_place_is_not_called_bent() -> None:
     """Sheared squares have straight sides, whose images bend unlike those of their lines."""
     for seed in range(4):
-        pictures, _ = KINDS["one sheared"].draw(np.random.default_rng([1212, seed]), True)
+        pictures, _ = KINDS["one target sheared"].draw(np.random.default_rng([1212, seed]), True)
         codes = {warning.code for warning in ts.calibrate(pictures).warnings}
         assert not codes & {"side_rejected", "side_partly_hidden"}, (seed, codes)
 

@@ -276,9 +276,10 @@ def calibrate_photographs(
             gathered.warnings += remarks
         gathered.warnings += _side_warnings(side)
         solution = outcome.solution()
-        fitted = replace(settings, model=solution.model)
         # A cause comes before its consequences.
-        gathered.warnings[:0] = differing_pictures(candidates, gathered, fitted, choosing)
+        gathered.warnings[:0] = differing_pictures(
+            candidates, gathered, settings, choosing, solution
+        )
         calibration = assemble(solution, gathered, settings, length, photographs.file_names)
     except TrisquareError as error:
         add_reasons(error, gathered)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 
 import trisquare._core as _core
 from trisquare._support.number_text import listed, plus_minus
 from trisquare.calibration.gather import Gathered
 from trisquare.calibration.solve import solve_alone
-from trisquare.camera.settings import Settings
+from trisquare.camera.settings import FREEABLE, Settings
 from trisquare.edges import PlaneEdges
 from trisquare.results.calibration_warning import CalibrationWarning
 
@@ -30,11 +31,16 @@ PLACES = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
 
 
 def differing_pictures(
-    candidates: Sequence[PlaneEdges], gathered: Gathered, settings: Settings, choosing: bool
+    candidates: Sequence[PlaneEdges],
+    gathered: Gathered,
+    settings: Settings,
+    choosing: bool,
+    joint: _core.Solution,
 ) -> list[CalibrationWarning]:
     """Warn of pictures whose cameras, each determined by the picture alone, are not the same.
 
-    `candidates` are the figures of all pictures, with those that the joint calibration leaves out.
+    `candidates` are the figures of all pictures, with those that the calibration of all pictures
+    (`joint`) leaves out.
     """
     by_picture = {
         image: list(figures) for image, figures in groupby(candidates, lambda figure: figure.image)
@@ -42,6 +48,7 @@ def differing_pictures(
     has_relations = bool(settings.orthogonal or settings.parallel)
     if not 1 < len(by_picture) <= MAX_PICTURES or settings.method == "linear" or has_relations:
         return []
+    settings = _settings_alone(settings, joint)
     alone = {
         image: solve_alone(figures, gathered, settings, choosing)
         for image, figures in by_picture.items()
@@ -58,6 +65,16 @@ def differing_pictures(
         return []
     reference = min(differing, key=lambda image: len(differing[image]))
     return [_warning(reference, differing[reference], known, gathered.names)]
+
+
+def _settings_alone(settings: Settings, joint: _core.Solution) -> Settings:
+    """Return the settings for one picture: the joint model, and a free skew if it may be needed.
+
+    Pictures that are sheared in the same way would otherwise lead to different cameras.
+    """
+    is_sheared = any(warning.code == "pixels_not_square" for warning in joint.warnings)
+    free = FREEABLE if is_sheared else settings.free
+    return replace(settings, model=joint.model, free=free)
 
 
 def _is_doubted(solution: _core.Solution) -> bool:

@@ -238,11 +238,15 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             found,
             refined.covariance_factor,
         ));
-        warnings.extend(causes);
         let parameters = (&problem.free, &problem.judged);
-        warnings.extend(held_skew(refined, parameters, options, |fixed| {
-            compared(self.edges, fixed)
-        }));
+        let sheared = held_skew(refined, parameters, options, |fixed| {
+            let options = Options { fixed, ..*options };
+            let input = CheckedInput::check(self.edges, self.size, &options, None).ok()?;
+            input.answer(NestedOptima::default()).ok()
+        });
+        // One skew for all planes is a simpler cause than errors of targets or of the lens.
+        warnings.extend(sheared);
+        warnings.extend(causes);
         warnings.extend(unlikely_camera(found, options.fixed, |fixed| {
             focal(self.edges, fixed)
         }));

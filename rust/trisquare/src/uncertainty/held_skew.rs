@@ -16,7 +16,7 @@ const EVIDENT: f64 = 4.0;
 /// Warns of a skew that all planes agree with, and that is not zero.
 ///
 /// The equations of the optimum are over `judged`, of which `free` are the first. `freed` returns the
-/// calibration with the given parameters held. It is called only if one step from the optimum shows
+/// calibration with the given parameters held, and its warnings. It is called only if one step from the optimum shows
 /// that the skew is not zero.
 pub(crate) fn held_skew<L: Lens>(
     refined: &Refined<L>,
@@ -39,7 +39,7 @@ pub(crate) fn held_skew<L: Lens>(
         ..held
     };
     let found = freed(fixed)?;
-    if found.warnings.iter().any(is_target_warning) {
+    if found.warnings.iter().any(is_other_cause) {
         return None;
     }
     let (skew, std) = (found.camera.skew(), found.std_of(SKEW)?);
@@ -51,12 +51,18 @@ pub(crate) fn held_skew<L: Lens>(
     })
 }
 
-/// Whether a warning is about a target, whose error a skew would only compensate for.
-fn is_target_warning(warning: &Warning) -> bool {
-    use Warning::{PlaneRejected, PlanesContradict, SideRejected};
+/// Whether a warning is about a target or the lens, whose error a skew would only compensate for.
+fn is_other_cause(warning: &Warning) -> bool {
+    use Warning::{
+        LensBeyondModel, LensOfAnotherFamily, PlaneRejected, PlanesContradict, SideRejected,
+    };
     matches!(
         warning,
-        PlaneRejected { .. } | PlanesContradict { .. } | SideRejected { .. }
+        LensBeyondModel { .. }
+            | LensOfAnotherFamily { .. }
+            | PlaneRejected { .. }
+            | PlanesContradict { .. }
+            | SideRejected { .. }
     )
 }
 
