@@ -20,7 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
-from accuracy.board_pose import Sight, stand
+from accuracy.board_pose import LineSamples, fit_pose
 from harness.rows import NotMeasurableError, Row
 from real.real_boards import FOLDS, SEED, SQUARE_CORNERS, Board, Case, Thirds, cases
 from real.real_pictures import DATA
@@ -177,14 +177,14 @@ def _score(fit: Fit, boards: list[tuple[Board, Thirds]], fold: int) -> Score:
         asked = board.corners[held_corners]
         seen, _ = cv2.projectPoints(asked, turn, shift, camera.K, camera.distortion)
         corners.append((seen.reshape(-1, 2) - board.pixels[held_corners]).ravel())
-        known, unknown = (
-            Sight.of(camera, board.edges.lines[own], board.samples(own))
+        used, unused = (
+            LineSamples.of(camera, board.edges.lines[own], board.samples(own))
             for own in (thirds.lines != fold, thirds.lines == fold)
         )
         start = np.concatenate([turn.ravel(), shift.ravel()])
-        flat = stand(start, known, bent=False)
-        lines.append(flat.errors(unknown))
-        bent.append(stand(flat.pose, known, bent=True).errors(unknown))
+        flat = fit_pose(start, used, bent=False)
+        lines.append(flat.errors(unused))
+        bent.append(fit_pose(flat.pose, used, bent=True).errors(unused))
     return Score(_rms(lines), _rms(corners), _rms(bent), _off_square(fit.normals))
 
 

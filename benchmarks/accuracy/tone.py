@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from harness.faulty_pictures import calibrated
 from harness.rows import Row
-from harness.spoilt_pictures import calibrated
 from harness.truth import NAMES, by_name, errors
 
 import trisquare as ts

@@ -7,8 +7,8 @@ disc. The parameters are fx, fy, cx and cy. Warned: there is a warning above low
 from __future__ import annotations
 
 import numpy as np
+from harness.faulty_pictures import calibrated
 from harness.rows import Row
-from harness.spoilt_pictures import calibrated
 from harness.truth import PINHOLE, errors
 
 from trisquare_scenes.picture_faults import PictureFault, defocused
