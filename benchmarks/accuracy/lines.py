@@ -46,7 +46,7 @@ class Found(NamedTuple):
 
 
 def measure() -> list[Row]:
-    """Print the gain from lines beside squares, and the effect of cables among the lines."""
+    """Print the effect of lines on the standard deviations, and that of bent lines."""
     runs: dict[str, list[Found]] = {"without": [], "with": [], "bent": []}
     for number in range(SCENES):
         for name, found in _of_scene(number).items():

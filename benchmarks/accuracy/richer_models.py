@@ -25,7 +25,7 @@ PICTURES = (1, 2, 6)  # of one camera, of three squares each
 KINDS = ("radial2", "radial3", "outside")
 RICHER = ("radial3", "brown")
 LARGEST_RATIO = 1.3
-"""Maximum rms of errors in stated standard deviations: chance alone makes 1.1 of 120."""
+"""Maximum rms of errors in stated standard deviations: chance alone gives 1.1 for 120 errors."""
 # Residuals are weighted as in the fit: Tukey's biweight, in units of the poorer model's noise.
 TUKEY_LIMIT = 7.041
 ROUNDING = 1e-3  # of the cost: outliers and weights may differ slightly

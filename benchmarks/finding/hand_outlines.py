@@ -23,7 +23,7 @@ TARGET = 0.98
 
 
 def measure() -> list[Row]:
-    """Count the scenes with the same camera from drawn outlines as from found ones."""
+    """Count the scenes with the same camera from drawn outlines as from a search."""
     return [_row("srgb", "stated"), _row("auto", "estimated")]
 
 

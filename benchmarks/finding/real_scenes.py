@@ -29,8 +29,7 @@ PICTURES = 100
 SEED = 41
 WITHIN_STDS = 4.0
 WITHIN_SHARE = 0.01
-"""A parameter is right within this number of its own stds, or this fraction of fx, fy or the width.
-"""
+"""Limits of a right parameter: a number of its own stds, or a fraction of fx, fy or the width."""
 
 FOUND_TARGET = 98
 BOUND_TARGET = 1.3

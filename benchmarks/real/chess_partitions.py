@@ -1,4 +1,4 @@
-"""Spread of K over disjoint triples of real chessboard photographs, beside its stated std."""
+"""Spread of K over disjoint triples of photographs of a chessboard, relative to its stated std."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOGETHER = "err together"
 
 
 def partition_row(boards: Sequence[list[ts.PlaneEdges]], image_size: tuple[int, int]) -> Row:
-    """Print the spread of K over disjoint triples beside its stated std, by parameter.
+    """Print the spread of K over disjoint triples and its stated std, by parameter.
 
     The spread is robust and about the median over all triples, because the truth is unknown. Each
     triple's deviation is divided by its own std, because some triples determine K much better than

@@ -30,7 +30,7 @@ MAX_OVERHEAD = 3.0  # per cent
 FEW, MANY = 1_000, 100_000
 MAX_GROWTH = 50.0  # MB
 
-# The jobs return at once, without waiting for the disk; everything else, files included, is as in a
+# The jobs return immediately, without waiting for the disk; the rest, files included, is as in a
 # batch.
 MEMORY = """
 import os, resource, sys
