@@ -1,10 +1,10 @@
 """Measure how good and how fast trisquare is.
 
 Every benchmark is a module of one of the folders `accuracy`, `finding`, `real` and `speed`, with a
-function `measure` that prints what it sees and returns the rows of the table at the end. The rows
-replace those in `docs/measured.md` and `benchmarks/results.json`; where a benchmark cannot be
-measured, its rows stay and the exit code is 1. All draws are seeded; times are
-ratios taken in one run.
+function `measure` that prints details and returns the rows of the table at the end. The rows
+replace those in `docs/measured.md` and `benchmarks/results.json`; if a benchmark cannot be
+measured, its rows are kept and the exit code is 1. All random draws are seeded; times are ratios
+from one run.
 """
 
 from __future__ import annotations
@@ -97,14 +97,14 @@ FAST = (
     "many_pictures",
 )
 
-# One thread each, so that rivals are compared by their work. Read when numpy is first imported.
+# One thread each, so that all programs are compared on one core. Read when numpy is imported.
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def main(words: list[str]) -> int:
     """Run the named benchmarks, or all of them, print one table, and return the exit code."""
-    asked = _parsed(words)
-    if asked.compare:
+    options = _parsed(words)
+    if options.compare:
         from harness import results_file
 
         print("\n".join(results_file.changes()) or "nothing changed")
@@ -116,18 +116,18 @@ def main(words: list[str]) -> int:
 
     rows, missing = [], []
     commit = results_file.current_commit()
-    for name in asked.names:
+    for name in options.names:
         module = importlib.import_module(name)
         print(f"{name}: {module.__doc__.splitlines()[0]}", flush=True)
         conditions, start = results_page.conditions(), time.perf_counter()
         try:
             found = module.measure()
         except NotMeasurableError as error:
-            missing.append(f"{name} cannot be measured here, its rows stay: {error}")
+            missing.append(f"{name} cannot be measured here, its rows are kept: {error}")
             print(f"  {missing[-1]}", flush=True)
             continue
         for row in found:
-            print(f"  {row.measured_on}: {row.measured} / must reach {row.must_reach}")
+            print(f"  {row.name}: {row.result}; required: {row.required or '-'}")
         print(f"  ({time.perf_counter() - start:.1f} s)", flush=True)
         # Written at once, because a run of an hour may be interrupted.
         results_page.update(name, found, BENCHMARKS, conditions)
@@ -152,15 +152,15 @@ def _parsed(words: list[str]) -> argparse.Namespace:
     parser.add_argument(
         "--compare", action="store_true", help="only print what differs from the committed results"
     )
-    asked = parser.parse_args(words)
+    options = parser.parse_args(words)
     modules = {module.partition(".")[2]: module for module in BENCHMARKS}
     modules |= {module: module for module in BENCHMARKS}
-    names = asked.names or (FAST if asked.fast else BENCHMARKS)
+    names = options.names or (FAST if options.fast else BENCHMARKS)
     unknown = sorted(set(names) - set(modules))
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}: choose among {', '.join(BENCHMARKS)}")
-    asked.names = [modules[name] for name in names]
-    return asked
+    options.names = [modules[name] for name in names]
+    return options
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ PHASES = np.arange(0.0, 120.0, 10.0)
 
 def main() -> None:
     """Print the table as Markdown."""
-    print(f"Three squares of {SIZE:.0%} of the height, tilted {TILT:g} degrees, unless said.")
+    print(f"Three squares of {SIZE:.0%} of the height, tilted {TILT:g} degrees, unless stated.")
     print("| change | std fx px | std cx px | std k1 |\n| --- | --- | --- | --- |")
     for tilt in TILTS:
         _row(f"tilt {tilt} degrees", tilt=tilt)

@@ -1,4 +1,4 @@
-"""Pose of a board from its lines alone, for a known camera: as a flat board, or as bent paper."""
+"""Pose of a board from its lines with a given camera: as a flat board, or as bent paper."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LAST_STEP = 1e-7
 thousandths of a pixel at most."""
 
 
-class Sight(NamedTuple):
+class LineSamples(NamedTuple):
     """Samples of a board's lines as a camera sees them.
 
     Attributes
@@ -52,7 +52,7 @@ class Sight(NamedTuple):
     along_y: Array
 
     @classmethod
-    def of(cls, camera: ts.Camera, lines: Array, points: Sequence[Array]) -> Sight:
+    def of(cls, camera: ts.Camera, lines: Array, points: Sequence[Array]) -> LineSamples:
         """Take the samples of some lines of a board."""
         pixels = np.concatenate(points)
         x, y = (
@@ -71,7 +71,7 @@ class Sight(NamedTuple):
     def displacements(self, pose: Array, middle: Array, radius: float) -> Array:
         """Return the change of the distances per unit of height, shape (N, terms)."""
         planes, gradients = self._planes(pose)
-        rotation, shift = _matrix(pose), pose[3:]
+        rotation, shift = _rotation(pose), pose[3:]
         normal = rotation[:, 2]
         depths = (normal @ shift) / (self.rays @ normal)
         points = ((self.rays * depths[:, None] - shift) @ rotation)[:, :2]
@@ -82,13 +82,13 @@ class Sight(NamedTuple):
 
     def _planes(self, pose: Array) -> tuple[Array, Array]:
         """Return the planes through the camera and the lines, and the distances' gradients."""
-        homography = np.column_stack([_matrix(pose)[:, :2], pose[3:]])
+        homography = np.column_stack([_rotation(pose)[:, :2], pose[3:]])
         planes = self.lines @ np.linalg.inv(homography)
         x, y = ((planes * own).sum(axis=1) for own in (self.along_x, self.along_y))
         return planes, np.hypot(x, y)
 
 
-class Stand(NamedTuple):
+class BoardPose(NamedTuple):
     """Pose of a board, and its bend."""
 
     pose: Array  # rotation vector and translation
@@ -96,32 +96,34 @@ class Stand(NamedTuple):
     middle: Array
     radius: float
 
-    def errors(self, sight: Sight) -> Array:
+    def errors(self, samples: LineSamples) -> Array:
         """Return the samples' distances from their expected positions, in pixels."""
-        distances = sight.distances(self.pose)
+        distances = samples.distances(self.pose)
         if not self.heights.any():
             return distances
-        bend = sight.displacements(self.pose, self.middle, self.radius)
+        bend = samples.displacements(self.pose, self.middle, self.radius)
         return distances - bend @ self.heights
 
 
-def stand(start: Array, sight: Sight, bent: bool) -> Stand:
+def fit_pose(start: Array, samples: LineSamples, bent: bool) -> BoardPose:
     """Fit a board's pose, and its heights if `bent`, by least squares."""
-    reach = -sight.lines[:, 2]
-    columns, rows = reach[sight.lines[:, 0] != 0.0], reach[sight.lines[:, 0] == 0.0]
+    offsets = -samples.lines[:, 2]
+    columns, rows = offsets[samples.lines[:, 0] != 0.0], offsets[samples.lines[:, 0] == 0.0]
     middle = 0.5 * np.array([columns.min() + columns.max(), rows.min() + rows.max()])
     radius = 0.5 * max(np.ptp(columns), np.ptp(rows))
-    found = Stand(start, np.zeros(len(ORDERS)), middle, radius)
+    found = BoardPose(start, np.zeros(len(ORDERS)), middle, radius)
     for _ in range(MAX_STEPS):
-        jacobian = _wrt_pose(found.pose, sight)
+        jacobian = _pose_jacobian(found.pose, samples)
         if bent:
-            jacobian = np.column_stack([jacobian, -sight.displacements(found.pose, middle, radius)])
+            jacobian = np.column_stack(
+                [jacobian, -samples.displacements(found.pose, middle, radius)]
+            )
         information = jacobian.T @ jacobian
-        pull = jacobian.T @ found.errors(sight)
+        gradient = jacobian.T @ found.errors(samples)
         if bent:
             information[6:, 6:] += np.diag(STIFFNESS / HEIGHT**2)
-            pull[6:] += STIFFNESS / HEIGHT**2 * found.heights
-        step = np.linalg.solve(information, pull)
+            gradient[6:] += STIFFNESS / HEIGHT**2 * found.heights
+        step = np.linalg.solve(information, gradient)
         heights = found.heights - step[6:] if bent else found.heights
         found = found._replace(pose=found.pose - step[:6], heights=heights)
         if np.abs(step[:6]).max() < LAST_STEP:
@@ -129,13 +131,13 @@ def stand(start: Array, sight: Sight, bent: bool) -> Stand:
     return found
 
 
-def _wrt_pose(pose: Array, sight: Sight) -> Array:
+def _pose_jacobian(pose: Array, samples: LineSamples) -> Array:
     columns = [
-        (sight.distances(pose + step) - sight.distances(pose - step)) / (2.0 * POSE_STEP)
+        (samples.distances(pose + step) - samples.distances(pose - step)) / (2.0 * POSE_STEP)
         for step in np.eye(6) * POSE_STEP
     ]
     return np.column_stack(columns)
 
 
-def _matrix(pose: Array) -> Array:
+def _rotation(pose: Array) -> Array:
     return np.asarray(cv2.Rodrigues(pose[:3])[0])

@@ -1,4 +1,4 @@
-"""Circles: three planes of two concentric circles each, of known and of unknown radii."""
+"""Concentric circles on three planes, from edge points: error and coverage."""
 
 from __future__ import annotations
 
@@ -25,21 +25,17 @@ def measure() -> list[Row]:
     rows = []
     for radii, name in ((RADII, "known"), (None, "unknown")):
         ratio, share = _of_scenes(radii)
+        scenes = f"two circles a plane, {name} radii, {SCENES} scenes"
         rows += [
-            bound_row(
-                f"three planes of two concentric circles of {name} radii, {SCENES} scenes: "
-                "error / bound",
-                ratio,
-                MAX_OVER_BOUND,
-            ),
-            coverage_row("the same: coverage of the 95 % intervals", share, COVERAGE),
+            bound_row(scenes, ratio, MAX_OVER_BOUND),
+            coverage_row(scenes, share, COVERAGE),
         ]
     return rows
 
 
 def _of_scenes(radii: tuple[float, ...] | None) -> tuple[float, float]:
     """Return error / bound of the camera's six parameters, and the coverage of their intervals."""
-    ratios, held = [], []
+    ratios, covered = [], []
     for number in range(SCENES):
         rng = np.random.default_rng([SEED, number])
         scene = simulate.random_scene(rng)
@@ -49,5 +45,5 @@ def _of_scenes(radii: tuple[float, ...] | None) -> tuple[float, float]:
         error = errors(result, scene.camera)
         bound = circle_bound(scene, RADII, noise=NOISE, any_radii=radii is None)
         ratios.append(error / by_name(bound))
-        held.append(np.abs(error) <= HALF_WIDTH * by_name(result.std))
-    return rms(np.array(ratios)), float(np.mean(held))
+        covered.append(np.abs(error) <= HALF_WIDTH * by_name(result.std))
+    return rms(np.array(ratios)), float(np.mean(covered))

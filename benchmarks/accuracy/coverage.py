@@ -1,4 +1,8 @@
-"""How often the stated 95 % intervals hold the truth, from edge points and from pictures."""
+"""Coverage of the 95 % intervals, from edge points and from pictures.
+
+Coverage is the fraction of the stated intervals of fx, fy, cx, cy, k1 and k2 that contain the
+truth. The noise of edge points is white, unless the row says otherwise.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +88,7 @@ def picture_trial(*, tone_known: bool, jpeg_quality: int | None = None) -> Trial
 def coverage(name: str, trial: Trial, trials: int) -> float:
     """Print the coverage of each parameter's interval, and return the pooled coverage.
 
-    Refused scenes state no interval and are counted separately.
+    Refused scenes have no interval; they are printed.
     """
     deviations = []
     refusals: list[str] = []
@@ -94,25 +98,25 @@ def coverage(name: str, trial: Trial, trials: int) -> float:
         except ts.TrisquareError as error:
             refusals.append(f"{seed}: {error}")
     z = np.array(deviations)
-    held = np.abs(z) <= HALF_WIDTH
+    covered = np.abs(z) <= HALF_WIDTH
     shares = ", ".join(
-        f"{name} {share:.1%}" for name, share in zip(NAMES, held.mean(axis=0), strict=True)
+        f"{name} {share:.1%}" for name, share in zip(NAMES, covered.mean(axis=0), strict=True)
     )
-    print(f"  {name}, {len(z)} trials: {held.mean():.1%} ({shares})")
+    print(f"  {name}, {len(z)} scenes: {covered.mean():.1%} ({shares})")
     print(f"    rms error in stated std: {rms_per_parameter(z)}", flush=True)
     for refusal in refusals:
         print(f"    refused {refusal}")
-    return float(held.mean())
+    return float(covered.mean())
 
 
 def measure() -> list[Row]:
     """Return the coverages for errors of every kind; only those for white noise have targets."""
-    jpeg = f"rendered trials as JPEG, quality {JPEG_QUALITY}"
+    jpeg = f"pictures, JPEG {JPEG_QUALITY}"
     kinds = (
-        ("trials from edge points", edge_trial(white), EDGE_TRIALS, EDGES_TARGET),
-        ("rendered trials", picture_trial(tone_known=True), PICTURE_TRIALS, PICTURES_TARGET),
+        ("edge points", edge_trial(white), EDGE_TRIALS, EDGES_TARGET),
+        ("pictures", picture_trial(tone_known=True), PICTURE_TRIALS, PICTURES_TARGET),
         (
-            "rendered trials, tone curve estimated",
+            "pictures, tone curve estimated",
             picture_trial(tone_known=False),
             PICTURE_TRIALS,
             None,
@@ -125,27 +129,32 @@ def measure() -> list[Row]:
             None,
         ),
         (
-            "trials with sides displaced by as much as the noise",
+            "edge points, sides displaced by as much as the noise",
             edge_trial(displaced),
             DISTURBED_TRIALS,
             None,
         ),
         (
-            "trials with sides bowed by as much as the noise",
+            "edge points, sides bowed by as much as the noise",
             edge_trial(bowed),
             DISTURBED_TRIALS,
             None,
         ),
         (
-            "trials with neighbours correlated by 0.3",
+            "edge points, correlation 0.3 of neighbouring samples",
             edge_trial(correlated),
             DISTURBED_TRIALS,
             None,
         ),
-        ("trials with one plane five times rougher", edge_trial(rough), DISTURBED_TRIALS, None),
+        (
+            "edge points, noise of one plane five times as large",
+            edge_trial(rough),
+            DISTURBED_TRIALS,
+            None,
+        ),
     )
     return [
-        _row(f"95 % intervals that hold the truth, {trials} {name}", share, target)
+        _row(f"{name}, {trials} scenes: coverage of the 95 % intervals", share, target)
         for name, trial, trials, target in kinds
         for share in [coverage(name, trial, trials)]
     ]

@@ -1,16 +1,15 @@
-"""Real boards: what a camera fitted to two thirds of the rows and columns says of the rest.
+"""Photographs of boards: error on rows and columns that the fit does not use.
 
-Our camera is fitted to lines. OpenCV's, with k1 and k2 as ours, is fitted to another detector's
-corners of the same rows and columns, without corners on a held-out row or column. Both cameras are
-then tested on the same points, used by neither: held-out corners, with poses from the other
-corners, and samples of held-out lines, with poses from the other lines. Thirds are drawn several
-times.
+trisquare fits a camera to the lines of two thirds of the rows and columns, and OpenCV, also with k1
+and k2, to another detector's corners of the same rows and columns. Both cameras are tested on the
+remaining third: on the corners, with poses from the other corners, and on the samples of the lines,
+with poses from the other lines. The thirds are drawn several times.
 
-Poses are least-squares poses of flat boards, for which OpenCV's camera was fitted. Ours was not: it
-keeps the bend of the paper out of the lens. A held-out row lies between rows that are bent in the
-same way, so that a lens that has absorbed the bend predicts it. Therefore lines are also tested
-with boards that may bend, the same for both cameras. The angles at which three planes are known to
-meet are used by no fit; they show which camera is better.
+The poses are least-squares poses of flat boards, as in OpenCV's fit. trisquare attributes the bend
+of the paper to the boards, and OpenCV partly to the lens. An unused row lies between rows that are
+bent in the same way, so that a lens that has absorbed the bend predicts it. Lines are therefore
+tested with bent boards as well, the same for both cameras. The angles between three perpendicular
+boards are not used by any fit.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
-from accuracy.board_pose import Sight, stand
+from accuracy.board_pose import LineSamples, fit_pose
 from harness.rows import NotMeasurableError, Row
 from real.real_boards import FOLDS, SEED, SQUARE_CORNERS, Board, Case, Thirds, cases
 from real.real_pictures import DATA
@@ -33,8 +32,8 @@ Array = npt.NDArray[np.float64]
 DRAWS = 5  # of thirds
 FIELD = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST  # k1 and k2, as ours
 NOISE = 2.0  # standard deviations of the mean over the folds up to which a difference is ignored
-KINDS = ("lines", "corners", "lines of boards that may bend")
-ISSUE = "no worse on any, better on most"
+KINDS = ("lines", "corners", "lines, bent boards")
+REQUIRED = "no worse on any, better on most"
 
 
 class Score(NamedTuple):
@@ -54,7 +53,7 @@ class Fit(NamedTuple):
 
 
 def measure() -> list[Row]:
-    """Print both cameras' errors by set, and the number of sets where ours are smaller."""
+    """Print both cameras' errors by set, and the number of sets where trisquare's are smaller."""
     if not DATA.exists():
         raise NotMeasurableError("no ../shared/data")
     ratios: dict[str, Array] = {}
@@ -70,7 +69,7 @@ def measure() -> list[Row]:
             angles.append(np.sqrt((scores[:, :, 3] ** 2).mean(axis=0)))
             print(f"    angles off by {angles[-1][0]:.2f} degrees, OpenCV's {angles[-1][1]:.2f}")
     both = {name: found[:, :2].mean(axis=1) for name, found in ratios.items()}
-    rows = [_row("lines and corners", both, ISSUE)]
+    rows = [_row("lines and corners", both, REQUIRED)]
     rows += [
         _row(kind, {name: found[:, column] for name, found in ratios.items()})
         for column, kind in enumerate(KINDS)
@@ -105,7 +104,7 @@ def _row(what: str, ratios: dict[str, Array], target: str = "") -> Row:
     measured = f"smaller on {smaller} of {len(ratios)}, {mean:+.1%} in the mean"
     good = not clearly and 2 * smaller > len(ratios)
     return Row(
-        f"held-out {what}: our camera's error beside OpenCV's, {len(ratios)} real sets",
+        f"{len(ratios)} sets, {what}: error compared with OpenCV",
         measured + (f", clearly larger on {', '.join(clearly)}" if clearly else ""),
         target,
         good if target else None,
@@ -116,9 +115,9 @@ def _angle_row(angles: Array) -> Row:
     """Compare the angles between planes that are known to be perpendicular."""
     ours, theirs = np.sqrt((angles**2).mean(axis=0))
     return Row(
-        f"angles of {len(angles)} corners of three planes from two thirds of each, off by",
-        f"{ours:.2f} degrees, OpenCV's {theirs:.2f}",
-        "<= OpenCV's",
+        f"{len(angles)} photographs of three perpendicular boards: rms error of the angles",
+        f"{ours:.2f} degrees (OpenCV {theirs:.2f})",
+        "<= OpenCV",
         bool(ours <= theirs),
     )
 
@@ -178,14 +177,14 @@ def _score(fit: Fit, boards: list[tuple[Board, Thirds]], fold: int) -> Score:
         asked = board.corners[held_corners]
         seen, _ = cv2.projectPoints(asked, turn, shift, camera.K, camera.distortion)
         corners.append((seen.reshape(-1, 2) - board.pixels[held_corners]).ravel())
-        known, unknown = (
-            Sight.of(camera, board.edges.lines[own], board.samples(own))
+        used, unused = (
+            LineSamples.of(camera, board.edges.lines[own], board.samples(own))
             for own in (thirds.lines != fold, thirds.lines == fold)
         )
         start = np.concatenate([turn.ravel(), shift.ravel()])
-        flat = stand(start, known, bent=False)
-        lines.append(flat.errors(unknown))
-        bent.append(stand(flat.pose, known, bent=True).errors(unknown))
+        flat = fit_pose(start, used, bent=False)
+        lines.append(flat.errors(unused))
+        bent.append(fit_pose(flat.pose, used, bent=True).errors(unused))
     return Score(_rms(lines), _rms(corners), _rms(bent), _off_square(fit.normals))
 
 

@@ -1,4 +1,9 @@
-"""Lenses beyond the default model and boards that are not flat: which cause is named, if any."""
+"""Lenses beyond `radial2`, and bent targets: silently wrong results, wrong causes, false warnings.
+
+From edge points. The classes are four kinds of lenses and three of bent targets, each with three
+squares in one picture, and with one board in eight pictures. Silently wrong: fx is off by more than
+4 std and 0.3 %, and no warning names the cause.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +38,11 @@ BOARD_CODES = (
     "plane_rejected",
     "side_rejected",
 )
-WRONG_STD, WRONG_PART = 4.0, 0.003
+WRONG_STDS, WRONG_SHARE = 4.0, 0.003
 """Limits of a wrong answer: the error of fx exceeds this number of standard deviations and this
 fraction of fx."""
 
-MAX_SILENT, MIN_RIGHT, MAX_WRONG_CAUSES = 3, 25, 2
+MAX_SILENT, MAX_WRONG_CAUSES = 3, 2
 
 Law = Callable[[Array], Array]
 Heights = Callable[[Array], Array]
@@ -270,8 +275,8 @@ def measure(scenes: int = SCENES, seed: int = SEED) -> list[Row]:
             _judge(tally, kind, layout, (seed, number))
         print(
             f"  {kind:10} {layout:7} answered {tally.answered:2}, refused {tally.refused:2}, "
-            f"wrong {tally.wrong:2}, of these silent {tally.silent:2}; right cause first "
-            f"{tally.right_first:2}, wrong one {tally.wrong_first:2}, warned {tally.warned:2}",
+            f"wrong {tally.wrong:2}, silently {tally.silent:2}; right cause first "
+            f"{tally.right_first:2}, wrong cause {tally.wrong_first:2}, warned {tally.warned:2}",
             flush=True,
         )
     faulty = [tally for (kind, _), tally in tallies.items() if kind != "clean"]
@@ -280,22 +285,22 @@ def measure(scenes: int = SCENES, seed: int = SEED) -> list[Row]:
     misnamed = max(tally.wrong_first for tally in faulty)
     warned = sum(tally.warned for tally in clean)
     refused = sum(tally.refused for tally in clean)
-    total = f"{len(faulty)} classes x {scenes}"
+    total = f"{len(faulty)} classes x {scenes} scenes"
     return [
         Row(
-            f"lenses beyond radial2, bent targets, {total}: wrong without the cause, worst class",
+            f"{total}, worst class: silently wrong",
             f"{silent}",
             f"<= {MAX_SILENT}",
             silent <= MAX_SILENT,
         ),
         Row(
-            f"the same: wrong cause named first, worst class ({total})",
+            f"{total}, worst class: wrong cause named first",
             f"{misnamed}",
             f"<= {MAX_WRONG_CAUSES}",
             misnamed <= MAX_WRONG_CAUSES,
         ),
         Row(
-            f"clean scenes beside them, {2 * scenes}: warned; refused",
+            f"{2 * scenes} scenes of `radial2` lenses and flat targets: false warnings; refused",
             f"{warned}; {refused}",
             f"<= {0.02 * 2 * scenes:.0f}; 0",
             warned <= 0.02 * 2 * scenes and refused == 0,
@@ -325,7 +330,7 @@ def _judge(tally: Tally, kind: str, layout: str, seed: tuple[int, int]) -> None:
     right = LENS_CODES if kind in LENSES else BOARD_CODES
     codes = [warning.code for warning in result.warnings]
     off = abs(result.camera.fx - lens.focal[0])
-    wrong = bool(off > WRONG_STD * result.std["fx"] and off > WRONG_PART * lens.focal[0])
+    wrong = bool(off > WRONG_STDS * result.std["fx"] and off > WRONG_SHARE * lens.focal[0])
     tally.wrong += wrong
     tally.silent += wrong and not set(codes) & set(right)
     tally.warned += bool(codes)

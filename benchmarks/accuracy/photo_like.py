@@ -1,4 +1,7 @@
-"""Photo-like pictures (sRGB, clutter, shading, frames, colour) with the default settings."""
+"""Pictures like photographs: error of fx without options.
+
+sRGB pictures of squares or frames, in colour, with clutter and shading.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ def measure() -> list[Row]:
     print(f"  stage {result.stage}; rms error of fx in its stated std {spread:.2f}")
     return [
         Row(
-            f"fx error on photo-like pictures, default settings, {SCENES} scenes",
+            f"{SCENES} pictures: error of fx; pictures with a target missed",
             f"median {median:.4f} %, worst {worst:.3f} %, missed {missed}",
             f"median <= {MEDIAN_TARGET} %, worst <= {WORST_TARGET} %, none missed",
             median <= MEDIAN_TARGET and worst <= WORST_TARGET and missed == 0,

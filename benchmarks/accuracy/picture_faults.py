@@ -1,4 +1,7 @@
-"""Pictures that the camera or a program spoilt: right, widened, refused, or told by a warning."""
+"""Pictures with a fault of the camera or of a program: silently wrong results, false warnings.
+
+Silently wrong: fx is off by more than 4 std and 0.3 %, and no warning names the fault.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ SEED = 4711
 SCENES = 30  # of each class
 NOISE_RANGE = (1.0, 3.0)  # grey levels
 BLUR_RANGE = (0.5, 1.2)  # pixels
-SILENT_STD, SILENT_SHARE = 4.0, 0.003
+WRONG_STDS, WRONG_SHARE = 4.0, 0.003
 MAX_SILENT = 3
 UNDAMAGED_WARNED = 0.02
 
@@ -113,16 +116,16 @@ CLASSES = {
     "undamaged, colour": FaultClass(_colour),
     "overexposed": _named(_overexposed, "overexposed"),
     "overexposed, JPEG 80-95": _named(_overexposed_jpeg, "overexposed"),
-    "bloomed": _named(_bloomed, "overexposed"),
+    "blooming": _named(_bloomed, "overexposed"),
     "thresholded": _named(_thresholded, "thresholded"),
     "chromatic aberration": _named(_chromatic, "chromatic_aberration"),
     "sharpened": _named(_sharpened, "sharpened", "no_tone_curve"),
-    "blur with wings": _named(_winged, "no_tone_curve"),
-    "S-shaped tone, uneven light": _named(_styled, "no_tone_curve"),
+    "blur with wide tails": _named(_winged, "no_tone_curve"),
+    "S-shaped tone curve, uneven light": _named(_styled, "no_tone_curve"),
     "interlaced": _named(_interlaced, "interlaced"),
-    "moved 2-6 px": _named(_moved, "motion_blurred"),
+    "motion of 2-6 px": _named(_moved, "motion_blurred"),
     "JPEG 30": _named(lambda rng, index: PictureFault(jpeg_quality=30), "no_tone_curve"),
-    "relief 1 %": FaultClass(
+    "targets bent by 1 %": FaultClass(
         lambda rng, index: UNDAMAGED,
         frozenset(["correlated_residuals", "plane_disagrees", "planes_contradict"]),
         RELIEF,
@@ -151,11 +154,11 @@ class Tally:
         error = found.camera.fx - scene.camera.fx
         self.deviations.append(error / found.std["fx"])
         self.shares.append(abs(error) / scene.camera.fx)
-        told = {warning.code for warning in found.warnings}
-        self.codes.update(told)
-        self.warned += bool(told)
-        wrong = abs(self.deviations[-1]) > SILENT_STD and self.shares[-1] > SILENT_SHARE
-        self.silent += wrong and not told & codes
+        reported = {warning.code for warning in found.warnings}
+        self.codes.update(reported)
+        self.warned += bool(reported)
+        wrong = abs(self.deviations[-1]) > WRONG_STDS and self.shares[-1] > WRONG_SHARE
+        self.silent += wrong and not reported & codes
 
     def described(self) -> str:
         """Return the line that is printed."""
@@ -164,7 +167,7 @@ class Tally:
         codes = ", ".join(f"{code} {count}" for code, count in self.codes.most_common())
         return (
             f"answered {len(self.deviations)}, refused {self.refused}, error / std of fx rms "
-            f"{spread:.2f}, error median {median:.3f} %, silent {self.silent}; "
+            f"{spread:.2f}, error median {median:.3f} %, silently wrong {self.silent}; "
             f"{codes or 'no codes'}"
         )
 
@@ -183,7 +186,7 @@ def pictures(name: str, seed: int = SEED) -> Iterator[tuple[np.ndarray, Scene]]:
 
 
 def measure() -> list[Row]:
-    """Print the outcomes of each class; silent answers are wrong ones that no warning explains."""
+    """Print the outcomes of each class; those that no warning explains are silently wrong."""
     rows = []
     for name, kind in CLASSES.items():
         tally = Tally()
@@ -192,14 +195,14 @@ def measure() -> list[Row]:
         print(f"  {name}: {tally.described()}", flush=True)
         if kind.codes:
             row = Row(
-                f"{name}, {SCENES} scenes: silent (4 std and .3 % off, cause not named)",
+                f"{name}, {SCENES} pictures: silently wrong",
                 f"{tally.silent}",
                 f"<= {MAX_SILENT}",
                 tally.silent <= MAX_SILENT,
             )
         else:
             row = Row(
-                f"{name}, {SCENES} scenes: warned; refused; silent",
+                f"{name}, {SCENES} pictures: false warnings; refused; silently wrong",
                 f"{tally.warned}; {tally.refused}; {tally.silent}",
                 f"<= {UNDAMAGED_WARNED:.0%}; 0; 0",
                 tally.warned <= UNDAMAGED_WARNED * SCENES

@@ -1,4 +1,8 @@
-"""Rendered pictures: the error beside the bound of what all their edge pixels know."""
+"""Pictures of three squares: error relative to the Cramer-Rao bound of the edge pixels.
+
+`calibrate` fits the camera to the pixels; the second row is from the edge samples only. The tone
+curve is linear, because the bound assumes the same contrast and noise for dark and light.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +23,7 @@ EDGES_TARGET = 1.25
 
 
 def measure() -> list[Row]:
-    """Print error / bound of the whole pipeline, and of its edge samples alone.
-
-    The tone curve is linear here, because the bound assumes one contrast and one noise for dark and
-    light.
-    """
+    """Print error / bound with the fit to the pixels, and from the edge samples only."""
     whole, edges_alone = np.zeros((2, SCENES, len(NAMES)))
     stages = set()
     for seed in range(SCENES):
@@ -43,11 +43,12 @@ def measure() -> list[Row]:
     print(f"  whole pipeline (stage {', '.join(sorted(stages))}): {rms_per_parameter(whole)}")
     print(f"  edge samples alone: {rms_per_parameter(edges_alone)}")
     return [
-        _row("error / pixel-level bound", whole, PIXELS_TARGET),
-        _row("the same from the edge samples alone", edges_alone, EDGES_TARGET),
+        _row("`calibrate`", whole, PIXELS_TARGET),
+        _row("`detect` and `calibrate_edges`", edges_alone, EDGES_TARGET),
     ]
 
 
 def _row(name: str, ratios: np.ndarray, target: float) -> Row:
     ratio = rms(ratios[:, : len(PINHOLE)])
-    return Row(f"{name}, {SCENES} pictures", f"{ratio:.2f}", f"<= {target:.2f}", ratio <= target)
+    name = f"{SCENES} pictures, {name}: error / Cramer-Rao bound"
+    return Row(name, f"{ratio:.2f}", f"<= {target:.2f}", ratio <= target)

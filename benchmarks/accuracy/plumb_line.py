@@ -1,4 +1,14 @@
-"""Distortion from a picture's own straight lines: known lenses undone, and lines held out."""
+"""Distortion from the straight lines of a picture: error, and residuals of unused lines.
+
+Photographs are undistorted with a reference lens and distorted with a known lens, which
+`straighten` estimates. The error is the difference of the displacements by both lenses, in pixels:
+its mean and its maximum over a picture. Straight lines determine the displacement up to a
+homography only; the error beyond the best homography is stated as well.
+
+Unused lines are lines of the other pictures of the same camera, or the other half of a picture's
+lines. Their residuals are compared with those of a division model with one coefficient about the
+middle of the picture.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +53,7 @@ COEFFICIENTS = (-0.28, -0.2, -0.12, -0.05, 0.03, 0.08)
 FOCAL = 0.9
 """Focal length over the width, for which the coefficients hold."""
 MEAN, WORST = 0.5, 2.5
-"""Targets for the mean and the largest remaining displacement, in pixels."""
+"""Required mean and largest error, in pixels."""
 AIM_MEAN, AIM_WORST = 0.1, 0.5
 GOOD_PART = 0.8
 RIM = (0.8, 0.9)
@@ -57,7 +67,7 @@ SECTIONS = 30
 
 
 def measure() -> list[Row]:
-    """Print the remaining displacement of known lenses, and the residuals of held-out lines."""
+    """Print the errors of known lenses, and the residuals of lines that were not used."""
     if not DATA.exists():
         raise NotMeasurableError("no ../shared/data")
     return [*_known_lenses(), *_held_out()]
@@ -83,16 +93,15 @@ def _known_lenses() -> list[Row]:
             bent.append((unknown.mean(), unknown.max()))
             in_std.append(errors)
             print(
-                f"  {path.name}, k1 {k1:+.2f}: {off.mean():.2f} / {off.max():.2f} px left, "
+                f"  {path.name}, k1 {k1:+.2f}: error {off.mean():.2f} / {off.max():.2f} px, "
                 f"{unknown.mean():.2f} / {unknown.max():.2f} beyond a homography, "
                 f"{len(found.used)} lines, centre {'held' if found.centre_held else 'free'}"
             )
-        what = f"{folder}, undistorted and distorted again: displacement left, mean / max"
+        what = f"{folder}: mean / largest error"
         rows.append(_left_row(what, np.array(left), refused))
-        rows.append(_left_row(f"{what}, beyond a homography", np.array(bent), refused))
+        rows.append(_left_row(f"{what} beyond a homography", np.array(bent), refused))
         rms = float(np.sqrt(np.mean(np.square(in_std))))
-        near = f"{folder}, the same near the corners: error / stated standard deviation, rms"
-        rows.append(Row(near, f"{rms:.2f}", "", None))
+        rows.append(Row(f"{folder}: error / std near the corners, rms", f"{rms:.2f}", "", None))
     return rows
 
 
@@ -185,7 +194,7 @@ def _held_out() -> list[Row]:
                 line for other in fits[:number] + fits[number + 1 :] for line in _long_lines(other)
             ]
             rms.append([_rms(others, lens, problem) for lens in lenses])
-        rows.append(_held_out_row(f"lines of {folder}'s other pictures", np.array(rms)))
+        rows.append(_held_out_row(f"{folder}, lines of the other pictures", np.array(rms)))
     rms = []
     for name in CORNERS:
         problem, fit = _fitted(DATA / "ortho-corner" / name)
@@ -195,7 +204,7 @@ def _held_out() -> list[Row]:
             lens = refine(problem, bundle, fit.lens, ROUND_SCALES[-1] * problem.pixel)
             lenses = lens, _one_parameter(problem, bundle)
             rms.append([_rms(lines[1 - part :: 2], lens, problem) for lens in lenses])
-    return [*rows, _held_out_row("the other half of ortho-corner's lines", np.array(rms))]
+    return [*rows, _held_out_row("ortho-corner, the other half of the lines", np.array(rms))]
 
 
 def _fitted(path: Path) -> tuple[Problem, Fit]:
@@ -248,8 +257,8 @@ def _held_out_row(name: str, rms: Array) -> Row:
     ours, one = np.sqrt(np.mean(rms**2, axis=0))
     smaller = int((rms[:, 0] < rms[:, 1]).sum())
     return Row(
-        f"{name}: rms held out / with one division parameter",
+        f"{name}: rms residual / that of the division model",
         f"{ours:.3f} / {one:.3f} px, smaller on {smaller} of {len(rms)}",
-        "below",
+        "smaller",
         bool(ours < one),
     )

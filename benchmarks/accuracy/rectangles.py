@@ -1,4 +1,9 @@
-"""Rectangles: A4 in cluttered pictures; edges of rectangles of unknown aspect, facades, boxes."""
+"""Rectangles: A4 sheets in pictures; rectangles of unknown aspect from edge points.
+
+Silently wrong: fx is off by more than 4 std and 0.3 %, and there is no warning above low severity.
+From edge points, the aspects of the rectangles, facades and faces are estimated, and the coverage
+includes them. fy / fx is held, and for the rectangles and facades the principal point as well.
+"""
 
 from __future__ import annotations
 
@@ -40,54 +45,42 @@ Measured: TypeAlias = tuple[simulate.Scene, list[ts.PlaneEdges], float]
 
 def measure() -> list[Row]:
     """Print how many sheets of paper are found, and the errors relative to the edges' bound."""
-    found, error, silent = _sheets(_on_paper)
-    bare_found, bare_error, bare_silent = _sheets(simulate.photo_of_sheets)
-    ratio, share = _over_bound(_rectangles, any_aspect=True)
-    facade_ratio, facade_share = _over_bound(_facades, any_offsets=True)
-    box_ratio, box_share = _over_bound(_box_corners, ("aspect",), any_aspect=True)
-    held_ratio, held_share = _over_bound(
-        _box_corners, ("aspect",), orthogonal=((0, 1), (1, 2), (0, 2)), any_aspect=True
-    )
-    name = f"three A4 rectangles on paper, photo-like with clutter, {SCENES} scenes"
-    bare = f"three bare sheets of A4 right on the clutter, {SCENES} scenes"
-    held = f"from edges, {EDGE_SCENES} scenes, centre and aspect held"
-    edges = f"three rectangles of unknown aspect {held}"
-    facades = f"three facades of {FACADE[1]} and {FACADE[0]} lines {held}"
-    boxes = (
-        "three faces at a box's corner, as rectangles of unknown aspect, "
-        f"from edges, {EDGE_SCENES} scenes, aspect held"
-    )
+    on_paper, bare = _sheets(_on_paper), _sheets(simulate.photo_of_sheets)
+    scenes = f"{EDGE_SCENES} scenes"
+    facades = f"three facades of {FACADE[1]} and {FACADE[0]} lines, {scenes}"
+    box = f"three faces of a box, {scenes}"
     return [
-        Row(f"{name}: found", f"{found}", f">= {MIN_FOUND}", found >= MIN_FOUND),
+        *_sheet_rows(f"A4 rectangles on paper, {SCENES} pictures", *on_paper),
+        *_sheet_rows(f"A4 sheets directly on the clutter, {SCENES} pictures", *bare),
+        *_bound_rows(f"three rectangles, {scenes}", *_over_bound(_rectangles, any_aspect=True)),
+        *_bound_rows(facades, *_over_bound(_facades, any_offsets=True)),
+        *_bound_rows(box, *_over_bound(_box_corners, ("aspect",), any_aspect=True)),
+        *_bound_rows(f"{box}, right angles given", *_over_bound_of_right_angles()),
+    ]
+
+
+def _sheet_rows(name: str, found: int, error: float, silent: int) -> list[Row]:
+    """Return the rows of the sheets found, of the error of fx, and of the silently wrong."""
+    return [
+        Row(f"{name}: all three found", f"{found}", f">= {MIN_FOUND}", found >= MIN_FOUND),
         Row(
-            "the same: fx, median error",
+            f"{name}: median error of fx",
             f"{100 * error:.4f} %",
             f"<= {100 * MAX_ERROR:.2f} %",
             error <= MAX_ERROR,
         ),
-        Row("the same: silently wrong", f"{silent}", "0", silent == 0),
-        Row(f"{bare}: found", f"{bare_found}", f">= {MIN_FOUND}", bare_found >= MIN_FOUND),
-        Row(
-            "the same: fx, median error",
-            f"{100 * bare_error:.4f} %",
-            f"<= {100 * MAX_ERROR:.2f} %",
-            bare_error <= MAX_ERROR,
-        ),
-        Row("the same: silently wrong", f"{bare_silent}", "0", bare_silent == 0),
-        *_bound_rows(edges, ratio, share),
-        *_bound_rows(facades, facade_ratio, facade_share),
-        *_bound_rows(boxes, box_ratio, box_share),
-        *_bound_rows("the same, known to be at right angles", held_ratio, held_share),
+        Row(f"{name}: silently wrong", f"{silent}", "0", silent == 0),
     ]
 
 
 def _bound_rows(name: str, ratio: float, share: float) -> list[Row]:
     """Return the rows of an error over its bound, and of the coverage of the intervals."""
-    coverage = "the same, aspects included: coverage of the 95 % intervals"
-    return [
-        bound_row(f"{name}: error / bound", ratio, MAX_OVER_BOUND),
-        coverage_row(coverage, share, COVERAGE),
-    ]
+    return [bound_row(name, ratio, MAX_OVER_BOUND), coverage_row(name, share, COVERAGE)]
+
+
+def _over_bound_of_right_angles() -> tuple[float, float]:
+    pairs = ((0, 1), (1, 2), (0, 2))
+    return _over_bound(_box_corners, ("aspect",), orthogonal=pairs, any_aspect=True)
 
 
 def _on_paper(rng: np.random.Generator) -> Photograph:
@@ -149,7 +142,7 @@ def _over_bound(
     """Return error / bound of the free parameters, and the coverage of these and of the aspects."""
     centre = () if "principal_point" in fix else ("cx", "cy")
     names = ("f", *centre, "k1", "k2")
-    ratios, held = [], []
+    ratios, covered = [], []
     for number in range(EDGE_SCENES):
         rng = np.random.default_rng([SEED, 1, number])
         camera = simulate.random_camera(rng)
@@ -167,10 +160,10 @@ def _over_bound(
         )
         ratios.append(errors / [bound[name] for name in names])
         std = [result.std[name] for name in ("fx", *centre, "k1", "k2")]
-        held += (np.abs(errors) <= HALF_WIDTH * np.array(std)).tolist()
-        held += [
+        covered += (np.abs(errors) <= HALF_WIDTH * np.array(std)).tolist()
+        covered += [
             abs(plane.aspect - aspect) <= HALF_WIDTH * plane.aspect_std
             for plane in result.planes
             if plane.aspect is not None and plane.aspect_std is not None
         ]
-    return rms(np.array(ratios)), float(np.mean(held))
+    return rms(np.array(ratios)), float(np.mean(covered))

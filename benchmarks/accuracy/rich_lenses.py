@@ -1,4 +1,8 @@
-"""Wide lenses of many coefficients, from boards that do not reach the corners of the picture."""
+"""Wide lenses of `rational` and `brown`: error and residuals.
+
+From edge points of three boards that do not reach the corners of the picture. Wrong: any of fx, fy,
+cx and cy is off by more than 4 std; silently: without a warning of high severity.
+"""
 
 from __future__ import annotations
 
@@ -47,23 +51,23 @@ def measure() -> list[Row]:
             silent += bool(np.abs(deviations[-1]).max() > WRONG_STDS and not is_warned)
         rms = float(np.sqrt(np.mean(np.square(deviations))))
         wrong = int((np.abs(deviations).max(axis=1) > WRONG_STDS).sum())
-        name = f"three boards from edges, {SCENES} lenses, model `{model}`"
+        name = f"{SCENES} lenses, `{model}`"
         rows += [
             Row(f"{name}: refused", f"{refused}", "", None),
             Row(
-                "the same: beyond 4 standard deviations; of these without a high warning",
+                f"{name}: wrong; silently wrong",
                 f"{wrong}; {silent}",
                 "0; 0",
                 wrong == 0,
             ),
             Row(
-                "the same: error / std, rms",
+                f"{name}: error / std, rms",
                 f"{rms:.2f}",
                 f"<= {LARGEST_RATIO}",
                 rms <= LARGEST_RATIO,
             ),
             Row(
-                "the same: residuals / noise, largest rms of a lens",
+                f"{name}: rms residual / noise, largest of a lens",
                 f"{max(left):.2f}",
                 f"<= {MAX_LEFT}",
                 max(left) <= MAX_LEFT,

@@ -1,7 +1,6 @@
-"""The check of a printed corner: how often a good sheet is called not ok, and faults are seen.
+"""Check of printed corners: good sheets that are rejected, and faults that are detected.
 
-Photographs are rendered from within 15 degrees of the corner's diagonal. The sheets are good,
-folded wrongly, bent, or stretched in print.
+Pictures of 960 x 720 pixels, taken from within 15 degrees of the corner's diagonal.
 """
 
 from __future__ import annotations
@@ -33,37 +32,36 @@ Spoil = Callable[[Scene, TargetPage, np.random.Generator], tuple[Scene, float]]
 
 def measure() -> list[Row]:
     """Return the results of the checks of all sheets."""
-    rows = [
-        _good("corner", GOOD),
-        _good("boards", GOOD_BOARDS),
-        *_spoilt("folded 3-10 degrees off", "folded", _folded),
+    return [
+        _good("corner", "frames", GOOD),
+        _good("boards", "chessboards", GOOD_BOARDS),
+        *_spoilt("folds 3-10 degrees off", "folded", _folded),
         *_spoilt("one face bent by 0.2-1 % of the side", "flat", _bent),
         *_spoilt("stretched by 0.5-1 % in print", "stretched", _stretched),
     ]
-    return rows
 
 
-def _good(kind: str, pictures: int) -> Row:
+def _good(kind: str, name: str, pictures: int) -> Row:
     checks = [_checked(kind, SEED + number, None)[0] for number in range(pictures)]
     verdicts = [check.verdict for check in checks if check is not None]
-    wrong, untold = verdicts.count("not ok"), verdicts.count("cannot tell")
+    wrong, unknown = verdicts.count("not ok"), verdicts.count("cannot tell")
     return Row(
-        f"sheet check, {pictures} good sheets ({kind}): not ok; cannot tell; no answer",
-        f"{wrong}; {untold}; {pictures - len(verdicts)}",
+        f"{pictures} good corners of {name}: not ok; cannot tell; refused",
+        f"{wrong}; {unknown}; {pictures - len(verdicts)}",
         "0; 0; 0",
         verdicts.count("ok") == pictures,
     )
 
 
-def _spoilt(name: str, looked_at: str, spoil: Spoil) -> list[Row]:
-    seen, others, errors, ratios = 0, 0, [], []
+def _spoilt(name: str, checked: str, spoil: Spoil) -> list[Row]:
+    detected, others, errors, ratios = 0, 0, [], []
     for number in range(SPOILT):
         check, true = _checked("corner", SEED + 1000 + number, spoil)
         if check is None:
             continue
         wrong = [finding for finding in check.findings if finding.verdict == "not ok"]
-        own = [finding for finding in wrong if finding.check == looked_at]
-        seen += bool(own)
+        own = [finding for finding in wrong if finding.check == checked]
+        detected += bool(own)
         others += len(wrong) > len(own)
         for finding in own[:1]:
             assert finding.value is not None
@@ -73,13 +71,14 @@ def _spoilt(name: str, looked_at: str, spoil: Spoil) -> list[Row]:
     rms = float(np.sqrt(np.mean(np.square(ratios))))
     return [
         Row(
-            f"sheet check, {SPOILT} corners {name}: seen; other things called not ok",
-            f"{seen}; {others}",
+            f"{SPOILT} corners, {name}: detected; other values not ok",
+            f"{detected}; {others}",
             f"{SPOILT}; 0",
-            seen == SPOILT and others == 0,
+            detected == SPOILT and others == 0,
         ),
         Row(
-            "the same, error of what was measured: median, worst; rms in stated deviations",
+            f"{SPOILT} corners, {name}: relative error of the measured fault, median, largest; "
+            "error / std, rms",
             f"{100 * np.median(errors):.2f} %, {100 * max(errors):.2f} %; {rms:.1f}",
             "",
             None,

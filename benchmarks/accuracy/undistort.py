@@ -1,4 +1,8 @@
-"""Undistorting pictures and points beside OpenCV: the same grey levels, and the time of both."""
+"""Undistorting pictures and points: agreement with OpenCV, and time.
+
+Pixels beyond the valid radius of a camera are left out. `Undistorter` also makes the new camera and
+the mask of valid pixels.
+"""
 
 from __future__ import annotations
 
@@ -59,19 +63,19 @@ def _agreement() -> list[Row]:
         for balance in (0.0, rng.random(), 1.0):
             view = camera.undistorted(balance)
             found = ts.undistort(picture, camera, balance)
-            K, bend = camera.K.copy(), camera.distortion.copy()
-            expected = cv2.undistort(picture, K, bend, None, view.K.copy())
+            K, distortion = camera.K.copy(), camera.distortion.copy()
+            expected = cv2.undistort(picture, K, distortion, None, view.K.copy())
             difference = np.abs(found.astype(int) - expected)[_within(camera, view)]
             worst = max(worst, float(difference.max(initial=0)))
         black += int((~ts.Undistorter(camera, 0.0).valid_mask).sum())
     return [
         Row(
-            f"undistorted noise beside cv2.undistort, {CAMERAS} cameras, largest difference",
+            f"pictures of noise, {CAMERAS} cameras: largest difference from `cv2.undistort`",
             f"{worst:.0f} levels",
             f"{GREY_LEVELS} level",
             worst <= GREY_LEVELS,
         ),
-        Row("black pixels at balance 0, the same cameras", str(black), "0", black == 0),
+        Row(f"balance 0, {CAMERAS} cameras: black pixels", str(black), "0", black == 0),
     ]
 
 
@@ -99,7 +103,7 @@ def _inverse() -> list[Row]:
         count += len(pixels)
     return [
         Row(
-            f"points there and back, {10 * CAMERAS} cameras, {count} pixels, largest error",
+            f"{10 * CAMERAS} cameras, {count} points: largest error of undistorting and distorting",
             f"{worst:.1e} px",
             f"{POINT_TARGET:.0e} px",
             worst <= POINT_TARGET,
@@ -113,26 +117,29 @@ def _frame_time() -> list[Row]:
     rng = np.random.default_rng(SEED + 2)
     frame = rng.integers(0, 256, (FRAME_SIZE[1], FRAME_SIZE[0], 3), dtype=np.uint8)
     undistorter = ts.Undistorter(camera)
-    K, bend, view = camera.K.copy(), camera.distortion.copy(), undistorter.new_camera.K.copy()
+    K, distortion = camera.K.copy(), camera.distortion.copy()
+    view = undistorter.new_camera.K.copy()
     ours, theirs, our_maps, their_maps = alternated_medians(
         [
             lambda: undistorter.undistort(frame),
-            lambda: cv2.undistort(frame, K, bend, None, view),
+            lambda: cv2.undistort(frame, K, distortion, None, view),
             lambda: ts.Undistorter(camera),
-            lambda: cv2.initUndistortRectifyMap(K, bend, None, view, FRAME_SIZE, cv2.CV_16SC2),
+            lambda: cv2.initUndistortRectifyMap(
+                K, distortion, None, view, FRAME_SIZE, cv2.CV_16SC2
+            ),
         ],
         REPETITIONS,
     )
-    size = f"{FRAME_SIZE[0]} x {FRAME_SIZE[1]} colour"
+    size = f"colour picture of {FRAME_SIZE[0]} x {FRAME_SIZE[1]}"
     return [
         Row(
-            f"a frame of {size}: Undistorter.undistort / cv2.undistort",
+            f"{size}: time of `Undistorter.undistort` / time of `cv2.undistort`",
             f"{1e3 * ours:.1f} ms / {1e3 * theirs:.1f} ms = {ours / theirs:.2f}",
             "1",
             ours <= theirs,
         ),
         Row(
-            "its maps, with the view and the mask / cv2.initUndistortRectifyMap alone",
+            f"{size}: time of `Undistorter` / time of `cv2.initUndistortRectifyMap`",
             f"{1e3 * our_maps:.0f} ms / {1e3 * their_maps:.0f} ms",
             "",
             None,
@@ -144,36 +151,38 @@ def _point_time() -> list[Row]:
     """Compare the times of points with OpenCV's few iterations and with sufficiently many."""
     camera = _usual_camera(FRAME_SIZE)
     points = np.random.default_rng(SEED + 3).uniform(0, np.array(FRAME_SIZE) - 1, (POINTS, 2))
-    K, bend = camera.K.copy(), camera.distortion.copy()
+    K, distortion = camera.K.copy(), camera.distortion.copy()
     column = points.reshape(-1, 1, 2)
 
     def iterated() -> Array:
-        return np.asarray(ITERATE(column, K, bend, R=np.eye(3), P=K, criteria=EXACT))
+        return np.asarray(ITERATE(column, K, distortion, R=np.eye(3), P=K, criteria=EXACT))
 
     ours, theirs, exact = alternated_medians(
         [
             lambda: camera.undistort_points(points),
-            lambda: cv2.undistortPoints(column, K, bend, P=K),
+            lambda: cv2.undistortPoints(column, K, distortion, P=K),
             iterated,
         ],
         REPETITIONS,
     )
-    seen = camera.distort_points(cv2.undistortPoints(column, K, bend, P=K).reshape(-1, 2))
-    again = camera.distort_points(iterated().reshape(-1, 2))
-    errors = [float(np.abs(back - points).max()) for back in (seen, again)]
+    undistorted = (cv2.undistortPoints(column, K, distortion, P=K), iterated())
+    errors = [
+        float(np.abs(camera.distort_points(own.reshape(-1, 2)) - points).max())
+        for own in undistorted
+    ]
     nanoseconds = 1e9 / POINTS
     return [
         Row(
-            "undistort_points / cv2.undistortPoints, a point",
+            "a point: time of `undistort_points` / time of `cv2.undistortPoints`",
             f"{nanoseconds * ours:.0f} ns / {nanoseconds * theirs:.0f} ns "
             f"(OpenCV's error: {errors[0]:.1e} px)",
             "",
             None,
         ),
         Row(
-            "undistort_points / OpenCV iterated to the end, a point",
+            "a point: time of `undistort_points` / time of `cv2.undistortPoints` to convergence",
             f"{nanoseconds * ours:.0f} ns / {nanoseconds * exact:.0f} ns "
-            f"(its error: {errors[1]:.1e} px)",
+            f"(OpenCV's error: {errors[1]:.1e} px)",
             "1",
             ours <= exact,
         ),

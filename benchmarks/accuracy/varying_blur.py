@@ -1,10 +1,14 @@
-"""Lenses that blur the corners of their pictures more, or all by a disc: whether edges move."""
+"""Blur that is larger in the corners of the picture, and defocus: error.
+
+sRGB pictures. Blur is stated as the standard deviation of a Gaussian, defocus as the radius of a
+disc. The parameters are fx, fy, cx and cy. Warned: there is a warning above low severity.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from harness.faulty_pictures import calibrated
 from harness.rows import Row
-from harness.spoilt_pictures import calibrated
 from harness.truth import PINHOLE, errors
 
 from trisquare_scenes.picture_faults import PictureFault, defocused
@@ -25,7 +29,7 @@ def measure() -> list[Row]:
     """Compare errors with the stated standard deviations."""
     towards_corners = [
         _row(
-            f"blur from {middle:g} px in the middle to {corners:g} px in the corners",
+            f"blur of {middle:g} px in the middle and {corners:g} px in the corners",
             PictureFault(corner_blur=corners),
             middle,
         )
@@ -33,7 +37,7 @@ def measure() -> list[Row]:
     ]
     out_of_focus = [
         _row(
-            f"blur of {DISC_BLUR:g} px and a disc of {radius:g} px"
+            f"blur of {DISC_BLUR:g} px and defocus of {radius:g} px"
             + ("" if quality is None else f", JPEG {quality}"),
             PictureFault(on_light=[defocused(radius)], jpeg_quality=quality),
             DISC_BLUR,
@@ -53,8 +57,7 @@ def _row(name: str, fault: PictureFault, blur: float) -> Row:
     rms = np.sqrt(np.mean(np.square(deviations), axis=0))
     median = 100 * float(np.median(focal))
     return Row(
-        f"sRGB, {name}, {SCENES} pictures: error / std rms, worst parameter; median error of fx; "
-        "warned",
+        f"{name}, {SCENES} pictures: error / std, rms, worst parameter; median error of fx; warned",
         f"{rms.max():.2f}; {median:.4f} %; {warned}",
         f"<= {MAX_STDS}; <= {MAX_ERROR} %; 0",
         bool(rms.max() <= MAX_STDS and median <= MAX_ERROR and warned == 0),

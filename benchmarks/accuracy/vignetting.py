@@ -1,10 +1,13 @@
-"""Lenses that darken the corners of their pictures: whether that moves the edges."""
+"""Vignetting: error in pictures with dark corners.
+
+The parameters are fx, fy, cx and cy.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from harness.faulty_pictures import calibrated
 from harness.rows import Row
-from harness.spoilt_pictures import calibrated
 from harness.truth import PINHOLE, errors
 
 from trisquare_scenes.picture_faults import PictureFault, darkened
@@ -31,8 +34,8 @@ def measure() -> list[Row]:
         rms = np.sqrt(np.mean(np.square(deviations), axis=0))
         rows.append(
             Row(
-                f"corners darkened by {100 * part:.0f} %, {SCENES} pictures of three squares or "
-                "frames: error / std rms, worst parameter; mean error of fx",
+                f"corners darkened by {100 * part:.0f} %, {SCENES} pictures: error / std, rms, "
+                "worst parameter; mean error of fx",
                 f"{rms.max():.2f}; {100 * np.mean(focal):+.4f} %",
                 f"<= {MAX_STDS}",
                 bool(rms.max() <= MAX_STDS),

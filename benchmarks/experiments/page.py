@@ -1,4 +1,4 @@
-"""The page of the experiments, with every number taken from results.json."""
+"""The page of the experiments; every number is from results.json."""
 
 from __future__ import annotations
 
@@ -17,38 +17,37 @@ INTRODUCTION = """\
 <!-- Written by `make experiments`, of the numbers in experiments/results.json. -->
 # The paper's experiments
 
-Zhou, Cui, Gao & Wang (*Optics and Lasers in Engineering* 51 (2013) 1332-1343) tried their method
-on simulated scenes: how the errors of the camera change with the noise, the number of squares,
-their sides and so on, and how well lengths are measured with it. Here such experiments are run
-with the estimators of today, all on the same scenes:
+Zhou, Cui, Gao & Wang (*Optics and Lasers in Engineering* 51 (2013) 1332-1343) tested their method
+on simulated scenes: the errors of the camera by noise, number of squares, length of their sides and
+other properties, and the errors of lengths measured with it. Similar experiments follow, with
+several estimators on the same scenes:
 
-| | what it is given | |
+| estimator | input | method |
 | --- | --- | --- |
 | linear steps | edge points | the paper's three steps, `method="linear"` |
 | maximum likelihood, edge points | the same | `ts.calibrate_edges` |
-| maximum likelihood, pixels | a rendered photograph | `ts.calibrate` |
-| Zhang, corners of the same squares | the same photograph | `cornerSubPix`, `calibrateCamera` |
-| Zhang, 13 photographs of a board | 13 rendered photographs of 9 x 6 corners | the same |
+| maximum likelihood, pixels | a rendered picture | `ts.calibrate` |
+| Zhang, corners of the same squares | the same picture | `cornerSubPix`, `calibrateCamera` |
+| Zhang, 13 photographs of a board | 13 rendered pictures of 9 x 6 corners | the same |
 
-**The scenes.** 1280 x 960 pixels, f 1100 px, k1 -0.15, k2 0.03; the principal point is drawn
-about the centre with a standard deviation of 1.2 % of the width. Unless the plot says otherwise,
-three squares have sides of 0.30-0.42 of the height and are tilted by 25-50 degrees, and their
-edges have a point every {spacing:g} px with noise of {noise:g} px. A picture has the noise that
-lets its pixels know an edge as well: {grey:.1f} grey levels of contrast {contrast:g}, blur
-{blur:g} px. Every level has {edges} scenes for edge points, the first {pictures} of which are
-rendered; {boards} cameras photograph the board. All estimate fx, fy, cx, cy, k1 and k2; but
-three squares have 24 coordinates of corners for 24 unknowns, which OpenCV refuses, so that Zhang
-from the corners of three takes k2 as 0. `cornerSubPix` starts 0.3 px from the truth, as from a
-detector; nobody else is told anything.
+**Scenes.** 1280 x 960 pixels, f 1100 px, k1 -0.15, k2 0.03; the principal point is drawn about the
+centre with a standard deviation of 1.2 % of the width. Unless the plot says otherwise, three
+squares have sides of 0.30-0.42 of the height and are tilted by 25-50 degrees, and their edges have
+a point every {spacing:g} px with noise of {noise:g} px. The noise of a picture is such that its
+pixels determine an edge equally well: {grey:.1f} grey levels at a contrast of {contrast:g} and a
+blur of {blur:g} px. Every level has {edges} scenes for edge points, the first {pictures} of which
+are rendered; the board is rendered for {boards} cameras. All estimators estimate fx, fy, cx, cy, k1
+and k2, with one exception: three squares have 24 coordinates of corners for 24 unknowns, which
+OpenCV refuses; k2 is then held at 0. `cornerSubPix` starts 0.3 px from the true corner, the error
+of a detector.
 
-**The plots** show rms errors; k1's is in per cent of k1. A band is the 95 % interval of the rms
-over as many scenes drawn anew (bootstrap). A point is left out where less than {answered:.0f} %
-of the scenes have an answer: trisquare refuses a camera that the edges do not determine. The
-tables have the rms over fx, fy, cx and cy, in pixels, and how many scenes have an answer where
-not all do.
+**Plots.** The errors are rms errors, that of k1 in per cent of k1. A band is the 95 % bootstrap
+interval of the rms. A point is left out if less than {answered:.0f} % of the scenes have a result:
+trisquare refuses a camera that the edges do not determine. The tables have the rms over fx, fy, cx
+and cy, in pixels, and the number of scenes with a result if not all have one.
 
-`make experiments` repeats it all; the seeds were fixed before the first full run. Measured with
-trisquare {trisquare} and OpenCV {opencv}.
+`make experiments` repeats all experiments; the seeds were fixed before the first full run. Measured
+with trisquare {trisquare} and OpenCV {opencv}.
 """
 
 TITLES = {
@@ -60,13 +59,13 @@ TITLES = {
 }
 
 CONDITIONS = {
-    "noise": "Pictures end at 0.1 px: with more noise they would be clipped.",
+    "noise": "Pictures are rendered up to 0.1 px: with more noise they would be clipped.",
     "count": "All squares have sides of 0.2 of the height, so that twelve fit.",
     "side": "",
     "tilt": "",
     "field": (
-        "k1 and k2 change with the focal length, so that the picture is bent alike at every field "
-        "of view."
+        "k1 and k2 change with the focal length, so that the distortion in pixels is the same at "
+        "every field of view."
     ),
 }
 
@@ -113,16 +112,16 @@ def _over_range(sweep: Sweep, levels: list[Results]) -> str:
     """Describe the change of maximum likelihood over the levels, and its ratio to the others."""
     shown = [level for level in levels if is_shown(level["edges"])]
     if not shown:
-        return "Too few scenes have an answer."
+        return "Too few scenes have a result."
     first, last = shown[0], shown[-1]
     said = (
         f"{RANGES[sweep.name].format(first['at'], last['at'])}, the error of maximum likelihood "
         f"goes from {_px(first['edges'])} to {_px(last['edges'])} (edge points)"
     )
     if linear := _ratios(levels, "linear", "edges"):
-        said += f"; the linear steps have {linear} times as much"
+        said += f"; that of the linear steps is {linear} times as large"
     if corners := _ratios(levels, "corners", "pixels"):
-        said += f", and the squares' corners {corners} times as much as their pixels"
+        said += f"; that of Zhang from the corners is {corners} times that from the pixels"
     return f"{said}."
 
 
@@ -138,8 +137,8 @@ def _at_noise(levels: list[Results]) -> str:
     growth = pixel_rms(last["edges"]) / pixel_rms(first["edges"])
     return (
         f"Noise of {level['at']:g} px gives errors of {errors}; "
-        f"{last['at'] / first['at']:.0f} times the noise, from end to end, gives maximum "
-        f"likelihood from edge points {growth:.0f} times the error."
+        f"the error of maximum likelihood from edge points grows by a factor of {growth:.0f} for "
+        f"{last['at'] / first['at']:.0f} times the noise."
     )
 
 
@@ -148,7 +147,10 @@ def _against_boards(levels: list[Results]) -> str:
     ratios = _ratios(levels, "pixels", "boards")
     if not ratios:
         return ""
-    return f" One photograph of three squares has {ratios} times the error of thirteen of a board."
+    return (
+        f" The error from one picture of three squares is {ratios} times that from thirteen of a "
+        "board."
+    )
 
 
 def _ratios(levels: list[Results], name: str, other: str) -> str:
@@ -203,23 +205,22 @@ def _markdown(head: list[str], rows: Iterable[Iterable[str]]) -> str:
 LENGTHS = """\
 ## Lengths measured on planes
 
-Every camera measures the same lengths on the same planes, which it poses from the same edges, so
-that they differ by nothing but the camera. The linear steps have the edges of the photograph
-here. Cameras, noise and blur of the simulated photographs are drawn as [how exact it
-is](how-exact.md) says. On the real chessboards the pose rests on four of nine columns, and the
-lengths are on the rest.
+All cameras measure the same lengths on the same planes, with poses from the same edges, so that
+only the camera differs. The linear steps use the edges of the picture. Cameras, noise and blur of
+the simulated pictures are those of [how exact it is](how-exact.md#what-is-measured). On the real
+chessboards the pose is fitted to four of nine columns, and the lengths are on the rest.
 
 ![Error of lengths by camera](experiments/lengths.svg)
 
-On simulated planes, one photograph's own camera measures lengths to {own} by maximum likelihood
-from its pixels and to {linear} by the linear steps; the camera of thirteen boards to {boards};
-and the true camera, where only the pose errs, to {truth}.
+On simulated planes, the rms error of the lengths is {own} with the camera from the same picture by
+maximum likelihood from the pixels, {linear} with that of the linear steps, {boards} with that of
+thirteen pictures of a board, and {truth} with the true camera, where only the pose has an error.
 """
 
 REAL_LENGTHS = """\
-On real chessboards the own camera of three photographs has {ratio:.1f} times the error of
-Zhang's ({own}, {boards}), which was made from all thirteen photographs, the measured ones among
-them.
+On real chessboards, the error with the camera from three other photographs is {ratio:.1f} times
+that with Zhang's camera ({own}, {boards}), which is from all thirteen photographs, including the
+measured ones.
 """
 
 NO_LENGTHS = "The real chessboards are left out: their photographs were not there.\n"
@@ -244,22 +245,22 @@ def _percent(point: Results) -> str:
 CORNER = """\
 ## A printed corner beside thirteen boards
 
-One rendered photograph of a [printed corner](target.md), of frames or of chessboards, and
-thirteen of a chessboard of 9 x 6 corners by Zhang, by each of {scenes} cameras, with the same
-noise and blur. Every point is a camera: the rms error of fx, fy, cx and cy.
+One rendered picture of a [printed corner](target.md), of frames or of chessboards, is compared with
+thirteen of a chessboard of 9 x 6 corners, calibrated by Zhang's method. The noise and blur are the
+same. Each point of the plot is one of {scenes} cameras, with its rms error over fx, fy, cx and cy.
 
 ![Error from one photograph of a corner over that of thirteen of a board](experiments/corner.svg)
 
-Over all cameras the photograph of the boards' corner has {boards[rms]:.2f} times the error of
-the thirteen ({boards[low]:.2f}-{boards[high]:.2f} in 95 % of cases), and that of the frames'
-corner {frames[rms]:.2f} times ({frames[low]:.2f}-{frames[high]:.2f}). The aim was {target:g}
-times: the boards {boards_verdict} it, the frames {frames_verdict} it. The thirteen have the
-better of two half windows of `cornerSubPix`.
+Over all cameras, the error from the corner of chessboards is {boards[rms]:.2f} times that from the
+thirteen pictures (95 % interval {boards[low]:.2f}-{boards[high]:.2f}), and the error from the
+corner of frames {frames[rms]:.2f} times ({frames[low]:.2f}-{frames[high]:.2f}). The required ratio
+was {target:g}: the chessboards {boards_verdict} it, the frames {frames_verdict} it. For the
+thirteen pictures, the better of two half windows of `cornerSubPix` is used.
 
 {errors}
 
-What a face of the sheet could carry, by the least error that its edges allow (the Cramér-Rao
-bound, over the same views with equal noise), in units of the frame's:
+Other figures could be printed on the faces of the sheet. The table has their Cramer-Rao bounds over
+the same views with equal noise, relative to that of the frame:
 
 {sheets}
 """
@@ -267,11 +268,11 @@ bound, over the same views with equal noise), in units of the frame's:
 
 def _corner(found: Results, sheets: dict[str, float]) -> str:
     names = {
-        "boards": "one photograph of the corner of three chessboards",
-        "frames": "one photograph of the corner of three frames",
+        "boards": "one picture of the corner of three chessboards",
+        "frames": "one picture of the corner of three frames",
     }
     for window in WINDOWS:
-        names[f"zhang_{window}"] = f"thirteen of a board, half window of {window} px"
+        names[f"zhang_{window}"] = f"thirteen pictures of a board, half window of {window} px"
     errors = [[names[name], f"{_digits(found['rms'][name]['rms'])} px"] for name in names]
     verdicts = {
         f"{sheet}_verdict": "reach" if ratio["rms"] <= TARGET else "miss"
@@ -282,7 +283,8 @@ def _corner(found: Results, sheets: dict[str, float]) -> str:
         target=TARGET,
         errors=_markdown(["", "rms error of fx, fy, cx, cy"], errors),
         sheets=_markdown(
-            ["on each face", "least error"], [[name, f"{own:.2f}"] for name, own in sheets.items()]
+            ["on each face", "Cramer-Rao bound, relative"],
+            [[name, f"{own:.2f}"] for name, own in sheets.items()],
         ),
         **found["ratio"],
         **verdicts,
@@ -292,14 +294,14 @@ def _corner(found: Results, sheets: dict[str, float]) -> str:
 GALLERY = """\
 ## Real photographs
 
-The lines that trisquare measured, each plane in a colour, without a pixel of the photographs,
-which are not part of the repository.
+The plot shows the lines that trisquare measured, each plane in a colour. The photographs
+themselves are not part of the repository.
 
 ![The measured lines of four photographs](experiments/gallery.svg)
 
-The chessboards are found without an option; of the three squares only edge points may be passed
-on, and their lens is given one coefficient. For {agreeing} of {count}, fx is within two stated
-standard deviations of what is known from elsewhere.
+The chessboards are found without options. Of the photograph of three squares only the edge points
+may be published; its lens model is `radial1`. For {agreeing} of {count} photographs, fx is within
+two stated standard deviations of the value from another source.
 
 {table}
 """
@@ -321,5 +323,5 @@ def _gallery(found: list[Results]) -> str:
         for shown in found
     ]
     agreeing = sum(abs(shown["fx"] - shown["reference"]) <= 2.0 * shown["std"] for shown in found)
-    head = ["photograph", "planes", "fx", "from elsewhere", "rms of its edges"]
+    head = ["photograph", "planes", "fx", "fx from another source", "rms residual"]
     return GALLERY.format(agreeing=agreeing, count=len(found), table=_markdown(head, rows))

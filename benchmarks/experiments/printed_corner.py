@@ -63,7 +63,7 @@ def errors_of(number: int) -> dict[str, Error]:
     return found
 
 
-def promised(number: int) -> dict[str, float]:
+def predicted(number: int) -> dict[str, float]:
     """Return the rms of the lower bounds on the stds of fx, fy, cx, cy, by sheet."""
     rng = np.random.default_rng([SEED, number])
     scene = simulate.corner_scene(rng, camera=simulate.random_camera(rng))

@@ -70,7 +70,7 @@ def measure(scenes: Scenes) -> results.Results:
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
 
-        def shared_out(
+        def distributed(
             label: str, function: Callable[[Item], Found], items: Iterable[Item]
         ) -> list[Found]:
             start = time.perf_counter()
@@ -86,7 +86,7 @@ def measure(scenes: Scenes) -> results.Results:
                     _level(
                         sweep,
                         level,
-                        shared_out(
+                        distributed(
                             f"{sweep.name} {at:g}", sweeps.errors_of, _jobs(number, level, scenes)
                         ),
                     )
@@ -95,14 +95,14 @@ def measure(scenes: Scenes) -> results.Results:
                 for number, sweep in enumerate(sweeps.SWEEPS)
             },
             "corner": _corner(
-                shared_out("printed corner", printed_corner.errors_of, range(scenes.corners))
+                distributed("printed corner", printed_corner.errors_of, range(scenes.corners))
             ),
             "sheets": _sheets(
-                shared_out("other sheets", printed_corner.promised, range(scenes.corners))
+                distributed("other sheets", printed_corner.predicted, range(scenes.corners))
             ),
             "lengths": {
                 "simulated": _lengths(
-                    shared_out("lengths", lengths.simulated, range(scenes.cameras))
+                    distributed("lengths", lengths.simulated, range(scenes.cameras))
                 ),
                 "real": _lengths(lengths.real()),
             },
@@ -150,12 +150,12 @@ def _corner(found: list[dict[str, Any]]) -> results.Results:
 
 def _sheets(found: list[dict[str, float]]) -> dict[str, float]:
     """Return the rms of each sheet's predictions, in units of the current sheet's."""
-    promised = {
+    predicted = {
         name: float(np.sqrt(np.mean(np.square(own))))
         for name, own in results.by_name(found).items()
     }
-    today = next(iter(promised.values()))
-    return {name: own / today for name, own in promised.items()}
+    today = next(iter(predicted.values()))
+    return {name: own / today for name, own in predicted.items()}
 
 
 def _lengths(found: list[dict[str, list[float]]]) -> results.Results:

@@ -1,4 +1,8 @@
-"""Boards of all kinds found whole, clean and in one piece, and none found in clutter."""
+"""Boards of all kinds in pictures with clutter: found, and false boards.
+
+A board is found if one lattice has at least 90 % of its visible crossings, each within 2 px, and no
+wrong ones; a single board, if it has all. A false board is a lattice that is on no board.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +63,7 @@ class Boards:
     boards, found, split : int
         Number of visible boards; of those with one lattice that has nearly all their crossings and
         no others; of those with more than one lattice.
-    aliens, crossings, false : int
+    wrong, crossings, false : int
         Number of crossings of lattices that are not on the lattice's board; of all crossings
         found; of lattices that are on no board.
     """
@@ -67,7 +71,7 @@ class Boards:
     boards: int = 0
     found: int = 0
     split: int = 0
-    aliens: int = 0
+    wrong: int = 0
     crossings: int = 0
     false: int = 0
 
@@ -88,18 +92,17 @@ def judge(scene: Scene, lattices: list[Lattice], in_sight: Callable[[Points], Po
         points = lattice.crossings[lattice.present]
         on = [_gaps(points, grid) < NEAR for grid in grids]
         owner = int(np.argmax([mask.sum() for mask in on]))
-        aliens = int(np.count_nonzero(~on[owner]))
-        if 2 * aliens > len(points):
+        wrong = int(np.count_nonzero(~on[owner]))
+        if 2 * wrong > len(points):
             total += Boards(false=1)
             continue
-        owned[owner].append((points, aliens))
-        total += Boards(aliens=aliens, crossings=len(points))
+        owned[owner].append((points, wrong))
+        total += Boards(wrong=wrong, crossings=len(points))
     for number, truth in enumerate(crossings):
         seen = truth[in_sight(truth)]
         pieces = owned[number]
         found = any(
-            aliens == 0 and np.mean(_gaps(seen, points) < NEAR) >= WHOLE
-            for points, aliens in pieces
+            wrong == 0 and np.mean(_gaps(seen, points) < NEAR) >= WHOLE for points, wrong in pieces
         )
         total += Boards(boards=1, found=int(found), split=int(len(pieces) > 1))
     return total
@@ -137,16 +140,16 @@ def _real_scenes() -> Iterator[Row]:
     others = "".join(
         f"; {finder}: {done.found}" for finder, done in totals.items() if done is not total
     )
-    name = f"{PICTURES} pictures of real scenes"
+    name = f"{PICTURES} pictures with clutter"
     yield Row(
-        f"{name}: boards with >= 90 % of their crossings and no others",
-        f"{total.found} of {total.boards} ({total.aliens} alien crossings of {total.crossings}, "
-        f"{total.false} false lattices{others})",
+        f"{name}: boards found",
+        f"{total.found} of {total.boards} ({total.wrong} wrong crossings of {total.crossings}, "
+        f"{total.false} false boards{others})",
         f">= {FOUND_TARGET:.0%}",
         total.found >= FOUND_TARGET * total.boards,
     )
     yield Row(
-        f"{name}: boards in several lattices",
+        f"{name}: boards found in several pieces",
         str(total.split),
         f"<= {SPLIT_TARGET:.0%}",
         total.split <= SPLIT_TARGET * total.boards,
@@ -161,15 +164,15 @@ def _single_boards() -> Row:
     for seed in range(SINGLE):
         picture, truth, size = _single_board(np.random.default_rng([SEED, 1, seed]))
 
-        def told_the_size(picture: Picture, size: tuple[int, int] = size) -> list[Points]:
+        def find_given_size(picture: Picture, size: tuple[int, int] = size) -> list[Points]:
             found, corners = cv2.findChessboardCornersSB(picture, size)
             return [corners.reshape(-1, 2)] if found else []
 
-        rivals: dict[str, Callable[[Picture], Any]] = {
+        finders: dict[str, Callable[[Picture], Any]] = {
             **FINDERS,
-            "cv2.findChessboardCornersSB, told the size": told_the_size,
+            "`cv2.findChessboardCornersSB`, size given": find_given_size,
         }
-        for finder, find in rivals.items():
+        for finder, find in finders.items():
             start = time.perf_counter()
             pieces = find(picture)
             times[finder].append(time.perf_counter() - start)
@@ -181,14 +184,14 @@ def _single_boards() -> Row:
     for finder in times:
         error = np.median(np.concatenate(gaps[finder])) if gaps[finder] else np.nan
         print(
-            f"  {finder}: {whole[finder]} of {SINGLE} single boards whole and nothing else, "
+            f"  {finder}: {whole[finder]} of {SINGLE} single boards found and nothing else, "
             f"crossings off by {error:.3f} px (median), {1e3 * np.median(times[finder]):.1f} ms"
         )
     ours, *others = times
     return Row(
-        f"{SINGLE} single boards of 3 x 3 to 11 x 11 crossings found whole, and nothing else",
+        f"{SINGLE} pictures of one board of 3 x 3 to 11 x 11 crossings: found, and nothing else",
         f"{whole[ours]} ({'; '.join(f'{finder}: {whole[finder]}' for finder in others)})",
-        "as many",
+        "not fewer",
         all(whole[ours] >= whole[finder] for finder in others),
     )
 
@@ -218,12 +221,12 @@ def _clutter() -> Row:
             for seed in range(CLUTTERED):
                 lattices = find(draw(np.random.default_rng([SEED, 2, seed])))
                 found += [int(np.count_nonzero(lattice.present)) for lattice in lattices]
-            print(f"  {finder}: {name}: {len(found)} false lattices, of crossings {found}")
+            print(f"  {finder}: {name}: {len(found)} false boards, of crossings {found}")
             false[finder] += len(found)
     ours, *others = FINDERS
     beside = "".join(f"; {finder}: {false[finder]}" for finder in others)
     return Row(
-        f"{CLUTTERED * len(CLUTTER)} pictures of {', '.join(CLUTTER)}: false lattices",
+        f"{CLUTTERED * len(CLUTTER)} pictures of {', '.join(CLUTTER)}: false boards",
         f"{false[ours]}{beside}",
         "0",
         false[ours] == 0,

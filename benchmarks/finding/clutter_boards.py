@@ -1,7 +1,7 @@
-"""Things that look like boards, none of which is one: woven chairs, tiles, windows, cartons.
+"""Textures that look like chessboards: false boards.
 
-Every lattice found in them is a false board. A chequered floor is not among them, because in a
-picture it is the same as a chessboard.
+Every board found is false. Chequered floors are left out, because in a picture they are the same as
+a chessboard.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def measure() -> list[Row]:
         print(f"  {name}: {len(sizes)} false boards of {sizes}")
     return [
         Row(
-            f"{pictures} pictures of {', '.join(TEXTURES)}: with false boards",
+            f"{pictures} pictures of {', '.join(TEXTURES)}: pictures with a false board",
             str(false),
             "0",
             false == 0,

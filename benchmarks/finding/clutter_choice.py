@@ -1,4 +1,8 @@
-"""True squares among rectangles: whether the right ones are chosen, and how long that takes."""
+"""Squares among rectangles: choice of the squares.
+
+Right: answered and not wrong. Wrong: fx is off by more than 4 std and 1 %; silently: without a
+warning that the chosen planes may be false.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +48,7 @@ class Case:
         Error of fx, as a fraction; NaN where the calibration was refused.
     sigmas : float
         The same error in stated standard deviations.
-    warned, told : bool
+    warned, any_warning : bool
         Whether a warning doubts the planes, and whether there is any warning.
     """
 
@@ -55,7 +59,7 @@ class Case:
     error: float
     sigmas: float
     warned: bool
-    told: bool
+    any_warning: bool
     refusal: str
     seconds: float
 
@@ -137,22 +141,22 @@ def _rows(squares: int, count: int) -> list[Row]:
     exactly = sum(case.kept == squares and case.false_kept == 0 for case in cases)
     wrong = sum(case.wrong for case in cases)
     silent = sum(case.wrong and not case.warned for case in cases)
-    mute = sum(case.wrong and not case.told for case in cases)
+    unwarned = sum(case.wrong and not case.any_warning for case in cases)
     refused = sum(case.refused for case in cases)
-    doubted = sum(case.warned for case in cases)
+    warned = sum(case.warned for case in cases)
     found = np.mean([case.found for case in cases])
     false_found = np.mean([case.false_found for case in cases])
     milliseconds = 1e3 * np.array([case.seconds for case in cases])
     print(
         f"  {squares} squares, {RECTANGLES} rectangles, {count} pictures: {found:.2f} and "
-        f"{false_found:.1f} found; right {right} (exactly the squares {exactly}), doubted "
-        f"{doubted}, refused {refused}, wrong {wrong}, of these without doubt {silent}, without "
-        f"any warning {mute}; choice {np.median(milliseconds):.0f} ms, at most "
+        f"{false_found:.1f} found; right {right} (exactly the squares {exactly}), warned "
+        f"{warned}, refused {refused}, wrong {wrong}, silently wrong {silent}, without "
+        f"any warning {unwarned}; choice {np.median(milliseconds):.0f} ms, at most "
         f"{milliseconds.max():.0f} ms",
         flush=True,
     )
-    name = f"{squares} squares among {RECTANGLES} rectangles, {count} pictures"
-    never = Row(f"{name}: wrong without doubt", str(silent), "0", silent == 0)
+    name = f"{squares} squares, {RECTANGLES} rectangles, {count} pictures"
+    never = Row(f"{name}: silently wrong", str(silent), "0", silent == 0)
     if squares < 3:
         return [never]
     share = right / count

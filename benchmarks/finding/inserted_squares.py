@@ -1,8 +1,8 @@
-"""Three squares rendered into each of 50 real photographs: found, and calibrated.
+"""Three squares rendered into photographs of boards: found and calibrated.
 
-The photographs show boards, seen by another camera than the squares': either boards or squares must
-be rejected. The correct result is the squares' camera, or the photograph's own where it shows three
-boards.
+The squares are seen by another camera than the boards: either the boards or the squares must be
+rejected. The correct result is the camera of the squares, or the camera of the photograph if it
+shows three boards.
 """
 
 from __future__ import annotations
@@ -81,41 +81,40 @@ def is_own_camera(case: Inserted, result: ts.Calibration) -> bool:
     )
 
 
-def says_so(result: ts.Calibration) -> bool:
-    """Return whether a result names what it does not use: among the rejected, or in a warning."""
+def reports_rejected(result: ts.Calibration) -> bool:
+    """Return whether a result names unused targets: among the rejected, or in a warning."""
     return bool(result.rejected) or any("rejected" in text for text in result.warnings)
 
 
 def measure() -> list[Row]:
     """Print how many pictures were calibrated from squares or boards only, and the errors."""
-    name = f"three squares in each of {PICTURES} real photographs"
-    must_reach = "all found and calibrated"
+    name = f"{PICTURES} photographs: calibrated from the squares, from three boards; error of fx"
     if not photographs():
         raise NotMeasurableError("no ../shared/data")
     right, own, percents, deviations = 0, 0, [], []
     for case in inserted_squares(PICTURES):
         label = f"{case.photograph.parent.name}/{case.photograph.name} {case.settings}"
         try:
-            result = ts.calibrate(case.picture)
+            found = ts.calibrate(case.picture)
         except ts.TrisquareError as error:
             print(f"  {label}: {error}")
             continue
-        if is_own_camera(case, result) and says_so(result):
+        if is_own_camera(case, found) and reports_rejected(found):
             print(f"  {label}: the photograph's own camera")
             own += 1
             continue
-        error = abs(result.camera.fx - case.scene.camera.fx)
+        error = abs(found.camera.fx - case.scene.camera.fx)
         percents.append(100.0 * error / case.scene.camera.fx)
-        deviations.append(error / result.std["fx"])
+        deviations.append(error / found.std["fx"])
         if percents[-1] > RIGHT_PERCENT:
-            print(f"  {label}: fx {percents[-1]:.2f} % off, {result.warnings}")
+            print(f"  {label}: fx {percents[-1]:.2f} % off, {found.warnings}")
             continue
         right += 1
     for unit, values in (("% of fx", percents), ("of its stated std", deviations)):
         median, worst = np.median(values), np.max(values)
         print(f"  error of fx: median {median:.3f}, worst {worst:.3f} {unit}")
-    measured = (
-        f"{right} of {PICTURES}, and {own} by the photograph's own three boards; fx error median "
-        f"{np.median(percents):.3f} %, worst {max(percents):.2f} % ({max(deviations):.1f} std)"
+    result = (
+        f"{right}, {own}; median {np.median(percents):.3f} %, worst {max(percents):.2f} % "
+        f"({max(deviations):.1f} std)"
     )
-    return [Row(name, measured, must_reach, right + own == PICTURES)]
+    return [Row(name, result, "all calibrated", right + own == PICTURES)]

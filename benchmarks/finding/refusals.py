@@ -1,4 +1,8 @@
-"""Refusals: none of sound scenes, all of degenerate ones, and what the refused are told helps."""
+"""Refusals: scenes that determine the camera, and scenes that do not.
+
+From edge points, except for the pictures. Held parameters are held at the truth. Wrong: any
+parameter is off by more than 4 std; right: answered and not wrong.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ Outcome = tuple[str, float]
 
 def measure() -> list[Row]:
     """Print the outcomes for every kind of scene."""
-    sound = _outcomes(lambda rng: simulate.random_scene(rng))
+    usual = _outcomes(lambda rng: simulate.random_scene(rng))
     strong = _outcomes(lambda rng: simulate.random_scene(rng), noise_range=STRONG_NOISE)
     rendered = [_rendered(seed) for seed in range(RENDERED)]
     parallel = _outcomes(alike_scene)
@@ -44,19 +48,23 @@ def measure() -> list[Row]:
     _print("squares of a tenth of the picture's height", _outcomes(_small, scenes=SOME))
     refused = Counter(kind for kind, _ in held)["DegenerateGeometryError"]
     return [
-        _all(f"{SCENES} sound scenes, 0.05-0.5 px: answered", sound, "answered"),
-        _all(f"{SCENES} sound scenes, 0.5-1.5 px: answered", strong, "answered"),
-        _all(f"{RENDERED} sound rendered pictures: answered", rendered, "answered"),
-        _all(f"{SCENES} of parallel planes: refused", parallel, "DegenerateGeometryError"),
-        _all(f"{SOME} of parallel planes, exact: refused", exact, "DegenerateGeometryError"),
+        _all(f"{SCENES} scenes, noise 0.05-0.5 px: answered", usual, "answered"),
+        _all(f"{SCENES} scenes, noise 0.5-1.5 px: answered", strong, "answered"),
+        _all(f"{RENDERED} pictures: answered", rendered, "answered"),
+        _all(f"{SCENES} scenes of parallel planes: refused", parallel, "DegenerateGeometryError"),
+        _all(
+            f"{SOME} scenes of parallel planes, without noise: refused",
+            exact,
+            "DegenerateGeometryError",
+        ),
         Row(
-            f"{SCENES} of parallel planes, principal point held: wrong by over 4 std",
-            f"{_wrong(held)} (refused, tilt axis along the picture's: {refused})",
+            f"{SCENES} scenes of parallel planes, principal point held: wrong",
+            f"{_wrong(held)} ({refused} refused: tilt axis along the rows or columns)",
             "0",
             _wrong(held) == 0,
         ),
         Row(
-            "the same, aspect held as well: right",
+            f"{SCENES} scenes of parallel planes, principal point and aspect held: right",
             f"{SCENES - _wrong(both) - Counter(k for k, _ in both)['DegenerateGeometryError']}",
             str(SCENES),
             all(kind == "answered" and sigmas <= MAX_SIGMAS for kind, sigmas in both),
@@ -119,9 +127,9 @@ def _wrong(outcomes: list[Outcome]) -> int:
 
 def _print(name: str, outcomes: list[Outcome]) -> None:
     counts = Counter(kind for kind, _ in outcomes)
-    said = ", ".join(f"{kind} {count}" for kind, count in counts.most_common())
+    shown = ", ".join(f"{kind} {count}" for kind, count in counts.most_common())
     worst = max(sigmas for _, sigmas in outcomes)
-    print(f"  {name}: {said}; largest error {worst:.1f} std")
+    print(f"  {name}: {shown}; largest error {worst:.1f} std")
 
 
 def _all(name: str, outcomes: list[Outcome], wanted: str) -> Row:

@@ -1,4 +1,9 @@
-"""Boards, tags, AprilGrids, and squares among rectangles on pictures of fisheye lenses."""
+"""Fisheye lenses of 100-190 degrees: boards, tags, AprilGrids, and frames among rectangles.
+
+The dictionary of the tags is not given; tags with a side that is bent by more than a tenth of its
+length are not counted. The lens model is `fisheye`, and `auto` for the frames among rectangles.
+Warnings of low severity are not counted.
+"""
 
 from __future__ import annotations
 
@@ -58,16 +63,16 @@ def _boards() -> list[Row]:
             print(f"  boards {number}: {len(result.planes)} planes")
         errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
+    boards = f"{SCENES} pictures of three boards of 8 x 6 corners"
     return [
         Row(
-            f"{SCENES} fisheye pictures of {FIELD_RANGE[0]:.0f}-{FIELD_RANGE[1]:.0f} degrees: "
-            "three boards of 8 x 6 corners, each one plane",
+            f"{boards}: each found as one plane",
             f"{whole} of {SCENES}",
             f">= {MIN_FOUND}",
             whole >= MIN_FOUND,
         ),
         Row(
-            "the same: fx, error / std, rms",
+            f"{boards}: error / std of fx, rms",
             f"{ratio:.2f} (worst {np.abs(errors).max():.1f})",
             f"{RATIO[0]}-{RATIO[1]}",
             RATIO[0] <= ratio <= RATIO[1],
@@ -93,8 +98,7 @@ def _tags() -> Row:
         read += len(counted) - len(missed)
         false += sum(own not in numbers for own in seen_numbers)
     return Row(
-        f"{SCENES} such pictures of three tags, no dictionary given: of those whose sides bend by "
-        "up to a tenth",
+        f"{SCENES} pictures of three tags: tags found",
         f"{read} of {tags}, {false} false",
         f">= {MIN_READ:.0%}, none false",
         read >= MIN_READ * tags and false == 0,
@@ -117,8 +121,8 @@ def _aprilgrids() -> Row:
         errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
     return Row(
-        f"{GRID_SCENES} such pictures of three AprilGrids of 6 x 6 tags: tags on their grids; fx, "
-        "error / std, rms",
+        f"{GRID_SCENES} pictures of three AprilGrids of 6 x 6 tags: tags found; error / std of fx, "
+        "rms",
         f"{read} of {every}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
         f">= {MIN_READ:.0%}; {RATIO[0]}-{RATIO[1]}",
         read >= MIN_READ * every and RATIO[0] <= ratio <= RATIO[1],
@@ -144,8 +148,8 @@ def _among_rectangles() -> Row:
         errors.append(_error(result, scene))
     ratio = rms(np.array(errors))
     return Row(
-        f'{SCENES} such pictures of three frames and up to three rectangles, model="auto": '
-        "answered without a warning; fx, error / std, rms of these",
+        f"{SCENES} pictures of three frames and up to three rectangles: answered without a "
+        "warning; error / std of fx of these, rms",
         f"{clean} of {SCENES}; {ratio:.2f} (worst {np.abs(errors).max():.1f})",
         f">= {MIN_FOUND}; {RATIO[0]}-{RATIO[1]}",
         clean >= MIN_FOUND and RATIO[0] <= ratio <= RATIO[1],

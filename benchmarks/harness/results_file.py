@@ -23,12 +23,12 @@ Record = dict[str, Any]
 
 
 def record(benchmark: str, row: Row, commit: str) -> Record:
-    """Return a row's first number, or the one after an equals sign, with its unit.
+    """Return the first number of a row's result, or the one after an equals sign, with its unit.
 
-    The value of a row that begins with a word is its text.
+    The value of a result that begins with a word is its text.
     """
-    found = FIGURE.match(row.measured)
-    value: float | str = row.measured
+    found = FIGURE.match(row.result)
+    value: float | str = row.result
     unit = ""
     if found is not None:
         first, second, unit = found.groups(default="")
@@ -37,10 +37,10 @@ def record(benchmark: str, row: Row, commit: str) -> Record:
             value /= float(second.replace(",", ""))
     return {
         "benchmark": benchmark,
-        "name": row.measured_on,
+        "name": row.name,
         "value": value,
         "unit": unit,
-        "target": row.must_reach,
+        "target": row.required,
         "met": None if row.met is None else bool(row.met),
         "commit": commit,
     }

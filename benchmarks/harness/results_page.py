@@ -1,8 +1,8 @@
-"""The rows in the documentation's page "how exact": the last ones of every benchmark.
+"""The tables of the documentation's page "how exact": the last results of every benchmark.
 
-Each benchmark has a section, which begins with its title and ends with the date and the versions of
-its measurement. A run replaces the sections of the benchmarks that it measures and keeps the
-others.
+Each benchmark has a section: the first line of its docstring as the heading, the rest of the
+docstring, the rows, and the date and the versions of the measurement. A run replaces the sections
+of the benchmarks that it measures and keeps the others.
 """
 
 from __future__ import annotations
@@ -53,16 +53,17 @@ def read(page: Path = PAGE) -> dict[str, str]:
 def conditions() -> str:
     """Return the date, the versions and the machine's load of a measurement."""
     day = datetime.now(timezone.utc).date().isoformat()
-    said = f"{day}: trisquare {ts.__version__}, OpenCV {cv2.__version__}"
+    versions = f"{day}: trisquare {ts.__version__}, OpenCV {cv2.__version__}"
     if not hasattr(os, "getloadavg"):
-        return said
+        return versions
     # Times from a busy machine are unreliable, which a reader has to know.
-    return f"{said}; {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}"
+    return f"{versions}; {os.cpu_count()} cores under a load of {os.getloadavg()[0]:.1f}"
 
 
 def _section(name: str, rows: Sequence[Row], conditions: str) -> str:
-    title = (importlib.import_module(name).__doc__ or name).splitlines()[0]
+    title, _, explanation = (importlib.import_module(name).__doc__ or name).partition("\n")
+    explanation = f"{explanation.strip()}\n\n" if explanation else ""
     return (
-        f"## {title.rstrip('.')}\n\n{markdown_table(rows)}\n\n"
+        f"## {title.rstrip('.')}\n\n{explanation}{markdown_table(rows)}\n\n"
         f"*`benchmarks/{name.replace('.', '/')}.py`, {conditions}*\n"
     )

@@ -1,4 +1,4 @@
-"""Times of functions that are compared, alternated so that a busy moment affects all of them."""
+"""Times of compared functions, run alternately so that other load affects all of them."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Sequence
 
 
-def alternated_medians(works: Sequence[Callable[[], object]], repetitions: int) -> list[float]:
+def alternated_medians(functions: Sequence[Callable[[], object]], repetitions: int) -> list[float]:
     """Return the median seconds of each function after one unmeasured round."""
-    for work in works:
-        work()
-    times: list[list[float]] = [[] for _ in works]
+    for function in functions:
+        function()
+    times: list[list[float]] = [[] for _ in functions]
     for _ in range(repetitions):
-        for work, seconds in zip(works, times, strict=True):
+        for function, seconds in zip(functions, times, strict=True):
             start = time.perf_counter()
-            work()
+            function()
             seconds.append(time.perf_counter() - start)
     return [statistics.median(seconds) for seconds in times]

@@ -1,4 +1,4 @@
-"""Spread of K over disjoint triples of real chessboard photographs, beside its stated std."""
+"""Spread of K over disjoint triples of photographs of a chessboard, relative to its stated std."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOGETHER = "err together"
 
 
 def partition_row(boards: Sequence[list[ts.PlaneEdges]], image_size: tuple[int, int]) -> Row:
-    """Print the spread of K over disjoint triples beside its stated std, by parameter.
+    """Print the spread of K over disjoint triples and its stated std, by parameter.
 
     The spread is robust and about the median over all triples, because the truth is unknown. Each
     triple's deviation is divided by its own std, because some triples determine K much better than
@@ -44,12 +44,12 @@ def partition_row(boards: Sequence[list[ts.PlaneEdges]], image_size: tuple[int, 
         print(
             f"  {name}: spread {own:.2f} px, median std {stated:.2f} px; in its own std {ratio:.2f}"
         )
-    told = sum(any(TOGETHER in text for text in result.warnings) for result in found)
-    print(f"  {told} of {len(found)} triples warn that the samples of a side {TOGETHER}")
+    warned = sum(any(TOGETHER in text for text in result.warnings) for result in found)
+    print(f"  {warned} of {len(found)} triples warn that the samples of a side {TOGETHER}")
     worst = float(np.max(np.maximum(ratios, 1.0 / ratios)))
     return Row(
-        f"spread of fx, fy, cx, cy / stated std, {len(found)} disjoint triples of real photographs",
-        f"{', '.join(f'{ratio:.2f}' for ratio in ratios)}; {told / len(found):.0%} say why",
+        f"{len(found)} disjoint triples: robust spread / std of fx, fy, cx, cy; warned",
+        f"{', '.join(f'{ratio:.2f}' for ratio in ratios)}; {warned / len(found):.0%}",
         f"within a factor of {FACTOR_TARGET:.0f}",
         worst <= FACTOR_TARGET,
     )

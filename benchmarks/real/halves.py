@@ -1,4 +1,8 @@
-"""Disjoint halves of pictures of real boards: their difference beside its stated deviation."""
+"""Disjoint sets of photographs of boards: difference of two cameras relative to its stated std.
+
+The differences are those of fx, fy, cx and cy of the cameras from two disjoint halves, or from two
+disjoint triples, of a set of photographs.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +53,7 @@ def measure() -> list[Row]:
     each = ", ".join(f"{own:.2f}" for own in found)
     return [
         Row(
-            f"difference of disjoint halves / its stated std, {len(found)} sets of real boards, "
-            f"{counted} splits",
+            f"{len(found)} sets of photographs, {counted} splits: difference / std, rms (each set)",
             f"{total:.2f} ({each})",
             f"{RANGE[0]}-{RANGE[1]}",
             RANGE[0] <= total <= RANGE[1],
@@ -61,15 +64,18 @@ def measure() -> list[Row]:
 
 def _with_chosen_model(pictures: Sequence[list[ts.PlaneEdges]], size: tuple[int, int]) -> Row:
     """Return the row of the spread of small sets with the model by evidence, and its prediction."""
-    told = {}
+    spreads = {}
     for model in ("radial2", "auto"):
         pairs = np.array(list(_pairs(pictures, size, 3, TRIPLES, model)))
         values = pairs[:, :, 0, 0].ravel()
-        told[model] = robust_spread(values), float(np.std(values)), rms(_ratios(pairs))
-    (own, own_rms, own_ratio), (other, other_rms, other_ratio) = told["auto"], told["radial2"]
+        spreads[model] = robust_spread(values), float(np.std(values)), rms(_ratios(pairs))
+    (own, own_rms, own_ratio), (other, other_rms, other_ratio) = (
+        spreads["auto"],
+        spreads["radial2"],
+    )
     return Row(
-        f"{TRIPLES} pairs of disjoint triples of {CHOSEN_ON}, `auto` (`radial2`): fx, robust "
-        "spread and rms; difference of fx, fy, cx, cy / its stated std, rms",
+        f"{TRIPLES} pairs of triples of {CHOSEN_ON}, `auto` (`radial2`): spread of fx, robust and "
+        "rms; difference / std, rms",
         f"{own:.2f} and {own_rms:.2f} px ({other:.2f} and {other_rms:.2f}); {own_ratio:.2f} "
         f"({other_ratio:.2f})",
         "",

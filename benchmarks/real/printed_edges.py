@@ -1,8 +1,7 @@
-"""Edges of printed targets: how well a pixel of them is known, which `predict` assumes.
+"""Boards printed on paper: standard deviation of a pixel of edge.
 
-For every shared photograph of printed boards: the residuals' rms times the square root of the
-edge's length per independent sample. The median must be within a factor of 1.5 of the value that
-`predict` assumes.
+It is the rms of the residuals times the square root of the length of edge per independent sample.
+The required value is the one that `predict` assumes for printed targets.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ def measure() -> list[Row]:
     ratio = max(median / PRINTED_SIGMA, PRINTED_SIGMA / median)
     return [
         Row(
-            f"std of a pixel of edge of boards printed on paper, {len(sigmas)} photographs: median "
-            "(10 %, 90 %)",
+            f"{len(sigmas)} photographs: std of a pixel of edge, median (10 %, 90 % quantile)",
             f"{median:.1f} px ({low:.1f}, {high:.1f})",
-            f"{PRINTED_SIGMA:g} px assumed, within a factor {TOLERANCE:g}",
+            f"{PRINTED_SIGMA:g} px, within a factor of {TOLERANCE:g}",
             bool(ratio <= TOLERANCE),
         )
     ]

@@ -1,4 +1,4 @@
-"""Boards of real photographs: their lines as measured here, and another detector's corners."""
+"""Boards in photographs: their lines as measured by trisquare, and corners of another detector."""
 
 from __future__ import annotations
 
@@ -65,11 +65,12 @@ class Board(NamedTuple):
                 np.array([own[n] for own, n in zip(directions, numbers, strict=True)]),
                 np.column_stack([columns[self.grid[:, 0]], rows[self.grid[:, 1]]]),
             )
-            if all(self._teaches(drawn, fold) for fold in range(FOLDS)):
+            if all(self._is_enough(drawn, fold) for fold in range(FOLDS)):
                 return drawn
         return None
 
-    def _teaches(self, thirds: Thirds, fold: int) -> bool:
+    def _is_enough(self, thirds: Thirds, fold: int) -> bool:
+        """Return whether the data without a fold suffices for a fit."""
         kept = self.is_row[thirds.lines != fold]
         enough = min(kept.sum(), (~kept).sum()) >= MIN_LINES
         return bool(enough and (~thirds.held_corners(fold)).sum() >= MIN_CORNERS)

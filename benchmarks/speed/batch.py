@@ -1,4 +1,4 @@
-"""Many cameras at a time: two processes over one, overhead, and memory by the number of jobs."""
+"""Batches: throughput of two processes, overhead, and memory by the number of jobs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MAX_OVERHEAD = 3.0  # per cent
 FEW, MANY = 1_000, 100_000
 MAX_GROWTH = 50.0  # MB
 
-# The jobs return at once, without waiting for the disk; everything else, files included, is as in a
+# The jobs return immediately, without waiting for the disk; the rest, files included, is as in a
 # batch.
 MEMORY = """
 import os, resource, sys
@@ -61,19 +61,19 @@ def measure() -> list[Row]:
         growth = _memory(folder, MANY) - _memory(folder, FEW)
     return [
         Row(
-            f"{JOBS:,} pictures of 1280 x 960: two processes / one",
+            f"{JOBS:,} pictures of 1280 x 960: throughput of two processes / of one",
             f"{speed_up:.2f}",
             f">= {MIN_SPEED_UP}",
             speed_up >= MIN_SPEED_UP,
         ),
         Row(
-            "time of a batch beyond that of its calibrations, one process",
+            f"{JOBS:,} pictures, one process: time beyond that of the calibrations",
             f"{overhead:+.1f} %",
             f"<= {MAX_OVERHEAD:.0f} %",
             overhead <= MAX_OVERHEAD,
         ),
         Row(
-            f"memory of a batch of {MANY:,} jobs over one of {FEW:,}",
+            f"{MANY:,} jobs: peak memory above that of {FEW:,}",
             f"{growth:+.0f} MB",
             f"<= {MAX_GROWTH:.0f} MB",
             growth <= MAX_GROWTH,

@@ -1,4 +1,4 @@
-"""Peak memory of the command on a picture of 1280 x 960."""
+"""Peak memory of `trisquare calibrate`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def measure() -> list[Row]:
     worst = max(alone, drawn)
     return [
         Row(
-            "peak memory of the command, 1280 x 960 in colour, with and without overlay",
+            "colour picture of 1280 x 960: peak memory with or without an overlay",
             f"{worst:.0f} MB",
             f"<= {TARGET:.0f} MB",
             worst <= TARGET,

@@ -1,10 +1,8 @@
-"""`import trisquare` beside `import cv2`, each in fresh interpreters.
+"""Time of `import trisquare`, relative to `import cv2`.
 
-Both are compiled to bytecode beforehand, as by pip: where the environment forbids Python to write
-bytecode, an editable installation would be compiled at every import.
-
-`import trisquare` imports OpenCV, and the modules for pictures, only when a picture is searched.
-The time of these imports is printed as well, without a target: it includes all of OpenCV.
+Each import is in a new interpreter, with bytecode compiled beforehand, as by pip. `import
+trisquare` imports OpenCV, and the modules for pictures, only when a picture is searched; the second
+row includes them.
 """
 
 from __future__ import annotations
@@ -42,13 +40,13 @@ def measure() -> list[Row]:
     opencv, ours, all_of_ours = (statistics.median(seconds) for seconds in times.values())
     return [
         Row(
-            "`import trisquare` / `import cv2`",
+            "time of `import trisquare` / time of `import cv2`",
             _ratio(ours, opencv),
             f"<= {TARGET:.2f}",
             ours / opencv <= TARGET,
         ),
         Row(
-            "the same with all that the first photograph loads",
+            "time of all imports for a photograph / time of `import cv2`",
             _ratio(all_of_ours, opencv),
             "",
             None,

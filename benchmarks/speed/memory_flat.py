@@ -1,4 +1,4 @@
-"""Memory of a process that calibrates 20,000 times: flat after a warm-up."""
+"""Growth of the memory of a process that calibrates many times, after a warm-up."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def measure() -> list[Row]:
     by_pictures = _growth(lambda count: ts.calibrate(photos[count % SCENES]), PICTURES)
     return [
         Row(
-            f"growth of memory over {count:,} calibrations from {source}",
+            f"{count:,} calibrations from {source}: growth of memory",
             f"{growth:+.2f} MB",
             f"<= {TARGET:.0f} MB",
             growth <= TARGET,

@@ -1,4 +1,4 @@
-"""How often the page outlines a live preview and predicts, and how long a photograph takes."""
+"""`trisquare serve`: rate of the live preview, and time of a picture."""
 
 from __future__ import annotations
 
@@ -73,11 +73,11 @@ def _measured(client: TestClient) -> list[Row]:
     answer = client.post("/api/calibrate", files=[("picture", ("p.jpg", photograph))])
     assert answer.status_code == 200, answer.text
     calibrated = time.perf_counter() - start
-    rates = {"outlined": finds / SECONDS, "predicted": predictions[0] / SECONDS}
+    rates = {"searches": finds / SECONDS, "predictions": predictions[0] / SECONDS}
     return [
         *(
             Row(
-                f"live preview of {PREVIEW[0]} x {PREVIEW[1]}, {name}",
+                f"live preview of {PREVIEW[0]} x {PREVIEW[1]}: {name}",
                 f"{rate:.1f} per s",
                 f">= {LIVE_TARGET:g}",
                 rate >= LIVE_TARGET,
@@ -85,13 +85,13 @@ def _measured(client: TestClient) -> list[Row]:
             for name, rate in rates.items()
         ),
         Row(
-            f"{PARALLEL} such searches at a time, all answered",
+            f"{PARALLEL} searches at the same time: time until all are answered",
             f"{parallel:.1f} s",
             f"<= {PARALLEL_SECONDS:g}",
             parallel <= PARALLEL_SECONDS,
         ),
         Row(
-            "photograph of 12 megapixels, from upload to result",
+            "picture of 12 megapixels: time from upload to result",
             f"{calibrated:.2f} s",
             f"<= {PHOTOGRAPH_SECONDS:g}",
             calibrated <= PHOTOGRAPH_SECONDS,

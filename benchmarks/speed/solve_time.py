@@ -1,4 +1,7 @@
-"""3,000 edge points to a result with covariance, beside OpenCV's and SciPy's solvers."""
+"""Time of a fit to 3,000 edge points, relative to the solvers of OpenCV and SciPy.
+
+trisquare's result includes the covariance. SciPy solves the same problem.
+"""
 
 from __future__ import annotations
 
@@ -40,23 +43,23 @@ def measure() -> list[Row]:
     ours, opencv, robust, plain, many = 1e3 * np.median(times, axis=0)
     by_opencv, by_robust, by_plain, by_many = np.median(times[:, [0]] / times[:, 1:], axis=0)
     print(f"  trisquare {ours:.2f} ms, cv2.calibrateCamera {opencv:.2f} ms")
-    print("  least_squares, 2-point Jacobian, started from trisquare's linear method for nothing:")
-    print(f"  robust loss (trf, huber) {robust:.0f} ms; plain squares (lm, MINPACK) {plain:.0f} ms")
+    print("  least_squares, 2-point Jacobian, started from the linear method, not timed:")
+    print(f"  robust loss (trf, huber) {robust:.0f} ms; least squares (lm, MINPACK) {plain:.0f} ms")
     return [
         Row(
-            "3,000 edge points to result with covariance / `cv2.calibrateCamera`, 3 x 54 corners",
+            "time / time of `cv2.calibrateCamera` for 3 x 54 corners",
             f"{by_opencv:.2f} ({ours:.2f} ms / {opencv:.2f} ms)",
             f"<= {OPENCV_TARGET}, goal {OPENCV_GOAL}",
             by_opencv <= OPENCV_TARGET,
         ),
         Row(
-            "the same / an equivalent robust `scipy.optimize.least_squares`",
-            f"1/{1.0 / by_robust:.0f} (plain squares: 1/{1.0 / by_plain:.0f})",
+            "time / time of `scipy.optimize.least_squares` with a robust loss",
+            f"1/{1.0 / by_robust:.0f} (without robust loss: 1/{1.0 / by_plain:.0f})",
             f"<= 1/{1.0 / SCIPY_TARGET:.0f}",
             by_robust <= SCIPY_TARGET,
         ),
         Row(
-            f"{MANY * 3},000 edge points to result / 3,000",
+            f"time for {MANY * 3},000 edge points / time for 3,000",
             f"{1.0 / by_many:.2f} ({many:.2f} ms / {ours:.2f} ms)",
             f"<= {MANY_TARGET:.0f}",
             1.0 / by_many <= MANY_TARGET,

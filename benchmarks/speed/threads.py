@@ -1,4 +1,4 @@
-"""What a second thread gives on two cores: calibrations in the same time as one thread's."""
+"""Two threads on two cores: throughput relative to one thread."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def measure() -> list[Row]:
     print(f"  on {cores} cores")
     return [
         Row(
-            f"throughput of {THREADS} threads / one, {name}",
+            f"{name}: throughput of {THREADS} threads / of one",
             f"{ratio:.2f}",
             f">= {TARGET}",
             ratio >= TARGET,

@@ -1,8 +1,7 @@
-"""A video without distortion beside a loop of OpenCV's reader, `remap` and writer.
+"""Undistorting a video, compared with OpenCV's reader, `remap` and writer.
 
-Both make their maps once and write with the same encoder; OpenCV's own threads are at their
-default. The time of choosing frames relative to decoding them is measured as well, without a
-target.
+Both compute their maps once and write with the same encoder; OpenCV's own threads are at their
+default.
 """
 
 from __future__ import annotations
@@ -75,8 +74,8 @@ def _undistorting(clip: Path) -> Row:
 
     def theirs() -> None:
         K, view = CAMERA.K.copy(), CAMERA.undistorted().K.copy()
-        bend = CAMERA.distortion.copy()
-        maps = cv2.initUndistortRectifyMap(K, bend, None, view, SIZE, cv2.CV_16SC2)
+        distortion = CAMERA.distortion.copy()
+        maps = cv2.initUndistortRectifyMap(K, distortion, None, view, SIZE, cv2.CV_16SC2)
         capture, writer = cv2.VideoCapture(str(clip)), _writer(out)
         while (frame := capture.read())[0]:
             writer.write(cv2.remap(frame[1], *maps, cv2.INTER_LINEAR))
@@ -87,7 +86,7 @@ def _undistorting(clip: Path) -> Row:
     )
     ratio = ours_time / theirs_time
     return Row(
-        f"a frame of a video, {SIZE[0]} x {SIZE[1]} {clip.suffix}: undistort / a loop of OpenCV",
+        f"{SIZE[0]} x {SIZE[1]} {clip.suffix}: time of a frame / time with OpenCV",
         f"{ours_time:.1f} ms / {theirs_time:.1f} ms = {ratio:.2f}",
         f"{TARGET:.0f}",
         ratio <= TARGET,
@@ -105,7 +104,7 @@ def _choosing(clip: Path) -> Row:
         for seconds in alternated_medians([lambda: choose_frames(clip, CHOSEN), decode], 3)
     )
     return Row(
-        f"the same video: choosing {CHOSEN} frames / decoding all, a frame",
+        f"{SIZE[0]} x {SIZE[1]} {clip.suffix}: time of a frame, choosing {CHOSEN} / decoding all",
         f"{ours:.1f} ms / {theirs:.1f} ms",
         "",
         None,

@@ -393,8 +393,8 @@ def test_a_benchmark_that_cannot_be_measured_keeps_its_rows(benchmarks, monkeypa
     assert run.main(["printed_edges"]) == run.main([name]) == 1
     assert [file.read_bytes() for file in files] == before
     said = capsys.readouterr()
-    assert f"{name} cannot be measured here, its rows stay: no data" in said.err
-    assert "| measured on |" not in said.out
+    assert f"{name} cannot be measured here, its rows are kept: no data" in said.err
+    assert "| measurement |" not in said.out
 
 
 @pytest.mark.parametrize(("word", "code"), [("--help", 0), ("printed_edge", 2)])
@@ -426,7 +426,7 @@ def test_the_results_are_those_of_the_page(benchmarks):
         ("2.9e-11", 2.9e-11, ""),
         ("95.2 % (94.6 %)", 95.2, "%"),
         ("22.7 ms / 32.8 ms = 0.69", 0.69, ""),
-        ("1/28 (plain squares: 1/12)", 1 / 28, ""),
+        ("1/28 (without robust loss: 1/12)", 1 / 28, ""),
         ("16.8 (20.9 ms)", 16.8, ""),
         ("-0.05", -0.05, ""),
         ("+0.02 MB", 0.02, "MB"),
