@@ -71,7 +71,7 @@ def test_three_boards_in_a_corner(side):
         value = getattr(result.camera, name)
         assert 0.94 * 1624 < value < 1.06 * 1650
         assert abs(value - 1637) < 3.0 * result.std[name] + 13.0
-    assert any("err together" in text for text in result.warnings)
+    assert any("have a common error" in text for text in result.warnings)
     normals = np.array([plane.rotation[:, 2] for plane in result.planes])
     angles = np.degrees(np.arccos((normals @ normals.T)[np.triu_indices(3, 1)]))
     np.testing.assert_allclose(angles, 90.0, rtol=0, atol=5.0)
