@@ -162,7 +162,7 @@ def test_too_few_planes_and_bad_options_are_refused(scene):
         ({"fix": "cy"}, "'principal_point' fixes cy"),
         ({"free": "aspect"}, "free unless fix= names it"),
         ({"fix": "skew"}, "fixed unless free= names it"),
-        ({"free": "skew", "method": "linear"}, "linear steps take it as zero"),
+        ({"free": "skew", "method": "linear"}, "linear steps assume that it is zero"),
     ):
         with pytest.raises(ValueError, match=message):
             ts.calibrate_edges(edges, IMAGE_SIZE, **options)
