@@ -15,7 +15,7 @@ PARTITIONS = 100
 SEED = 11
 PICTURES_EACH = 3
 FACTOR_TARGET = 2.0
-TOGETHER = "err together"
+TOGETHER = "have a common error"
 """Words of the warning that the stated std was raised because boards are not flat."""
 
 

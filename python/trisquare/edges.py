@@ -586,8 +586,8 @@ def _check_line(points: tuple[FloatArray, ...], plane: int | None) -> None:
         raise ValueError('freedom "line" takes the points of one line, and plane=None')
     if len(points[0]) < MIN_SCENE_LINE_SAMPLES:
         raise NotEnoughDataError(
-            f"points[0] holds {len(points[0])} points: a line of the scene needs at least "
-            f"{MIN_SCENE_LINE_SAMPLES}, for two are always straight"
+            f"points[0] contains {len(points[0])} points: a line of the scene needs at "
+            f"least {MIN_SCENE_LINE_SAMPLES}, for two are always straight"
         )
 
 
@@ -611,7 +611,7 @@ def _sequence(values: Any, name: str, count: int) -> list[Any]:
     except TypeError as error:
         raise TypeError(f"{name} must be a sequence with one array per line") from error
     if len(arrays) != count:
-        raise ValueError(f"{name} must hold {count} arrays, one per line, not {len(arrays)}")
+        raise ValueError(f"{name} must contain {count} arrays, one per line, not {len(arrays)}")
     return arrays
 
 
@@ -624,7 +624,9 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
         array = pixel_array(given, name, (None, 2), LEAVE_OUT)
         low, high = array.min(axis=0, initial=np.inf), array.max(axis=0, initial=-np.inf)
         if not (low < high).any():
-            raise NotEnoughDataError(f"{name} holds one distinct point: a line needs at least 2")
+            raise NotEnoughDataError(
+                f"{name} contains only one distinct point: a line needs at least 2"
+            )
         samples.append(array)
     return tuple(samples)
 
@@ -635,7 +637,7 @@ def _checked_radii(radii: Any) -> tuple[float | None, ...]:
         raise NotEnoughDataError("circles need one radius or more")
     known = [radius for radius in given if radius is not None]
     if given[0] is None:
-        raise ValueError("radii[0] must be known: it is the unit, 1 will do")
+        raise ValueError("radii[0] must be known: it is the unit of length, and may be 1")
     if min(known) <= 0.0 or len(set(known)) < len(known):
         raise ValueError(f"radii must be positive and different, not {known}")
     return tuple(given)
@@ -646,8 +648,8 @@ def _samples_of_circles(points: Any, count: int) -> tuple[FloatArray, ...]:
     for index, array in enumerate(samples):
         if len(array) < MIN_CIRCLE_SAMPLES:
             raise NotEnoughDataError(
-                f"points[{index}] holds {len(array)} points: a circle needs at least "
-                f"{MIN_CIRCLE_SAMPLES}"
+                f"points[{index}] contains {len(array)} points: a circle needs at "
+                f"least {MIN_CIRCLE_SAMPLES}"
             )
     return samples
 
@@ -669,6 +671,6 @@ def _drift_of_lines(drift: Any, points: tuple[FloatArray, ...]) -> tuple[FloatAr
     for index, given in enumerate(_sequence(drift, "drift", len(points))):
         array = real_array(given, f"drift[{index}]", (len(points[index]), 2))
         if not (np.abs(array) <= MAX_DRIFT).all():
-            raise ValueError(f"drift[{index}] holds displacements beyond {MAX_DRIFT:g} px")
+            raise ValueError(f"drift[{index}] contains displacements beyond {MAX_DRIFT:g} px")
         displacements.append(array)
     return tuple(displacements)

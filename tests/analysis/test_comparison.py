@@ -12,7 +12,7 @@ import trisquare as ts
 from trisquare.cli.input_files import rescaled
 from trisquare.drawing.difference_map import LONGEST_SIDE, draw_comparison
 
-UNSEEN = "whether they differ cannot be told: "
+UNSEEN = "it cannot be decided whether the cameras differ: "
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_a_difference_that_no_parameter_makes_is_no_noise(result):
     comparison = ts.compare(result, other)
     assert comparison.unexplained > expected
     assert comparison.same is False
-    assert "px (rms) that no uncertain parameter explains" in comparison.verdict
+    assert "px (rms) remain that no uncertain parameter explains" in comparison.verdict
 
 
 def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
@@ -119,7 +119,7 @@ def test_a_difference_in_well_known_ways_is_said_to_be_one(result):
     comparison = ts.compare(vague, replace(result.camera, distortion=distortion))
     assert comparison.worst_in_stds < 2
     assert comparison.same is False
-    assert "better known than any single place" in comparison.verdict
+    assert "known more precisely than the difference at any one place" in comparison.verdict
 
 
 def test_cameras_without_a_visible_difference_are_the_same(result):
@@ -145,7 +145,7 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
         # A difference is reported however vague the rest is: p excludes noise as its cause.
         assert replace(comparison, p_value=0.01).same is False
         verdict = replace(comparison, p_value=0.01).verdict
-        assert verdict.startswith("they differ by more than they state: ")
+        assert verdict.startswith("they differ by more than their stated uncertainty: ")
     equal = ts.compare(vague, vague)
     assert (equal.worst, equal.same) == (pytest.approx(0, abs=1e-6), None)
     assert equal.verdict.startswith(UNSEEN)
@@ -154,7 +154,7 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
     code, printed, _ = run("compare", tmp_path / "vague.json", tmp_path / "other.json")
     assert code == 0
     assert printed.startswith(UNSEEN)
-    assert "5000 px (rms) is to be expected" in printed
+    assert "5000 px (rms) is expected" in printed
     code, printed, _ = run("compare", tmp_path / "vague.json", tmp_path / "other.json", "--json")
     assert json.loads(printed)["same"] is None
 
@@ -162,7 +162,7 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
 def test_what_is_the_same_is_said_with_its_p(result):
     other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
     comparison = ts.compare(result, other)
-    assert comparison.verdict.endswith(f"to be expected, p = {comparison.p_value:.2g}")
+    assert comparison.verdict.endswith(f"px (rms) is expected, p = {comparison.p_value:.2g}")
 
 
 def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_path):
@@ -230,7 +230,7 @@ def test_beyond_what_a_lens_can_follow_nothing_is_said(result):
     assert 0.2 < comparison.coverage < 0.6
     assert np.isinf(comparison.distance[0, 0])
     assert np.isfinite(comparison.rms)
-    with pytest.raises(ValueError, match="too little in common"):
+    with pytest.raises(ValueError, match="both distortions can be inverted in only"):
         ts.compare(short, replace(short, valid_radius=20 / K[0, 0]))
 
 

@@ -108,7 +108,7 @@ def test_a_principal_point_off_the_centre_is_not_to_be_held_there(offset):
     texts = [planned.change for planned in changes_of(result, planes_of(result))]
     assert any("the principal point, if it is known" in text for text in texts)
     assert "moving plane 0 nearer to the corner of the picture" in texts  # numbered as in tables
-    assert any("for it is not the image centre" in text for text in texts) == (offset > 0)
+    assert any("since it is not the picture's centre" in text for text in texts) == (offset > 0)
 
 
 @pytest.mark.parametrize("seed", [3, 8])
@@ -185,7 +185,7 @@ def test_the_cause_that_a_warning_names_comes_first():
     bent = ts.CalibrationWarning("bent", "correlated_residuals", "low")
     members = {name: getattr(result, name) for name in result.__dataclass_fields__}
     for diagnosis in diagnose(ts.Calibration(**members | {"warnings": (bent,)})).values():
-        assert diagnosis.limits.startswith("the samples of a side err together")
+        assert diagnosis.limits.startswith("the samples of a side have a common error")
         assert "correlated_residuals" in diagnosis.remedy
         assert "lower noise" not in diagnosis.remedy
     assert "a warning" not in str(diagnose(result))
@@ -196,7 +196,7 @@ def test_of_sides_that_err_together_no_lower_noise_is_advised():
     members = {name: getattr(result, name) for name in result.__dataclass_fields__}
     together = replace(result.coherence, probability=0.9, displacements=(0.2, 0.1, 0.1))
     for diagnosis in diagnose(ts.Calibration(**members | {"coherence": together})).values():
-        assert diagnosis.limits.startswith("the samples of a side err together, by 0.2 px")
+        assert diagnosis.limits.startswith("the samples of a side have a common error, by 0.2 px")
         assert "lower noise" not in diagnosis.remedy
 
 

@@ -263,7 +263,7 @@ def test_a_camera_that_took_another_picture_is_told(
     points = ("600,400", "700,450")
     for picture, taken_by in ((photo, camera), (straight, pinhole)):
         code, _, err = run("measure", picture, "--camera", taken_by, *points)
-        assert (code, "miss what this camera would see" in err) == (0, False)
+        assert (code, "from where this camera would show them" in err) == (0, False)
     code, _, err = run("measure", straight, "--camera", camera, "--plane", 0, *points)
     assert code == 0
     # Another tone curve displaces edges by more than their noise, but the camera is the same.
@@ -272,7 +272,8 @@ def test_a_camera_that_took_another_picture_is_told(
     assert max(plane.rms for plane in ts.locate(linear, result)) > 0.02
     assert caplog.text == ""
     pattern = (
-        r"warning: plane 0: the edges of the square miss what .* by ([\d.]+) px rms, (\d+) times"
+        r"warning: plane 0: the edges of the square lie ([\d.]+) px \(rms\) from where .*, (\d+) "
+        r"times"
     )
     found = re.search(pattern, err)
     assert found, err
@@ -280,7 +281,7 @@ def test_a_camera_that_took_another_picture_is_told(
     assert float(found[1]) == pytest.approx(planes[0].rms, rel=0.05)
     assert int(found[2]) > 10
     assert {record.levelname for record in caplog.records} == {"WARNING"}
-    assert "plane 0: the edges of the square miss" in caplog.text
+    assert "plane 0: the edges of the square lie" in caplog.text
 
 
 def test_the_view_from_above_is_to_scale(photograph, scene):
@@ -486,7 +487,10 @@ def test_command_says_that_rectangles_have_to_be_named_again(run, files, scene, 
         (["--plane", 9, "5,5", "9,9"], "there is no plane 9 in the photograph, but 0: a square"),
         (["--side", "5 parsecs", "5,5", "9,9"], "unknown unit 'parsecs'"),
         (["--side", "-5mm", "5,5", "9,9"], "a length must be positive"),
-        (["--side", "84", "5,5", "9,9"], "--side needs a unit, one of um, mm, cm, m, km"),
+        (
+            ["--side", "84", "5,5", "9,9"],
+            "--side needs a unit (one of um, mm, cm, m, km, in, ft), such as 84mm",
+        ),
         (["5;5", "9,9"], "a point is written X,Y"),
         (["5,5"], "two points or more"),
         ([], "two points or more"),

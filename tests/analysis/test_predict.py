@@ -115,11 +115,11 @@ def test_predictions_and_plans_are_frozen_and_readable():
         ({"planes": [ts.PlannedSquare(np.eye(3), [0, 0, -3])] * 3}, ValueError, "square 0"),
         ({"planes": []}, ts.NotEnoughPlanesError, "0 plane"),
         ({"planes": good_plan()[:1]}, ts.NotEnoughPlanesError, "1 plane"),
-        ({"planes": [*good_plan()[:2], 3]}, TypeError, "planes must hold PlannedSquare"),
+        ({"planes": [*good_plan()[:2], 3]}, TypeError, "planes must contain PlannedSquare"),
         (
             {"planes": [simulate.Target(np.eye(3), np.array([0, 0, 30.0]), kind="chessboard")]},
             ValueError,
-            "not a chessboard: a PlannedSquare within its outline",
+            "not a chessboard: predict with a PlannedSquare within its outline",
         ),
         ({"sigma": 0}, ValueError, "positive"),
         ({"sigma": -1}, ValueError, "positive"),
@@ -268,7 +268,9 @@ def test_models_are_those_of_the_camera_s_family():
         camera = replace(PINHOLE, model=own, distortion=np.zeros(len(COEFFICIENTS[own])))
         for model in MODELS:
             if model not in family:
-                with pytest.raises(ValueError, match=f"'{model}' is no model of .* give a camera"):
+                with pytest.raises(
+                    ValueError, match=f"'{model}' is no lens model of .* give a camera"
+                ):
                     ts.predict(camera, good_plan(), model=model)
             else:
                 with suppress(ts.TrisquareError):  # three squares are few for 12 coefficients

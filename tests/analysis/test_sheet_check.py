@@ -152,7 +152,7 @@ def test_the_size_is_told_by_the_ruler_alone(good, ruler, verdict, side):
     finding = check.findings[-1]
     assert (finding.check, finding.verdict) == ("size", verdict)
     assert check.true_side == (None if side is None else pytest.approx(side))
-    assert ("no photograph tells" in finding.text) == (ruler is None)
+    assert ("a photograph does not show" in finding.text) == (ruler is None)
 
 
 def test_flat_sheets_have_no_folds():

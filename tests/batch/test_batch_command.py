@@ -157,7 +157,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(batch, folder):
     assert "\x1b" not in out
     assert "bad\\x1b[31m: failed" in out
     assert "photographs of 1 to take again (column retake of summary.csv)" in out
-    assert "no photograph is in this folder" in out
+    assert "there is no photograph in this folder" in out
     lines = (folder / "out/results.jsonl").read_text().splitlines()
     names = [json.loads(line)["name"] for line in lines]
     assert names == ["a", "b", "bad\x1b[31m", "empty"]

@@ -116,7 +116,7 @@ def test_a_folder_without_pictures_is_named_and_the_rest_goes_on(tmp_path):
     touch(tmp_path, "empty/notes.txt", "full/a.png", "clips/b/c.mp4")
     told = found(tmp_path, "empty", "full", "clips")
     assert "--frames" in told.pop("clips")
-    assert told == {"empty": "no photograph is in this folder", "a": ["full/a.png"]}
+    assert told == {"empty": "there is no photograph in this folder", "a": ["full/a.png"]}
 
 
 def test_a_column_of_any_length_is_named_in_short(tmp_path):
@@ -146,17 +146,17 @@ def test_cameras_by_a_pattern(tmp_path, pattern, expected):
     touch(tmp_path, "in/A1_1.jpg", "in/A1_2_x.jpg", "in/s/B(2_1.jpg", "in/other.jpg")
     jobs = found(tmp_path, "in", camera=pattern)
     fault = jobs.pop(pattern)
-    assert "photographs have names unlike this" in fault
+    assert "photographs have names that do not match this pattern" in fault
     assert {name: jobs[name] for name in expected} == expected
 
 
 @pytest.mark.parametrize(
     ("pattern", "message"),
     [
-        ("*.jpg", "names no part of a camera in braces"),
-        ("{a}_{a}.jpg", "is no pattern"),
-        ("{1a}.jpg", "is no pattern"),
-        ("{serial}_*.tif", "none of 1 photographs has a name like"),
+        ("*.jpg", "has no part in braces that names the camera"),
+        ("{a}_{a}.jpg", "is not a valid pattern"),
+        ("{1a}.jpg", "is not a valid pattern"),
+        ("{serial}_*.tif", "none of 1 photographs has a name that matches"),
     ],
 )
 def test_wrong_patterns(tmp_path, pattern, message):
@@ -287,11 +287,11 @@ def test_manifests_of_nothing_and_of_no_text(tmp_path, name):
     head = b"" if name.endswith("l") else b"name,photographs\n"
     path.write_bytes(head)
     (job,) = ts.find_jobs([path])
-    assert "no record" in job.fault
+    assert "contains no record" in job.fault
     path.write_bytes(head + b"\xff\xfe\xff" * 9)
     jobs = list(ts.find_jobs([path]))
     assert any("not UTF-8" in own.fault for own in jobs)
-    with pytest.raises(ValueError, match="names its cameras itself"):
+    with pytest.raises(ValueError, match="names the cameras itself"):
         list(ts.find_jobs([path], camera="{a}.png"))
 
 
@@ -324,7 +324,9 @@ def test_a_manifest_is_not_read_beyond_ten_thousand_wrong_records(
     *before, last = ts.find_jobs([path])
     assert len(before) == MAX_FAULTS
     assert last.origin == f"{path}:{MAX_FAULTS + 1 + bool(head)}"
-    assert last.fault.startswith(f"{MAX_FAULTS} records before are wrong: the rest is not read")
+    assert last.fault.startswith(
+        f"{MAX_FAULTS} earlier records are wrong: the rest of the file is not read"
+    )
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def test_a_process_that_dies_takes_its_own_job_only():
         assert code_of(record) == ("WorkerDiedError" if name.startswith("die") else "done")
     assert found["die-1"]["error"]["text"] == (
         "probably the system is out of memory, its process died 2 times (SIGKILL): run fewer jobs "
-        "at a time, or lower max_pixels, 500000000"
+        "at a time, or lower max_pixels (500000000)"
     )
 
 
@@ -56,9 +56,9 @@ def test_of_a_process_that_ends_itself_both_causes_are_said():
     assert code_of(found["a"]) == "done"
     assert code_of(found["abort-1"]) == "MemoryError"
     assert found["abort-1"]["error"]["text"] == (
-        "its process ended itself 2 times (SIGABRT), as compiled code does that gets no memory, "
-        "and a decoder that a damaged file crashes: allow more than max_memory, 2 GB, or lower "
-        "max_pixels, 500000000"
+        "its process ended itself 2 times (SIGABRT): compiled code does so if it gets no memory, "
+        "and so does a decoder that crashes on a damaged file. Raise max_memory (2 GB), or lower "
+        "max_pixels (500000000)"
     )
 
 
@@ -420,5 +420,5 @@ def test_a_job_that_is_abandoned_ends_at_once_and_the_next_is_done():
 
 
 def test_what_is_no_executor_is_refused_by_name():
-    with pytest.raises(TypeError, match="executor must have submit"):
+    with pytest.raises(TypeError, match="executor must have the method submit"):
         ts.calibrate_many([], executor=3)

@@ -63,7 +63,7 @@ def test_outliers_are_those_beyond_spread_and_own_uncertainty():
     assert sum(bool(texts) for texts in told.values()) <= 3
     uncertain = {own["name"]: fleet.uncertain(own) for own in cameras}
     assert [name for name, texts in uncertain.items() if texts] == ["vague"]
-    assert uncertain["vague"] == ["std of fx 5, the median is 0.5"]
+    assert uncertain["vague"] == ["the std of fx is 5, but the median is 0.5"]
 
 
 def test_the_docs_name_all_columns_of_the_table():
@@ -99,8 +99,8 @@ def test_cameras_that_are_alike_have_no_spread():
 
 
 TOGETHER = (
-    "too few targets: show three squares that are tilted differently, or take the photographs of "
-    "one camera together"
+    "too few targets: show three squares tilted in different directions, or group the photographs "
+    "of each camera"
 )
 
 

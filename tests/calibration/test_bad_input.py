@@ -82,7 +82,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
             None,
         ),
         (lambda: solve([EDGES[0], "edges"]), TypeError, "a list of PlaneEdges, .*, not of str"),
-        (lambda: solve(EDGES[0]), TypeError, "a list of PlaneEdges, .*, not one of them"),
+        (lambda: solve(EDGES[0]), TypeError, "a list of PlaneEdges, .*, not a single PlaneEdges"),
         (lambda: solve(size=(1280,)), ValueError, None),
         (lambda: solve(size=1280), TypeError, None),
         (lambda: solve(size=(1280, -960)), ValueError, "positive"),
@@ -159,7 +159,7 @@ def test_what_is_no_picture_of_squares(image, error):
 
 
 def test_a_folder_without_pictures_is_told(tmp_path):
-    with pytest.raises(ts.ImageError, match="the folder holds no picture"):
+    with pytest.raises(ts.ImageError, match="the folder contains no picture"):
         ts.calibrate(tmp_path)
 
 

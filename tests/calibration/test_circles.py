@@ -151,7 +151,9 @@ def test_circles_beside_circles_and_squares_turn_with_their_plane():
 def test_one_circle_on_a_plane_of_its_own_is_refused():
     scene, rng = scene_of(0)
     points = circle_edges(scene, rng, (0.5,))
-    with pytest.raises(ts.NotEnoughDataError, match="one circle on a plane of its own"):
+    with pytest.raises(
+        ts.NotEnoughDataError, match="is the only figure on its plane, and a single circle"
+    ):
         ts.calibrate_edges(edges_of(points, None), SIZE)
 
 

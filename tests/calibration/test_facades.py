@@ -119,7 +119,7 @@ def test_one_facade_gives_the_focal_length():
 
 def test_three_facades_leave_the_camera_open():
     _, points = facades(0)
-    with pytest.raises(ts.NotEnoughPlanesError, match="only a right angle is known tells one"):
+    with pytest.raises(ts.NotEnoughPlanesError, match="only a right angle is known determines one"):
         ts.calibrate_edges(edges_of(points), SIZE)
 
 
@@ -137,8 +137,10 @@ def test_what_nothing_checks_is_told_the_more_where_a_facade_was_rejected(reject
     result = ts.calibrate_edges(edges, SIZE, fix="aspect")
     (told,) = (warning for warning in result.warnings if warning.code == "targets_unchecked")
     assert told.severity == ("high" if rejected else "medium")
-    assert ("nor whether the rejected plane is the false one" in told) == rejected
-    assert "right angles are off by 0.2 degrees" in told
+    assert (
+        "and one of them may be the wrong one instead of the rejected plane" in told
+    ) == rejected
+    assert "right angles of the targets are off by 0.2 degrees" in told
 
 
 def test_a_facade_has_its_plane_for_itself():

@@ -67,8 +67,10 @@ def test_a_distortion_that_is_held_wrongly_is_told(seed):
     edges = edges_of(scene, NOISE, seed)
     wrong = ts.calibrate_edges(edges, IMAGE_SIZE, fix="distortion")
     (warning,) = warnings_of("lens_beyond_model", wrong)
-    assert "the lens is beyond its model, or what is held (distortion) is wrong: " in warning
-    focal = re.search(r'Without fix="distortion" \(model="radial2"\) fx is ([\d.]+)$', warning)[1]
+    assert (
+        "the lens model does not fit the lens, or a fixed value (distortion) is wrong: " in warning
+    )
+    focal = re.search(r'Without fix="distortion" \(model="radial2"\), fx is ([\d.]+)$', warning)[1]
     assert float(focal) == pytest.approx(ts.calibrate_edges(edges, IMAGE_SIZE).camera.fx, rel=1e-3)
     # The standard deviation includes the doubt.
     assert abs(wrong.camera.fx - 1100) < 4 * wrong.std["fx"]
@@ -84,7 +86,7 @@ def test_an_aspect_that_is_held_wrongly_is_named_beside_the_lens(seed, count):
     result = ts.calibrate_edges(edges_of(scene, 0.02, 0), IMAGE_SIZE, fix="aspect")
     texts = [*warnings_of("lens_beyond_model", result), *warnings_of("planes_contradict", result)]
     assert texts
-    assert all("or what is held (aspect) is wrong" in text for text in texts)
+    assert all("or a fixed value (aspect) is wrong" in text for text in texts)
 
 
 @pytest.mark.parametrize("wrong", [None, "focal", "distortion"])
@@ -108,4 +110,4 @@ def test_a_wrong_camera_that_is_held_whole_is_contradicted(wrong):
         return
     (warning,) = result.warnings
     assert (warning.code, warning.severity) == ("planes_contradict", "high")
-    assert "or what is held (principal point, focal length, distortion) is wrong" in warning
+    assert "or a fixed value (principal point, focal length, distortion) is wrong" in warning

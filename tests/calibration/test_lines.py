@@ -130,7 +130,7 @@ def test_bad_lines_are_refused():
         ts.PlaneEdges(np.empty((0, 3)), [points], radii=(1.0,), freedom="line")
     with pytest.raises(ts.NotEnoughPlanesError, match=r"trisquare\.straighten"):
         ts.calibrate_edges(lines, SIZE)
-    with pytest.raises(ValueError, match="maximum likelihood"):
+    with pytest.raises(ValueError, match="maximum-likelihood method"):
         ts.calibrate_edges([*squares, *lines], SIZE, method="linear")
     blank = np.full((480, 640), 128, np.uint8)
     with pytest.raises(ValueError, match="ml"):

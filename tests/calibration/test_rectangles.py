@@ -58,7 +58,7 @@ def test_four_rectangles_of_unknown_aspect_determine_a_camera(count):
     scene, points = rectangles(0, count=count)
     edges = edges_of(points, None)
     if count < 4:
-        told = r"a plane on which only a right angle is known tells one of them\) need 4"
+        told = r"a plane of which only a right angle is known determines one of them\) need 4"
         with pytest.raises(ts.NotEnoughPlanesError, match=told):
             ts.calibrate_edges(edges, SIZE)
     else:
@@ -199,7 +199,7 @@ def test_three_faces_at_the_corner_of_a_box_calibrate_without_their_aspects():
     for related in ([], [(0, 1), (0, 2), (1, 2)]):
         own = ts.calibrate_edges(edges, camera.image_size, fix="aspect", orthogonal=related)
         (told,) = (warning for warning in own.warnings if warning.code == "targets_unchecked")
-        assert "right angles are off by 0.2 degrees" in told.text
+        assert "right angles of the targets are off by 0.2 degrees" in told.text
 
 
 def test_sheets_of_any_aspect_are_found_with_their_aspects():
@@ -234,7 +234,7 @@ def test_shapes_have_names(text, aspect):
         ("rectangle:", "must be a number"),
         ("rectangle:nan", "must be a number"),
         ("rectangle:0", "must be a number"),
-        ("rectangle:1.1", "which way up"),
+        ("rectangle:1.1", "the orientation of a rectangle cannot be seen"),
         ("rectangle:30", "at most"),
         ("a5", "a4"),
     ],

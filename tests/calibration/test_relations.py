@@ -43,7 +43,7 @@ def test_right_angles_are_held_and_tell_of_the_camera_as_the_intervals_say():
         assert np.abs(normals @ normals.T - np.eye(3)).max() < 1e-9
         assert "relation_contradicted" not in codes(result)
         assert (result.orthogonal, result.parallel) == (ALL, ())
-        assert str(ts.plane_angle(*result.planes[:2], result)) == "90 degrees, held"
+        assert str(ts.plane_angle(*result.planes[:2], result)) == "90 degrees, fixed"
         error = [getattr(result.camera, name) - getattr(scene.camera, name) for name in NAMES]
         deviations += [e / result.std[name] for e, name in zip(error, NAMES, strict=True)]
         gain.append(ts.calibrate_edges(edges, size).std["fx"] / result.std["fx"])
@@ -116,15 +116,15 @@ def test_planes_that_stand_otherwise_are_named():
     warning = result.warnings[0]
     assert (warning.code, warning.severity) == ("relation_contradicted", "high")
     assert "planes 0 and 1" in warning
-    assert abs(float(str(warning).split(" come out ")[1].split(" ")[0]) - off) < 0.5
+    assert abs(float(str(warning).split(" are ")[1].split(" ")[0]) - off) < 0.5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "relations", "text"),
     [
-        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 come out .* from parallel"),
-        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 come out .* from right angles"),
+        (3, {"parallel": [(2, 1)]}, r"planes 2 and 1 are .* from parallel"),
+        (12, {"orthogonal": [(0, 1)]}, r"planes 0 and 1 are .* from right angles"),
     ],
 )
 def test_a_refusal_names_planes_that_stand_otherwise(seed, relations, text):

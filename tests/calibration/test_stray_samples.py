@@ -45,7 +45,8 @@ def test_stray_samples_are_left_out(places, distance, seed, model):
     found = ts.calibrate_edges(displaced(edges, places, distance), IMAGE_SIZE, model=model)
     (warning,) = (w for w in found.warnings if w.code == "stray_samples")
     assert warning.severity == "low"
-    assert warning.startswith(f"{len(places)} of all samples")
+    counted = "1 sample is" if len(places) == 1 else f"{len(places)} samples are"
+    assert warning.startswith(f"{counted} not used: ")
     if len(places) == 1:
         ((figure, side, sample),) = places
         assert f"sample {sample} of side {side} of plane {figure} lies" in warning

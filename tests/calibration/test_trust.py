@@ -163,9 +163,11 @@ def test_sides_that_err_together_raise_the_std_and_are_told(scenes):
     for seed, (scene, independent) in enumerate(white_results(scenes)):
         result = calibrated(scene, displaced(DISPLACEMENT), seed)
         assert all(result.std[name] > 2.0 * independent.std[name] for name in result.std)
-        told = [text for text in result.warnings if "err together" in text]
+        told = [text for text in result.warnings if "have a common error" in text]
         assert len(told) == 1
-        pixels = float(re.search(r"by (\d+\.\d+) px on plane [012] ", told[0])[1])
+        pixels = float(
+            re.search(r"have a common error, of (\d+\.\d+) px on plane [012] ", told[0])[1]
+        )
         # Four polynomials of that rms.
         assert 0.5 < pixels / (2.0 * DISPLACEMENT * NOISE) < 2.0
         squares_of_errors.append(mean_square(result, scene))
@@ -261,7 +263,7 @@ def test_a_bent_side_that_the_others_cannot_replace_stays_while_its_bend_is_seen
     scene, plane, side = squares(1070), 2, 0
     slight = calibrated(scene, bowed(plane, side, 0.25 * BOW), 1070)
     assert_within(slight, scene, SURE)
-    assert any("err together" in text for text in slight.warnings)
+    assert any("have a common error" in text for text in slight.warnings)
     with pytest.raises(ts.DegenerateGeometryError):
         calibrated(scene, bowed(plane, side, 2.0 * BOW), 1070)
 

@@ -35,7 +35,7 @@ def test_a_stretched_picture_is_named_with_the_answer_for_square_pixels(stretch)
     assert result.warnings[0].code == "pixels_not_square"
     assert result.warnings[0].severity == "high"
     held = ts.calibrate_edges(edges, (WIDTH, round(HEIGHT * stretch)), fix="aspect")
-    assert f'With fix="aspect" fx is {held.camera.fx:.1f}' in result.warnings[0]
+    assert f'With fix="aspect", fx is {held.camera.fx:.1f}' in result.warnings[0]
     assert "pixels_not_square" not in codes(held)
 
 
@@ -52,7 +52,7 @@ def test_two_squares_say_what_a_stretched_print_makes_of_them():
     (named,) = [w for w in found[None].warnings if w.code == "targets_unchecked"]
     assert named.severity == "medium"
     moved = [found[i].camera.fx - found[None].camera.fx for i in (0, 1)]
-    stated = re.search(r"fx is off by ([\d.]+) px", named)
+    stated = re.search(r"fx is wrong by ([\d.]+) px", named)
     assert stated is not None
     assert float(stated[1]) == pytest.approx(np.hypot(*moved), rel=0.1)
 
@@ -73,7 +73,10 @@ def test_a_square_that_stands_as_another_does_checks_nothing(degrees):
     # Sides in other directions reveal a stretch that is common to both.
     assert bool(warned) == (degrees != 45)
     for warning in warned:
-        assert "3 planes in 2 directions are no more than this camera needs" in warning
+        assert (
+            "3 planes in 2 directions give no more equations than this camera has unknowns"
+            in warning
+        )
 
 
 def test_a_third_square_that_is_known_too_roughly_checks_nothing():
@@ -82,7 +85,8 @@ def test_a_third_square_that_is_known_too_roughly_checks_nothing():
     rough = [side[::20] + rng.normal(0.0, 2.0, side[::20].shape) for side in edges[2].points]
     found = ts.calibrate_edges([*edges[:2], ts.PlaneEdges.square(rough)], (WIDTH, HEIGHT))
     (told,) = (warning for warning in found.warnings if warning.code == "targets_unchecked")
-    assert "2 planes are no more than this camera needs (one more is too small or too rough" in told
+    said = "2 planes give no more equations than this camera has unknowns (one more is too small"
+    assert said in told
 
 
 def test_the_same_figure_once_more_checks_nothing():

@@ -70,7 +70,7 @@ def test_a_link_to_nowhere_is_named_as_one(run, folder):
     Path("link.png").symlink_to("gone.png")
     code, _, err = run("calibrate", "link.png")
     assert code == 5
-    assert "link.png: a link to gone.png, which is not there" in err
+    assert "link.png: a link to gone.png, which does not exist" in err
 
 
 def test_a_warning_may_be_a_failure_and_all_is_written_all_the_same(run, folder):
@@ -91,7 +91,7 @@ def test_one_board_is_told_to_be_photographed_again(run, folder):
     cv2.imwrite("board.png", simulate.render(scene, rng))
     code, _, err = run("calibrate", "board.png")
     assert code == 3
-    assert "of a board take more pictures" in err
+    assert "take more pictures of the board" in err
 
 
 def test_what_may_not_be_looked_at_is_not_called_missing(folder, monkeypatch):
@@ -213,7 +213,7 @@ def test_folders_in_a_folder_are_not_searched_and_that_is_said(run, folder):
     code, _, err = run("calibrate", "session")
     assert (code, err) == (
         5,
-        "trisquare: error: session: the folder holds no picture; folders in it are not searched: "
-        "name them, or all as 'session/**/*.jpg'\n",
+        "trisquare: error: session: the folder contains no picture; folders in it are not "
+        "searched: name them, or all as 'session/**/*.jpg'\n",
     )
     assert run("calibrate", "session/**/*.png")[0] == 0

@@ -184,16 +184,16 @@ def test_the_table_shows_numbers_planes_and_warnings(run, photo, asked):
 
 
 def test_what_a_message_advises_is_written_as_an_option(run, photo, monkeypatch):
-    advice = CalibrationWarning('With fix="principal_point" fx is 1', "other")
+    advice = CalibrationWarning('With fix="principal_point", fx is 1', "other")
     unused = Rejected("quad", 0, np.zeros((4, 2)), 'found by targets="rectangle:1"')
     done = Calibrated(replace(true_calibration(warnings=(advice,)), rejected=(unused,)), ())
     monkeypatch.setattr(commands.calibrate, "calibrate_photographs", lambda *_, **__: done)
     _, out, err = run("calibrate", photo)
-    assert err == "warning (medium): With --fix principal_point fx is 1 [other]\n"
+    assert err == "warning (medium): With --fix principal_point, fx is 1 [other]\n"
     assert "found by --targets rectangle:1\n" in out
     _, _, err = run("calibrate", photo, "--board", "chessboard:9x6")
     assert error_text(err) == (
-        "a board without markers is not a layout: --targets chessboard:9x6\n"
+        "a board without markers is not a layout: give --targets chessboard:9x6\n"
     )
 
 
@@ -335,7 +335,7 @@ def test_the_format_of_a_camera_alone_is_named(run, photo, asked, tmp_path):
         assert out.endswith(f"wrote {tmp_path / name}{more}\n")
     code, out, err = run("calibrate", photo, "-o", tmp_path / "camera.png")
     assert (code, out) == (2, "")
-    assert "'camera.png' tells no camera format: let it end with .json" in err
+    assert "'camera.png' determines no camera format: let it end with .json" in err
     assert "camera_info.yaml" in err
     assert "--to" not in err
 

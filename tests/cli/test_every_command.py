@@ -409,7 +409,7 @@ def test_an_endless_file_is_not_read_to_its_end(run, folder, arguments):
 def test_a_pipe_that_nobody_writes_to_is_not_waited_for(run, folder, arguments):
     # OpenSSL opens certificates by name, including pipes.
     is_serve = arguments[0] == "serve"
-    reason = "is no regular file" if is_serve else "is a pipe that nobody writes to"
+    reason = "is no regular file" if is_serve else "is a pipe that no program writes to"
     os.mkfifo(folder / "pipe.json")
     before = held(folder)
     code, out, err = run(*with_argument(arguments, "GIVEN", "pipe.json"))

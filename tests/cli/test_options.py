@@ -8,9 +8,9 @@ from trisquare.cli.options import as_options
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        ('With fix="aspect" fx is 1', "With --fix aspect fx is 1"),
+        ('With fix="aspect", fx is 1', "With --fix aspect, fx is 1"),
         ('lines=True needs method="ml"', "--lines needs --method ml"),
-        ("hold it at a known value (initial=)", "hold it at a known value (--initial)"),
+        ("fix it at a known value (initial=)", "fix it at a known value (--initial)"),
         ("free= names it", "--free names it"),
         (
             'model="auto" takes none; say model= otherwise',

@@ -114,7 +114,7 @@ def test_flat_sheets_that_are_taken_for_the_corner(run, tmp_path):
     demo = tmp_path / "demo.png"
     demo.write_bytes((resources.files("trisquare") / "data" / "demo.png").read_bytes())
     code, out, _ = run("target", "--check", demo)
-    assert (code, out.count("Of the three flat sheets say --kind flat")) == (6, 3)
+    assert (code, out.count("For the three flat sheets give --kind flat")) == (6, 3)
     assert "folded" not in run("target", "--check", demo, "--kind", "flat")[1]
 
 

@@ -173,7 +173,7 @@ def test_several_photographs_of_several_sizes(undistort, folder):
         ),
         ("gone.png --camera camera.json -o out.png", 5, "gone.png"),
         ("photo.png camera.json --camera camera.json -o out.png", 5, "camera.json"),
-        ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture is 32"),
+        ("photo.png small.png --camera camera.json -o out.png", 2, "small.png: the picture has 32"),
         ("photo.png wide.png --camera camera.json -o out.png --rescale", 2, "another aspect ratio"),
         ("turned.png --camera camera.json -o out.png", 2, "turned.png: pictures of 480 x 640 have"),
         ("photo.png deep.png --camera camera.json -o out.jpg --rescale", 2, "uint16"),

@@ -124,7 +124,10 @@ def test_the_camera_is_scaled_to_a_smaller_video(run, folder):
     arguments = ("undistort", "clip.mp4", "--camera", "camera.json", "-o", "out.mp4")
     code, _, err = run(*arguments)
     assert code == 2
-    assert "clip.mp4: the picture is 320 x 240, the camera's are 640 x 480" in err
+    assert (
+        "clip.mp4: the picture has 320 x 240 pixels, but the camera's pictures have 640 x 480"
+        in err
+    )
     assert not (folder / "out.mp4").exists()
     assert run(*arguments, "--rescale")[0] == 0
     assert read_frames(folder / "out.mp4")[0].shape == (240, 320, 3)
@@ -173,7 +176,7 @@ UNDISTORT = "--camera camera.json -o"
         (
             f"undistort photo.png {UNDISTORT} out.mp4",
             2,
-            "out.mp4: no picture is written with the extension '.mp4': take .png, .jpg",
+            "out.mp4: pictures cannot be written with the extension '.mp4': use .png, .jpg",
         ),
         (f"undistort gone.mp4 {UNDISTORT} out.mp4", 5, "gone.mp4: No such file or directory"),
         (f"undistort clip.mp4 {UNDISTORT} clip.mp4", 2, "overwrite"),
@@ -242,12 +245,12 @@ def test_a_video_with_fewer_frames_and_a_photograph(run, folder):
 def test_videos_of_a_folder_are_taken_where_frames_are(run, folder):
     (folder / "session").mkdir()
     code, _, err = run("calibrate", "session", "--frames", 3)
-    assert (code, "holds no picture" in err) == (5, True)
+    assert (code, "contains no picture" in err) == (5, True)
     write_frames(folder / "session" / "b.avi", VIEWS)
     found = ts.calibrate("session", frames=3)
     assert found.camera == ts.calibrate("session/b.avi", frames=3).camera
     code, _, err = run("calibrate", "session")
-    told = "session: the folder holds no picture; name its video itself, as session/b.avi"
+    told = "session: the folder contains no picture; name its video itself, as session/b.avi"
     assert (code, error_text(err).strip()) == (5, told)
     cv2.imwrite("session/a.png", VIEWS[0])
     assert {plane.image for plane in ts.calibrate("session", fix="aspect").planes} == {0}

@@ -417,7 +417,7 @@ def test_a_long_string_among_numbers_takes_no_memory(place):
     members = {"format": "trisquare-outlines/1", "squares": [square]}
     tracemalloc.start()
     try:
-        with pytest.raises(ValueError, match=f"{place}.* must hold real numbers, not str"):
+        with pytest.raises(ValueError, match=f"{place}.* must contain real numbers, not str"):
             Annotations.read(members, ["a.jpg"])
         assert tracemalloc.get_traced_memory()[1] < 5e6
     finally:

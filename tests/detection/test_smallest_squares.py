@@ -32,8 +32,8 @@ def widths_said(size):
         ts.detect(np.full((size, size), 128, np.uint8), targets="squares")
     said = re.fullmatch(
         rf".*: no square found: .* at least (\d+) pixels wide in a picture of {size} x {size}"
-        r"(?:; .* 0\.5 % of it, as three of (\d+) pixels do)?"
-        "; boards and tags were not looked for, as they are by targets auto",
+        r"(?:; .* 0\.5 % of it, as three squares (\d+) pixels wide do)?"
+        "; boards and tags were not searched for, which targets auto does",
         str(error.value),
     )
     return int(said[1]), int(said[2] or said[1])
@@ -53,7 +53,7 @@ def test_squares_of_that_width_are_found(size):
 def test_squares_of_30_pixels_are_too_small_for_a_large_picture():
     with pytest.raises(ts.DetectionError, match="at least 60 pixels wide"):
         ts.detect(picture(2100, 30), targets="squares")
-    with pytest.raises(ts.DetectionError, match="as three of 90 pixels do"):
+    with pytest.raises(ts.DetectionError, match="as three squares 90 pixels wide do"):
         ts.detect(picture(2100, 60, is_plain=True), targets="squares")
 
 
@@ -66,7 +66,7 @@ def test_so_are_squares_that_alone_are_dark(size):
 @pytest.mark.parametrize(
     ("targets", "said"),
     [
-        ("auto", "at least 60 pixels wide, tags 60, in a picture of 3000 x 2500; where nothing"),
+        ("auto", "at least 60 pixels wide, tags 60, in a picture of 3000 x 2500; if nothing else"),
         ("tags", "at least 60 pixels wide in a picture of 3000 x 2500$"),
         ("a4", "at least 60 pixels wide in a picture of 3000 x 2500$"),
     ],

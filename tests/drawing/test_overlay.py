@@ -94,7 +94,10 @@ def test_what_is_drawn_lies_at_the_squares():
 
 
 def test_a_picture_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="the picture is 640 x 480, the camera's are 1280 x 960"):
+    with pytest.raises(
+        ValueError,
+        match="the picture has 640 x 480 pixels, but the camera's pictures have 1280 x 960",
+    ):
         ts.draw_overlay(np.zeros((480, 640), np.uint8), calibrated(SQUARES, 0.05))
 
 
@@ -120,7 +123,7 @@ def test_a_picture_that_a_result_has_not_is_refused(index):
     ],
 )
 def test_numbers_that_are_none_are_refused(option, error):
-    with pytest.raises(error, match=f"^{next(iter(option))} (must be|holds NaN)"):
+    with pytest.raises(error, match=f"^{next(iter(option))} (must be|contains NaN)"):
         draw_overlay(np.zeros((960, 1280), np.uint8), calibrated(SQUARES, 0.05), **option)
 
 

@@ -58,9 +58,9 @@ def load_text(folder, name, text, **options):
     ("name", "written", "instead", "said"),
     [
         ("camera.json", '"fx": 1000.5, ', "", '"camera.fx" is missing'),
-        ("camera.json", '"fx": 1000.5', '"fx": "wide"', '"camera.fx" must hold real numbers'),
+        ("camera.json", '"fx": 1000.5', '"fx": "wide"', '"camera.fx" must contain real numbers'),
         ("camera.json", '"fx": 1000.5', '"fx": NaN', "NaN, which is not JSON"),
-        ("camera.json", '"fx": 1000.5', '"fx": 1e999', '"camera.fx" holds NaN or infinite'),
+        ("camera.json", '"fx": 1000.5', '"fx": 1e999', '"camera.fx" contains NaN or infinite'),
         ("camera.json", "trisquare-camera/1", "trisquare-camera/2", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare/17", "newer than this trisquare"),
         ("camera.json", "trisquare-camera/1", "trisquare-plan/1", '"format" must be'),
@@ -68,13 +68,13 @@ def load_text(folder, name, text, **options):
         ("camera.json", "[1280, 960]", "[1280.5, 960]", '"image_size" must be a list of whole'),
         ("camera.json", '"brown"', '"green"', "unknown model 'green': choose one of none"),
         ("camera.yaml", "rows: 3", "rows: 4", '"camera_matrix.data" has 9 numbers, not 4 x 3'),
-        ("camera.yaml", "1000.5", ".nan", '"camera_matrix.data" holds NaN'),
-        ("camera.yaml", "1000.5", "wide", '"camera_matrix.data" must hold real numbers'),
+        ("camera.yaml", "1000.5", ".nan", '"camera_matrix.data" contains NaN'),
+        ("camera.yaml", "1000.5", "wide", '"camera_matrix.data" must contain real numbers'),
         ("camera.yaml", "1000.5", "-1000.5", "positive fx"),
         ("camera.yaml", "image_height: 960", "", '"image_height" is missing'),
         ("camera.yaml", "distortion_coefficients:", "d:", '"distortion_coefficients" is missing'),
         ("camera.yaml", "camera_matrix: !!opencv-matrix", "camera_matrix:", ""),
-        ("camera.xml", "1000.5", "nan", '"camera_matrix.data" holds NaN'),
+        ("camera.xml", "1000.5", "nan", '"camera_matrix.data" contains NaN'),
         ("camera.xml", "<rows>3</rows>", "", '"camera_matrix.rows" is missing'),
         ("camera.xml", "<image_width>1280", "<image_width>wide", '"image_width" must be a whole'),
         ("camera.xml", "</camera_matrix>", "", "not XML"),
@@ -89,7 +89,7 @@ def load_text(folder, name, text, **options):
         ("camera_info.yaml", "plumb_bob", "equidistant", '"distortion_coefficients.data" has 5'),
         ("camera_info.yaml", "image_width: 1280", "", '"image_width" is missing'),
         ("camera_info.yaml", "image_width: 1280", "image_width: 0", "image_size must be positive"),
-        ("camera_info.yaml", "1000.5", "~", '"camera_matrix.data" must hold real numbers'),
+        ("camera_info.yaml", "1000.5", "~", '"camera_matrix.data" must contain real numbers'),
         ("camchain.yaml", "radtan", "fov", "'fov': only radtan"),
         ("camchain.yaml", "pinhole", "omni", "'omni': only pinhole"),
         ("camchain.yaml", "1000.5, ", "", '"cam0.intrinsics" must have shape (4)'),
@@ -309,12 +309,15 @@ def test_what_cannot_be_opened_is_an_os_error(tmp_path):
 
 def test_a_lens_that_sees_too_much_has_no_nearest(tmp_path):
     path = tmp_path / "fisheye.cameramodel"
-    for focal, said in ((200, "no lens of the model LENSMODEL_OPENCV5"), (20, "for only")):
+    for focal, said in (
+        (200, "no lens of the model LENSMODEL_OPENCV5"),
+        (20, "only 1 % of the picture"),
+    ):
         wide = Camera(
             [[focal, 0, 320], [0, focal, 240], [0, 0, 1]], np.zeros(4), (640, 480), FISHEYE
         )
         with pytest.raises(
-            ValueError, match=rf"cannot hold this camera \(model {FISHEYE}\).*{said}"
+            ValueError, match=rf"cannot store this camera \(model {FISHEYE}\).*{said}"
         ):
             wide.save(path, approximate=True)
     assert not path.exists()
@@ -386,7 +389,7 @@ def test_what_cannot_be_held_is_approximated_only_if_asked(run, tmp_path):
     target = tmp_path / "camchain.yaml"
     code, _, err = convert(run, tmp_path, tmp_path / "a.json", target)
     assert code == 2
-    assert "cannot hold" in err
+    assert "cannot store" in err
     assert "trisquare convert --approximate" in err  # no other command has it
     code, out, _ = convert(run, tmp_path, tmp_path / "a.json", target, "--approximate")
     assert code == 0

@@ -109,12 +109,12 @@ def test_lenses_beyond_brown_s_come_back_exactly(tmp_path, model, distortion, na
         loaded = Camera.load(saved(camera, tmp_path / name))
         assert loaded.model == model
         np.testing.assert_array_equal(loaded.distortion, camera.distortion)
-    with pytest.raises(ts.LensModelError, match="cannot hold this camera"):
+    with pytest.raises(ts.LensModelError, match="cannot store this camera"):
         camera.save(tmp_path / "camchain.yaml")
     # OpenCV has no skew: the nearest of its lens models that can be fitted is named.
     skewed = Camera([[900.5, 1.5, 641.25], [0, 901, 480], [0, 0, 1]], distortion, SIZE, model)
     with pytest.raises(
-        ts.LensModelError, match=r"skew 1\.5 px\); the nearest that it can is brown"
+        ts.LensModelError, match=r"skew 1\.5 px\); the nearest camera that it can store is brown"
     ):
         skewed.save(tmp_path / "camera.yaml")
 
@@ -127,7 +127,7 @@ def test_names_tell_the_format_that_is_written(tmp_path):
             assert load_camera(tmp_path / name, approximate=True, image_size=SIZE).format == known
     for name in ("camera", "camera.doc"):
         with pytest.raises(
-            ValueError, match=rf"'{name}' tells no camera format.*{FORMAT_NAMES[-1]}"
+            ValueError, match=rf"'{name}' determines no camera format.*{FORMAT_NAMES[-1]}"
         ):
             camera.save(tmp_path / name)
     with pytest.raises(ValueError, match="unknown format"):

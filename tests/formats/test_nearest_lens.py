@@ -107,7 +107,9 @@ def test_a_lens_that_no_model_of_a_format_comes_near_is_named_as_such(tmp_path, 
     matrix = [[500.0, 0, 640], [0, 500, 480], [0, 0, 1]]
     camera = ts.Camera(matrix, [0.01, 0.001, 0, 0], (1280, 960), "fisheye")
     for name in ("a.cameramodel", "a.pto"):
-        with pytest.raises(ts.LensModelError, match=r"cannot hold this camera.*comes near") as info:
+        with pytest.raises(
+            ts.LensModelError, match=r"cannot store this camera.*is near this lens"
+        ) as info:
             camera.save(tmp_path / name, approximate=approximate)
         assert (info.value.nearest, info.value.rms) == (None, np.inf)
         assert pickle.loads(pickle.dumps(info.value)).worst == np.inf

@@ -116,7 +116,7 @@ cam1:
 
 def test_a_chain_of_kalibrs_has_several_cameras(tmp_path):
     (tmp_path / "rig.yaml").write_text(KALIBR_FILE)
-    with pytest.raises(ValueError, match=r"2 cameras, cam0, cam1: say which with name="):
+    with pytest.raises(ValueError, match=r"2 cameras, cam0, cam1: choose one with name="):
         Camera.load(tmp_path / "rig.yaml")
     with pytest.raises(ValueError, match="no camera 'cam2', but cam0, cam1"):
         Camera.load(tmp_path / "rig.yaml", name="cam2")
@@ -130,7 +130,7 @@ def test_a_chain_of_kalibrs_has_several_cameras(tmp_path):
     assert (right.image_size, right.model) == ((752, 480), "fisheye")
     np.testing.assert_array_equal(right.distortion, [0.003, -0.002, 0.0005, -0.0001])
     # The substitute for a fisheye, compared with OpenCV's fisheye.
-    with pytest.raises(ts.LensModelError, match="cannot hold this camera") as info:
+    with pytest.raises(ts.LensModelError, match="cannot store this camera") as info:
         right.save(tmp_path / "right.cameramodel")
     pixels = np.stack(np.meshgrid(np.linspace(0, 751, 15), np.linspace(0, 479, 11)), axis=-1)
     pixels = pixels.reshape(-1, 1, 2)

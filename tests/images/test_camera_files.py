@@ -176,7 +176,7 @@ def test_what_trisquare_has_drawn_on_is_no_picture_of_a_folder(tmp_path, suffix)
     assert sources_of(overlay) == [overlay]
     assert read_image(overlay).shape == PHOTO.shape
     photograph.unlink()
-    with pytest.raises(ts.ImageError, match="has drawn on all pictures there"):
+    with pytest.raises(ts.ImageError, match="all its pictures were drawn on by trisquare"):
         sources_of(tmp_path)
 
 
@@ -190,7 +190,7 @@ def test_nor_of_a_pattern_that_the_shell_has_written_out(tmp_path):
 
 @pytest.mark.parametrize(
     ("named", "said"),
-    [("empty", "empty: the folder holds no picture"), ("*.jpg", "*.jpg: no file matches")],
+    [("empty", "empty: the folder contains no picture"), ("*.jpg", "*.jpg: no file matches")],
 )
 def test_folders_and_patterns_without_pictures_exit_5(run, folder, named, said):
     assert run("calibrate", named) == (5, "", f"trisquare: error: {said}\n")
@@ -256,7 +256,7 @@ def test_a_truncated_file_under_a_pillow_image_is_refused():
 
 @pytest.mark.parametrize("source", [None, 3, {"a": 1}.get, object()])
 def test_what_is_no_picture_is_named(source):
-    with pytest.raises(TypeError, match="a picture is a path, an array, bytes"):
+    with pytest.raises(TypeError, match="a picture must be a path, an array, bytes"):
         ts.calibrate(source)
 
 

@@ -97,7 +97,7 @@ def test_a_side_may_be_covered_in_part_and_in_any_order():
         (
             {"points": [*SIDES[:3], np.array([[1.0, 2.0], [3.0, np.nan]])]},
             ValueError,
-            r"points\[3\] holds NaN .* the first at \[1, 1\]: leave out the samples",
+            r"points\[3\] contains NaN .* the first at \[1, 1\]: leave out the samples",
         ),
         ({"points": [*SIDES[:3], np.array([[1.0, np.inf], [2, 3]])]}, ValueError, "infinite"),
         ({"points": [*SIDES[:3], np.array([[1.0, 1e10], [2, 3]])]}, ValueError, "beyond"),
@@ -113,7 +113,7 @@ def test_a_side_may_be_covered_in_part_and_in_any_order():
         ({"std": [np.ones(9)] * 3}, ValueError, "4 arrays"),
         ({"std": [*[np.ones(9)] * 3, np.ones(8)]}, ValueError, "shape"),
         ({"std": [*[np.ones(9)] * 3, np.zeros(9)]}, ValueError, "positive"),
-        ({"std": [*[np.ones(9)] * 3, np.full(9, np.nan)]}, ValueError, r"std\[3\] holds NaN"),
+        ({"std": [*[np.ones(9)] * 3, np.full(9, np.nan)]}, ValueError, r"std\[3\] contains NaN"),
         ({"std": "0.1"}, ValueError, "4 arrays"),
         ({"lines": np.array(CLOCKWISE_SQUARE)[:3]}, NotEnoughDataError, "4 lines"),
         ({"lines": np.zeros((4, 3))}, ValueError, "direction"),

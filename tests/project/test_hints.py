@@ -52,8 +52,11 @@ def test_the_names_that_are_meant_are_there(owner, result):
 @pytest.mark.parametrize(
     ("call", "advice"),
     [
-        (lambda _: ts.calibrate("a.jpg", "b.jpg"), r"one argument, calibrate\(\[first, second\]\)"),
-        (lambda _: ts.calibrate("a.jpg", max_seconds=20), r"'max_seconds': calibrate_many bounds"),
+        (lambda _: ts.calibrate("a.jpg", "b.jpg"), r"as one list, calibrate\(\[first, second\]\)"),
+        (
+            lambda _: ts.calibrate("a.jpg", max_seconds=20),
+            r"'max_seconds': calibrate_many limits time and memory",
+        ),
         (lambda _: ts.calibrate("a.jpg", nonsense=20), r"argument 'nonsense'$"),
         (lambda it: ts.measure(it, [[1, 2], [3, 4]]), r"measure\(result\.planes\[0\], points"),
         (lambda it: ts.undistort("a.jpg", it, "out.png"), r"cv2\.imwrite"),

@@ -93,12 +93,12 @@ def test_edges_need_their_lines_and_samples_alone():
 def test_corners_beyond_every_picture_are_refused():
     members = json.loads(RESULT.to_json())
     members["planes"][0]["corners"][2][1] = -1e155
-    with pytest.raises(ValueError, match=r"^corners holds coordinates beyond 1e\+09 px$"):
+    with pytest.raises(ValueError, match=r"^corners contains coordinates beyond 1e\+09 px$"):
         ts.Calibration.from_json(json.dumps(members))
 
 
 def test_a_name_that_tells_no_format_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"'camera\.dat' tells no camera format"):
+    with pytest.raises(ValueError, match=r"'camera\.dat' determines no camera format"):
         RESULT.save(tmp_path / "camera.dat")
     assert not list(tmp_path.iterdir())
 
@@ -178,7 +178,7 @@ def test_a_number_that_is_hardly_one_of_metres_is_warned_of():
     assert result.planes[0].side == 84.0
     (warning,) = [it for it in result.warnings if it.code == "large_side"]
     assert warning.severity == "medium"
-    assert 'side=84 is 84 m, as a number is in metres: for millimetres say "84mm"' in warning
+    assert 'side=84 is 84 m, since a number is in metres: for millimetres write "84mm"' in warning
     for stated in ("84m", 9.9, None):
         assert "large_side" not in [it.code for it in calibrated(side=stated).warnings]
 
@@ -198,19 +198,19 @@ def test_a_side_is_written_alike_wherever_it_is_given():
         lambda: ts.measure(plane, plane.corners, result, side="84"),
         lambda: ts.printed_target("flat", side="84"),
     ):
-        with pytest.raises(ValueError, match=r"side needs a unit, one of um, .*: 84mm"):
+        with pytest.raises(ValueError, match=r"side needs a unit \(one of um, .*\), such as 84mm"):
             refused()
 
 
 @pytest.mark.parametrize(
     ("side", "text"),
     [
-        ("84", "side needs a unit, one of um, mm, cm, m, km, in, ft: 84mm"),
+        ("84", r"side needs a unit \(one of um, mm, cm, m, km, in, ft\), such as 84mm"),
         ("84 mn", "unknown unit 'mn': did you mean 'm"),
         ("long", r"a length is written 50mm \(units: um, mm, cm, m, km, in, ft\), not 'long'"),
         ("-3mm", "a length must be positive"),
         (0.0, "side must be positive"),
-        (np.nan, "side holds NaN"),
+        (np.nan, "side contains NaN"),
     ],
 )
 def test_a_side_that_is_no_length_is_named(side, text):

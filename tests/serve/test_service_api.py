@@ -227,12 +227,12 @@ def test_a_format_that_cannot_hold_the_lens_says_what_it_would_cost(client, resu
 
 def test_an_answer_that_is_taken_for_its_result_says_so(result, tmp_path):
     answer = json.dumps(result)
-    with pytest.raises(ValueError, match=r'"format" is missing: take its "result"$'):
+    with pytest.raises(ValueError, match=r'"format" is missing: pass its member "result"$'):
         ts.Calibration.from_json(answer)
     path = tmp_path / "answer.json"
     path.write_text(answer)
     for load in (ts.Calibration.load, ts.Camera.load):
-        with pytest.raises(ValueError, match=r'take its "result"$'):
+        with pytest.raises(ValueError, match=r'pass its member "result"$'):
             load(path)
 
 

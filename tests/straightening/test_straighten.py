@@ -171,7 +171,7 @@ def test_central_lines_are_refused():
 
 
 def test_a_picture_of_another_size_is_refused(found):
-    with pytest.raises(ValueError, match="the camera's are 960 x 720"):
+    with pytest.raises(ValueError, match="the camera's pictures have 960 x 720"):
         found.undistort(NOISE[:-1])
     with pytest.raises(ValueError, match="balance"):
         found.undistort(NOISE, 1.5)

@@ -296,7 +296,7 @@ def test_a_cropped_or_turned_picture_is_no_scaled_one(size):
     ):
         turned = size == (240, 320)
         remedy = (
-            "seem turned.*as the camera wrote.*IMREAD_IGNORE"
+            "seem to be turned.*as the camera wrote.*IMREAD_IGNORE"
             if turned
             else "trisquare calibrate video"
         )

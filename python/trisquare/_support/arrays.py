@@ -54,9 +54,9 @@ def real_array(
     """
     given = value if isinstance(value, np.ndarray) else _of_leaves(value, name)
     if np.ma.is_masked(given):
-        raise ValueError(f"{name} holds masked values: leave them out")
+        raise ValueError(f"{name} contains masked values: leave them out")
     if given.dtype.kind not in "iuf":
-        raise TypeError(f"{name} must hold real numbers, not {given.dtype}")
+        raise TypeError(f"{name} must contain real numbers, not {given.dtype}")
     if len(shape) == 2 and given.ndim == 3 and given.shape[1] == 1:
         given = given[:, 0]
     if given.shape != shape and not _fits(given.shape, shape):
@@ -67,7 +67,7 @@ def real_array(
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         first = np.argwhere(~np.isfinite(array))[0].tolist()
         place = f", the first at {first}" if first else ""
-        raise ValueError(f"{name} holds NaN or infinite values{place}{advice}")
+        raise ValueError(f"{name} contains NaN or infinite values{place}{advice}")
     array.flags.writeable = False
     return array
 
@@ -78,7 +78,7 @@ def pixel_array(
     """Check pixel coordinates as `real_array`; those outside every picture are a ValueError too."""
     array = real_array(value, name, shape, advice)
     if max(array.max(initial=-np.inf), -array.min(initial=np.inf)) > LARGEST_SIDE:
-        raise ValueError(f"{name} holds coordinates beyond {LARGEST_SIDE:g} px")
+        raise ValueError(f"{name} contains coordinates beyond {LARGEST_SIDE:g} px")
     return array
 
 
@@ -118,11 +118,11 @@ def _of_leaves(value: Any, name: str) -> npt.NDArray[Any]:
         raise ValueError(f"{name} is ragged: its rows have different lengths")
     for kind in kinds:
         if kind is bool or not issubclass(kind, int | float | np.integer | np.floating):
-            raise TypeError(f"{name} must hold real numbers, not {kind.__name__}")
+            raise TypeError(f"{name} must contain real numbers, not {kind.__name__}")
     try:
         return leaves.astype(np.float64)
     except OverflowError as error:
-        raise ValueError(f"{name} holds a number that is too large") from error
+        raise ValueError(f"{name} contains a number that is too large") from error
 
 
 def size_of_image(value: Any) -> tuple[int, int]:
@@ -226,7 +226,9 @@ class ReadOnlyDict(dict[str, float]):
     __slots__ = ()
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError("these values are read-only: dict() of them is a copy that is not")
+        raise TypeError(
+            "these values are read-only: dict(values) returns a copy that can be changed"
+        )
 
     __setitem__ = __delitem__ = clear = pop = popitem = setdefault = update = _refuse
     __ior__ = _refuse

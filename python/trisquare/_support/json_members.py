@@ -67,7 +67,7 @@ class JsonFields:
         """Return the member as it was parsed; it must be present."""
         if key not in self._members:
             inner = self._members.get("result")  # as in answers of `trisquare serve`
-            hint = ': take its "result"' if isinstance(inner, dict) and key in inner else ""
+            hint = ': pass its member "result"' if isinstance(inner, dict) and key in inner else ""
             raise ValueError(f'"{self._key(key)}" is missing{hint}')
         return self._members[key]
 
@@ -196,7 +196,7 @@ def parse_json(text: str | bytes) -> Any:
 
 def refuse_constant(constant: str) -> NoReturn:
     """Refuse NaN and the infinities; for ``parse_constant`` of `json.loads`."""
-    raise ValueError(f"the JSON text holds {constant}, which is not JSON")
+    raise ValueError(f"the JSON text contains {constant}, which is not JSON")
 
 
 def dump_members(members: Mapping[str, Any]) -> str:

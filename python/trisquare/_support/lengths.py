@@ -67,7 +67,9 @@ class Length:
         """
         stated = cls.parse(text)
         if not stated.unit:
-            raise ValueError(f"{name} needs a unit, one of {', '.join(METRES)}: {stated.value:g}mm")
+            raise ValueError(
+                f"{name} needs a unit (one of {', '.join(METRES)}), such as {stated.value:g}mm"
+            )
         return stated
 
     @classmethod

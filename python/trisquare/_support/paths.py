@@ -54,7 +54,7 @@ def read_bytes(path: File, most: int = -1) -> bytes:
                 raise OSError("is a device, not a file")
             content = file.read(most)
         if not content and stat.S_ISFIFO(mode):
-            raise OSError("is a pipe that nobody writes to")
+            raise OSError("is a pipe that no program writes to")
         return content
 
 

@@ -260,13 +260,16 @@ class Comparison(RebuiltByConstructor):
             apart += f", which lies beyond the targets{self._targets_text()}"
         expected, stds, p_value = self.expected_rms, self.worst_in_stds, self.p_value
         if expected is None or stds is None or p_value is None:
-            return f"{apart}; neither states its uncertainty, so what that means is not known"
-        expected_text = f"{two_digits(expected)} px (rms) is to be expected"
-        if self.same is None:
-            limit_text = f"{two_digits(self._max_expected)} px, 1 % of the picture's width"
             return (
-                f"whether they differ cannot be told: {apart}; {expected_text}, and more "
-                f"than {limit_text} hides a difference"
+                f"{apart}; neither camera states its uncertainty, so that the significance of the "
+                "difference is unknown"
+            )
+        expected_text = f"{two_digits(expected)} px (rms) is expected"
+        if self.same is None:
+            limit_text = f"{two_digits(self._max_expected)} px (1 % of the picture's width)"
+            return (
+                f"it cannot be decided whether the cameras differ: {apart}; {expected_text}, and "
+                f"more than {limit_text} hides a difference"
             )
         if self.worst <= MAX_EQUAL_DISTANCE:
             return f"the same within their uncertainty: {apart}; {expected_text}"
@@ -276,14 +279,15 @@ class Comparison(RebuiltByConstructor):
         size = f"up to {two_digits(stds)} standard deviations"
         if stds < REMARKABLE_STDS:
             size = (
-                f"{size}, but the pattern of the differences is better known than any single place"
+                f"{size}, but the pattern of the differences is known more precisely than the "
+                "difference at any one place"
             )
-        verdict = f"they differ by more than they state: {apart}; {size}, {p}"
+        verdict = f"they differ by more than their stated uncertainty: {apart}; {size}, {p}"
         if self.unexplained <= expected:
             return verdict
         return (
-            f"{verdict}; {two_digits(self.unexplained)} px (rms) that no uncertain parameter "
-            "explains"
+            f"{verdict}; {two_digits(self.unexplained)} px (rms) remain that no uncertain "
+            "parameter explains"
         )
 
     def _targets_text(self) -> str:

@@ -25,14 +25,14 @@ MAX_REMEDIES = 2
 UNCHECKED = "targets_unchecked"
 
 CAUSES = {
-    "lens_beyond_model": "the lens is beyond its model",
+    "lens_beyond_model": "the lens model does not fit the lens",
     "relation_contradicted": "planes contradict their stated relation",
     "planes_contradict": "the planes contradict each other",
     "pixels_not_square": "the estimated pixels are not square",
     "tone_contradicted": "the tone curve is another than stated",
     "plane_disagrees": "a plane disagrees with the rest",
     "planes_vary": "the pictures disagree",
-    "correlated_residuals": "the samples of a side err together",
+    "correlated_residuals": "the samples of a side have a common error",
     UNCHECKED: "the targets cannot be checked",
     "no_tone_curve": "the edge profiles fit no tone curve",
 }

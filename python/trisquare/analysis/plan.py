@@ -159,7 +159,7 @@ def posed(plane: StandingPlane) -> PosedPlane:
         If it is neither, or for the reasons of `PlannedSquare`.
     """
     if not hasattr(plane, "rotation"):
-        raise TypeError(f"planes must hold PlannedSquare, Plane or Target, not {plane!r:.80}")
+        raise TypeError(f"planes must contain PlannedSquare, Plane or Target, not {plane!r:.80}")
     inner = getattr(plane, "inner", None)
     kind = getattr(plane, "kind", "square" if inner is None else "frame")
     square = PlannedSquare(plane.rotation, plane.translation, inner)
@@ -241,8 +241,8 @@ def outlines_of(kind: str, inner: float | None = None) -> list[FloatArray]:
     """
     if kind not in OUTLINED:
         raise ValueError(
-            f"a prediction needs squares, tags or frames, not a {kind}: a PlannedSquare "
-            "within its outline says the least that it will tell"
+            f"a prediction needs squares, tags or frames, not a {kind}: predict with a "
+            "PlannedSquare within its outline, whose standard deviations are larger"
         )
     if kind != "frame":
         return [UNIT_SQUARE]

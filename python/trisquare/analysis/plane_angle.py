@@ -42,7 +42,7 @@ class PlaneAngle(NamedTuple):
 
     def __str__(self) -> str:
         if self.std == 0.0:
-            return f"{self.degrees:.4g} degrees, held"
+            return f"{self.degrees:.4g} degrees, fixed"
         return f"{plus_minus(self.degrees, self.std)} degrees"
 
 
@@ -83,8 +83,8 @@ def plane_angle(one: Plane, other: Plane, camera: Calibration | Camera) -> Plane
             raise TypeError(f"{name} must be a Plane, such as result.planes[0], not {kind}")
     if one.image != other.image:
         raise ValueError(
-            f"the planes are of different pictures, {one.image} and {other.image}: where the "
-            "camera stood in one, as seen from the other, is not known"
+            f"the planes are of different pictures, {one.image} and {other.image}: the camera's "
+            "pose in one of them relative to the other is not known"
         )
     uncertainties = [plane.uncertainty for plane in (one, other) if plane.uncertainty is not None]
     if len(uncertainties) < 2:

@@ -186,8 +186,8 @@ def predict(
     kin = [name for name in MODELS if _has(camera.model, name)]
     if model is not None and model not in kin:
         raise ValueError(
-            f"{model!r} is no model of this camera's family ({', '.join(kin)}): give a camera "
-            "of its own family, camera= (--camera)"
+            f"{model!r} is no lens model of this camera's family ({', '.join(kin)}): give a "
+            "camera of that model's family, camera= (--camera)"
         )
     noise = printed_sigma(camera.image_size) if sigma is None else real_number(sigma, "sigma")
     distance = real_number(spacing, "spacing")

@@ -112,7 +112,9 @@ def rectify(
     picture = load_picture(image)
     size = picture_size(picture)
     if size != lens.image_size:
-        raise ValueError(f"the picture has {size} pixels, the camera's {lens.image_size}")
+        raise ValueError(
+            f"the picture has {size} pixels, but the camera's pictures have {lens.image_size}"
+        )
     if max(size) > LARGEST_RESAMPLED:
         raise ValueError(
             f"pictures of more than {LARGEST_RESAMPLED} pixels a side cannot be resampled"

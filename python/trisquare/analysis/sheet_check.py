@@ -159,7 +159,7 @@ def check_sheet(
         figure_name = "chessboards" if kind == "boards" else "frames"
         raise NotEnoughPlanesError(
             f"the photograph shows {len(faces)} of the sheet's 3 {figure_name}: show all of them, "
-            "and name the kind of sheet that it is"
+            "and state which kind of sheet it is"
         )
     figure = printed_target(kind, page=page, side=side).pages[0].frames[0]
     units, limit = 1.0, MAX_BOW
@@ -213,7 +213,7 @@ def _check_cell_counts(found: Sequence[tuple[int, int]], expected: int) -> None:
     if not expected - MAX_HIDDEN <= largest <= expected:
         shown = listed([f"{across} x {down}" for across, down in found])
         raise NotEnoughPlanesError(
-            f"the photograph shows chessboards of {shown} cells, which are not the sheet's: these "
+            f"the photograph shows chessboards of {shown} cells, but those of the sheet "
             f"have {expected} x {expected}"
         )
 
@@ -245,11 +245,12 @@ def _fold_findings(estimates: Departures, faces: Sequence[int]) -> Iterator[Find
         advice = {
             "ok": "",
             "not ok": "fold along the dashed lines against a book's corner and glue the tab; a "
-            "calibration stays right unless it is told orthogonal",
+            "calibration with this sheet is right if the planes are not stated to be "
+            "orthogonal",
             "cannot tell": _flatten_first(bent),
         }[verdict]
         if verdict == "not ok" and min(deviations.values()).value > MAX_FOLD_ERROR:
-            advice = "is it the folded corner? Of the three flat sheets say --kind flat"
+            advice = "is this the folded corner? For the three flat sheets give --kind flat"
         yield Finding("folded", pair, verdict, *angle, MAX_FOLD_ERROR, "degrees", text, advice)
 
 
@@ -260,8 +261,8 @@ def _bow_findings(
         verdict = _verdict([bow], limit)
         arch = Estimate(side * bow.value, side * bow.std)
         text = (
-            f"face {face} is bent by {plus_minus(*arch)} mm over a side of {side:.4g} mm, of which "
-            f"{side * limit:.2g} mm may be"
+            f"face {face} is bent by {plus_minus(*arch)} mm over a side of {side:.4g} mm (the "
+            f"limit is {side * limit:.2g} mm)"
         )
         advice = {
             "ok": "",
@@ -296,15 +297,18 @@ def _flatten_first(bent: Sequence[int]) -> str:
 def _size_finding(side: float, ruler: float | None) -> Finding:
     limit = 100.0 * MAX_SCALE_ERROR
     if ruler is None:
-        text = "no photograph tells the size without a known length"
-        advice = f"measure the printed ruler of {RULER:g} mm and say --ruler 99.5mm"
+        text = "a photograph does not show the size without a known length"
+        advice = (
+            f"measure the printed ruler of {RULER:g} mm and give its length, such as --ruler 99.5mm"
+        )
         return Finding("size", (), "cannot tell", None, None, limit, "%", text, advice)
     scale = Estimate(ruler / RULER, RULER_STD / RULER)
     verdict = _verdict([Estimate(abs(scale.value - 1.0), scale.std)], MAX_SCALE_ERROR)
     length = Estimate(side * scale.value, side * scale.std)
     per_cent = Estimate(100.0 * scale.value, 100.0 * scale.std)
     text = (
-        f"by the ruler the print is at {plus_minus(*per_cent)} %, its side {plus_minus(*length)} mm"
+        f"according to the ruler, the print has {plus_minus(*per_cent)} % of its nominal size, "
+        f"and a side of {plus_minus(*length)} mm"
     )
     advice = (
         f"print at 100 %, or calibrate with --side {length.value:.4g}mm: the camera is the same"

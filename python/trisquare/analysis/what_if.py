@@ -139,7 +139,7 @@ def changes_of(calibration: Calibration, planes: tuple[PosedPlane, ...]) -> Iter
             continue
         yield WhatIf(
             f"adding a square in the picture's {position}, tilted in another direction,",
-            "the squares are few",
+            "there are few squares",
             (*planes, _added_square(planes, ray)),
             fixed,
         )
@@ -179,7 +179,7 @@ def _fixable_parameters(calibration: Calibration) -> dict[str, str]:
     is_central = (
         covariance is None or offset @ np.linalg.pinv(covariance) @ offset < CONTRADICTING**2
     )
-    source = "" if is_central else " from elsewhere, for it is not the image centre"
+    source = "" if is_central else " from another source, since it is not the picture's centre"
     known["principal_point"] = f"the principal point, if it is known{source},"
     return known
 

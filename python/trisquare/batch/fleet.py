@@ -31,17 +31,21 @@ UNCERTAIN = 4.0
 
 CURES = {
     "ImageError": "no picture can be read from the file",
-    "DetectionError": "no target was found: sharper, brighter, larger targets, or --targets",
-    "NotEnoughPlanesError": "too few targets: show three squares that are tilted differently, or "
-    "take the photographs of one camera together, by a folder below the one that is named or by "
+    "DetectionError": "no target was found: show sharper, brighter or larger targets, or "
+    "name them (--targets)",
+    "NotEnoughPlanesError": "too few targets: show three squares tilted in different directions, "
+    "or group the photographs of each camera: in a subfolder of the given folder, or by "
     "--camera",
-    "NotEnoughDataError": "too little of the targets is seen: let them fill the picture",
+    "NotEnoughDataError": "too little of the targets is visible: let them fill the picture",
     # Several causes are possible, such as parallel targets and a rich lens model: see the text.
     "DegenerateGeometryError": "the photographs do not determine the camera",
     "ConvergenceError": "the targets do not fit one camera: are they flat squares?",
-    "TimeLimitError": "the picture takes too long: a hostile file, or --max-seconds is too little",
-    "WorkerDiedError": "the process died of it: a hostile file, or too little memory",
-    "MemoryError": "the picture is too large: raise --max-memory, or refuse it by --max-pixels",
+    "TimeLimitError": "the picture takes too long: the file is damaged or hostile, or "
+    "--max-seconds is too small",
+    "WorkerDiedError": "the process died: the file is damaged or hostile, or there is too little "
+    "memory",
+    "MemoryError": "the picture is too large: raise --max-memory, or refuse such pictures by "
+    "--max-pixels",
 }
 
 
@@ -126,7 +130,7 @@ class Fleet:
             if abs(deviation) > allowed:
                 texts.append(
                     f"{name} {value:.6g} is {deviation:+.1f} standard deviations from the "
-                    f"median {distribution.median:.6g}: more than {allowed:.1f}"
+                    f"median {distribution.median:.6g}; the limit is {allowed:.1f}"
                 )
         return texts
 
@@ -139,7 +143,8 @@ class Fleet:
                 continue
             if std > UNCERTAIN * distribution.median_std:
                 texts.append(
-                    f"std of {name} {std:.3g}, the median is {distribution.median_std:.3g}"
+                    f"the std of {name} is {std:.3g}, but the median "
+                    f"is {distribution.median_std:.3g}"
                 )
         return texts
 

@@ -95,9 +95,11 @@ def camera_pattern(text: str) -> re.Pattern[str]:
     try:
         pattern = re.compile(FIELD.sub(regular, re.escape(text)), re.DOTALL)
     except re.error as error:
-        raise ValueError(f"{text!r} is no pattern for cameras: {error}") from error
+        raise ValueError(f"{text!r} is not a valid pattern for cameras: {error}") from error
     if not pattern.groups:
-        raise ValueError(f"{text!r} names no part of a camera in braces, as {{serial}}_*.jpg does")
+        raise ValueError(
+            f"{text!r} has no part in braces that names the camera, as in {{serial}}_*.jpg"
+        )
     return pattern
 
 
@@ -161,9 +163,9 @@ def _folder_jobs(folder: str, options: Mapping[str, Any]) -> Iterator[Job]:
     for error in unread:
         yield faulty_job(error.filename, error.strerror or str(error), error.filename)
     if is_empty and not unread:
-        text = "no photograph is in this folder"
+        text = "there is no photograph in this folder"
         if any(videos for _, videos in _photographs(folder, {**options, "frames": 1})):
-            text += ", but videos are: --frames 10 (frames=10) takes photographs out of them"
+            text += ", but there are videos: --frames 10 (frames=10) calibrates with frames of them"
         yield faulty_job(folder, text, folder)
 
 
@@ -174,7 +176,9 @@ def _grouped(
     ungrouped = 0
     for path in paths:
         if is_manifest(path):
-            raise ValueError(f"{path}: a manifest names its cameras itself: leave out {text!r}")
+            raise ValueError(
+                f"{path}: a manifest names the cameras itself: leave out the pattern {text!r}"
+            )
         whole = os.path.isdir(path)
         pictures = (
             (picture for _, found in _photographs(path, options) for picture in found)
@@ -191,7 +195,7 @@ def _grouped(
             else:
                 cameras.setdefault(found.groups(), []).append(picture)
     if not cameras:
-        raise ValueError(f"none of {ungrouped} photographs has a name like {text!r}")
+        raise ValueError(f"none of {ungrouped} photographs has a name that matches {text!r}")
     names = Counter("_".join(groups) for groups in cameras)
     for groups, pictures in cameras.items():
         name = "_".join(groups)
@@ -199,4 +203,6 @@ def _grouped(
             name = "_".join(f"({part})" for part in groups)
         yield Job(name, tuple(pictures), options, text)
     if ungrouped:
-        yield faulty_job(text, f"{ungrouped} photographs have names unlike this", text)
+        yield faulty_job(
+            text, f"{ungrouped} photographs have names that do not match this pattern", text
+        )

@@ -57,7 +57,7 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
                 yield _job(record, folder, options, origin)
             except (TypeError, ValueError) as error:
                 if faults == MAX_FAULTS:
-                    text = f"{faults} records before are wrong: the rest is not read from here on"
+                    text = f"{faults} earlier records are wrong: the rest of the file is not read"
                     yield faulty_job(path, text, origin)
                     return
                 faults += 1
@@ -66,7 +66,7 @@ def manifest_jobs(path: str, options: Mapping[str, Any]) -> Iterator[Job]:
         yield faulty_job(path, f"after {count} records: not UTF-8: {error}", path)
         return
     if not count:
-        yield faulty_job(path, "no record is in this manifest", path)
+        yield faulty_job(path, "the manifest contains no record", path)
 
 
 def _job(record: Any, folder: str, options: Mapping[str, Any], origin: str) -> Job:

@@ -52,7 +52,7 @@ def _check_camera(fields: JsonFields) -> None:
         numbers = fields.object(key)
         for name in numbers.names():
             if name not in PARAMETERS:
-                raise ValueError(f"{name!r} is no parameter")
+                raise ValueError(f"{name!r} is not a parameter")
             _check_number(numbers.value(name), least)
     for name in OTHERS:
         _check_number(fields.value(name), 0.0)

@@ -59,7 +59,10 @@ class Requirement:
             parameter = quantity(record, self.name.removeprefix("std."))
             value = 100.0 * value / abs(parameter) if parameter else math.inf
         if value is None:
-            return f"{self.name}: the model {record['model']} has none, or holds it"
+            return (
+                f"{self.name}: the model {record['model']} does not have this parameter, or it is "
+                "fixed"
+            )
         for bound, is_beyond, word in (
             (self.least, self.least is not None and value < self.least, "below"),
             (self.most, self.most is not None and value > self.most, "above"),
@@ -143,14 +146,14 @@ def read_requirements(path: PathLike) -> list[AnyRequirement]:
     text = read_text(path)
     with naming(path):
         if len(text) > MAX_CHARACTERS:
-            raise ValueError(f"has more than the {MAX_CHARACTERS} characters that limits may have")
+            raise ValueError(f"a file of limits may have at most {MAX_CHARACTERS} characters")
         try:
             document = tomllib.loads(text)
         except RecursionError as error:
             raise ValueError("the TOML text is nested too deeply") from error
         requirements = [_requirement(name, table) for name, table in _tables(document)]
         if not requirements:
-            raise ValueError("no limit is in this file")
+            raise ValueError("the file contains no limit")
     return requirements
 
 
@@ -194,10 +197,12 @@ def _requirement(name: str, table: Any) -> AnyRequirement:
         None if key not in bounds else _number(name, key, bounds[key]) for key in ("least", "most")
     )
     if ("nominal" in table) != ("within" in table):
-        raise ValueError(f"[{name}] nominal and within belong together")
+        raise ValueError(f"[{name}] needs both nominal and within")
     if "nominal" in table:
         if least is not None or most is not None:
-            raise ValueError(f"[{name}] has nominal and within, or least and most, not both")
+            raise ValueError(
+                f"[{name}] may have nominal and within, or least and most, but not both"
+            )
         nominal = _number(name, "nominal", table["nominal"])
         within = _within(name, table["within"], nominal)
         least, most = nominal - within, nominal + within

@@ -152,9 +152,11 @@ def calibrate_many(
         if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
             raise ValueError(f"{name} must be a positive whole number, not {value!r}")
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor must have submit(), which {type(executor).__name__} lacks")
+        raise TypeError(
+            f"executor must have the method submit(), but a {type(executor).__name__} has none"
+        )
     if executor is not None and workers is not None:
-        raise ValueError("the executor has its own workers: give workers or executor")
+        raise ValueError("the executor has its own workers: give either workers or executor")
     return _calibrated(jobs, executor, output, workers, window, retry, limits)
 
 
@@ -279,7 +281,7 @@ def _to_do(jobs: Iterable[Job], store: Store | None) -> Iterator[tuple[Job, str]
             raise TypeError(f"jobs must be of the class Job, not {type(job).__name__}")
         if job.identity in seen:
             origin = job.origin or f"job {number}"
-            text = f"an earlier job has the name {job.name!r}, or one whose file is the same"
+            text = f"an earlier job has the name {job.name!r}, or one that gives the same file name"
             job = faulty_job(origin, text)
         seen.add(job.identity)
         key = "" if store is None else job.key
@@ -304,7 +306,9 @@ def _result(job: Job, key: str, future: Future[Answer], store: Store | None) -> 
     except BrokenExecutor:
         raise
     except CancelledError as error:
-        raise BrokenExecutor("the executor gave jobs up: run again to go on") from error
+        raise BrokenExecutor(
+            "the executor cancelled jobs: run the batch again to continue it"
+        ) from error
     except Exception as error:  # such as Dask's, whose workers died of the job
         answer = failure(job, "WorkerDiedError", f"{type(error).__name__}: {error}"), None
     return _stored(job, key, answer, store)

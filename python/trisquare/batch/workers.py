@@ -105,7 +105,9 @@ class Workers:
                     self._all.discard(process)
                     is_abandoned = self._doing[id(job)] is None
                 if is_abandoned:
-                    return failure(job, "AbandonedError", "nobody waits for it"), None
+                    return failure(
+                        job, "AbandonedError", "nobody waits for the result any more"
+                    ), None
                 if seconds >= self._limits.max_seconds:
                     allowed = f"max_seconds allows {self._limits.max_seconds:g}"
                     return failure(job, "TimeLimitError", f"takes too long ({allowed})"), None
@@ -114,13 +116,13 @@ class Workers:
                 self._idle.append(process)
             return record, calibration
         text = f"its process died {ATTEMPTS} times ({how})"
-        pixels = f"or lower max_pixels, {self._limits.max_pixels}"
+        pixels = f"or lower max_pixels ({self._limits.max_pixels})"
         if how == ALLOCATION_FAILED:
             memory = f"{self._limits.max_memory / 1e9:.3g} GB"
             text = (
-                f"its process ended itself {ATTEMPTS} times ({how}), as compiled code does that "
-                "gets no memory, and a decoder that a damaged file crashes: allow more than "
-                f"max_memory, {memory}, {pixels}"
+                f"its process ended itself {ATTEMPTS} times ({how}): compiled code does so if it "
+                "gets no memory, and so does a decoder that crashes on a damaged file. Raise "
+                f"max_memory ({memory}), {pixels}"
             )
             return failure(job, "MemoryError", text), None
         if how == KILLED:

@@ -233,13 +233,13 @@ def _disagreeing_pictures(
 def _scene_lines(solution: _core.Solution, figures: Sequence[PlaneEdges]) -> tuple[SceneLine, ...]:
     """Return the lines of the scene with the reasons why some are not used."""
     has_used_line = any(is_used for _, _, is_used in solution.lines)
-    curved = "it is not straight under the lens that the other lines and the planes show"
+    curved = "it is not straight with the distortion that the other lines and the planes determine"
     unusable = "no line agrees with the planes"
     lines = []
     for index, rms, is_used in solution.lines:
         reason = curved if has_used_line else unusable
         if rms is None:
-            reason = "the lens does not see all of it"
+            reason = "a part of it lies beyond the valid radius of the lens"
         points, image = figures[index].points[0], figures[index].image
         lines.append(SceneLine(image, points, rms, None if is_used else reason))
     return tuple(lines)

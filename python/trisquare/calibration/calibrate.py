@@ -41,12 +41,12 @@ millimetres."""
 
 LIMIT_ADVICE = dict.fromkeys(
     ("max_seconds", "max_memory", "timeout"),
-    "calibrate_many bounds time and memory, max_seconds= and max_memory=, in processes of its own",
+    "calibrate_many limits time and memory (max_seconds=, max_memory=), in separate processes",
 )
 """Advice for arguments of `calibrate` that set limits, which need a separate process."""
 
 
-@advising("several photographs are one argument, calibrate([first, second])", LIMIT_ADVICE)
+@advising("give several photographs as one list, calibrate([first, second])", LIMIT_ADVICE)
 def calibrate(
     image: ImageSource | Sequence[ImageSource],
     *,
@@ -241,7 +241,7 @@ def calibrate_photographs(
     if not isinstance(lines, bool | np.bool_):
         raise TypeError(f"lines must be True or False, not {type(lines).__name__}")
     if lines and settings.method == "linear":
-        raise ValueError('lines=True needs method="ml": the linear steps have no place for lines')
+        raise ValueError('lines=True needs method="ml": the linear steps cannot use lines')
     length = length_in("m", side, "side")
     threads = thread_count(threads, len(photographs))
     is_camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
@@ -353,7 +353,7 @@ def calibrate_edges(
     length = length_in("m", side, "side")
     requirement = "edges must be a list of PlaneEdges, such as PlaneEdges.square(sides)"
     if isinstance(edges, PlaneEdges):
-        raise TypeError(f"{requirement}, not one of them")
+        raise TypeError(f"{requirement}, not a single PlaneEdges")
     figures = list(edges)
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
@@ -375,6 +375,7 @@ def _side_warnings(side: str | float | None) -> list[CalibrationWarning]:
     if side is None or isinstance(side, str) or side < LARGE_SIDE:
         return []
     text = (
-        f'side={side:g} is {side:g} m, as a number is in metres: for millimetres say "{side:g}mm"'
+        f"side={side:g} is {side:g} m, since a number is in metres: for millimetres write "
+        f'"{side:g}mm"'
     )
     return [CalibrationWarning(text, "large_side", "medium")]

@@ -125,11 +125,11 @@ def _warning(
         for image in (worst, reference)
     }
     others = [names[image] for image in differing if image != worst]
-    also = f" (another camera than {names[reference]}, too: {listed(others)})" if others else ""
+    also = f" (also not of the camera of {names[reference]}: {listed(others)})" if others else ""
     text = (
-        f"the pictures are not of one camera: calibrated alone, {names[worst]} has {parameter} "
-        f"{values[worst]}, and {names[reference]} {values[reference]}{also}. Was another zoom, "
-        "focus or camera used, or were pictures turned, cropped or stabilised? Calibrate the "
-        "pictures of each camera on their own"
+        f"the pictures are not of one camera: calibrated alone, {names[worst]} "
+        f"has {parameter} {values[worst]}, and {names[reference]} {values[reference]}{also}. Was "
+        "another zoom, focus or camera used, or were pictures turned, cropped or stabilised? "
+        "Calibrate the pictures of each camera separately"
     )
     return CalibrationWarning(text, "pictures_disagree", "high")

@@ -13,11 +13,14 @@ from trisquare.results.calibration_warning import CalibrationWarning
 from trisquare.results.partial_detection import PartialDetection, partial_detections
 from trisquare.results.rejected import Rejected
 
-MORE_PICTURES = "of a board take more pictures, each tilted otherwise, and give them all at once"
+MORE_PICTURES = (
+    "take more pictures of the board, each with the board tilted in another direction, and give "
+    "them all at once"
+)
 
 INTERLACED = (
-    "the odd rows show another moment than the even ones, and much has moved far between them: "
-    "photograph without interlacing"
+    "the odd rows were recorded at another time than the even rows, and the scene moved far in "
+    "between: photograph without interlacing"
 )
 
 MAX_NAMED = 3

@@ -69,36 +69,39 @@ SPOILT_TEXTS = {
 
 _ADVICE = {
     "interlaced": (
-        "the odd rows show another moment or place than the even ones, which alone are measured: "
-        "the camera is that of the even rows; photograph without interlacing"
+        "the odd rows were recorded at another time than the even rows, or are displaced: only "
+        "the even rows are measured, and the camera is that of the even rows. Photograph without "
+        "interlacing"
     ),
     "chromatic_aberration": (
         "the lens magnifies the colours differently: the camera is that of green light"
     ),
     "overexposed": (
-        "the light beside the edges is clipped at white, which moves them: clipped pixels are "
-        "taken as bounds, and standard deviations grew by what they leave unknown; photograph with "
-        "a shorter exposure, so that the light ground is no longer pure white"
+        "the light beside the edges is clipped at white, which displaces them: clipped pixels are "
+        "used as lower bounds of the light, and standard deviations were raised for the remaining "
+        "uncertainty. Photograph with a shorter exposure, so that the light ground is no longer "
+        "pure white"
     ),
     "thresholded": (
-        "the picture is black and white only, which makes the edges staircases and moves all of "
-        "them toward dark or light: one common shift is estimated; scan in grey levels"
+        "the picture has only black and white pixels, which makes its edges staircases and "
+        "displaces all of them toward dark or light: one common shift is estimated, and standard "
+        "deviations were raised. Scan in grey levels"
     ),
     "motion_blurred": (
         "the camera or the targets moved while the shutter was open, which blurs the edges more "
-        "in one direction: standard deviations grew by what the shape of the blur leaves "
-        "unknown; expose for a shorter time"
+        "in one direction: standard deviations were raised for the unknown shape of the blur. "
+        "Expose for a shorter time"
     ),
     "out_of_focus": (
-        "the edges are so blurred that things beside them shift them. If the picture was blurred "
-        "or enlarged after it was coded, that also hides how far its tone curve shifted them; "
-        "standard deviations include it. Focus on the targets, keep other things away from them, "
-        "and use the picture as it was recorded"
+        "the edges are so blurred that objects beside them displace them. If the picture was "
+        "blurred or enlarged after it was encoded, the displacement of the edges by its tone "
+        "curve cannot be measured; standard deviations include it. Focus on the targets, keep "
+        "other objects away from them, and use the picture as it was recorded"
     ),
     "periodic_pattern": (
-        "a fine pattern lies over the picture (moire, the grid of a screen, the raster of a "
-        "print), which shifts the edges back and forth: good sides may be rejected for it, or "
-        "taken for hidden; photograph plain paper in place of a screen, or from another distance"
+        "a fine pattern covers the picture (moire, the pixels of a screen, the raster of a print) "
+        "and displaces the edges in both directions: good sides may be rejected because of it, or "
+        "taken for hidden. Photograph plain paper instead of a screen, or from another distance"
     ),
 }
 
@@ -111,7 +114,9 @@ def _texts(faults: PictureFaults, tone: PictureTone) -> dict[str, str]:
     if faults.colour_shift is not None and max(map(abs, faults.colour_shift)) > WARNED_COLOUR_SHIFT:
         blue, red = faults.colour_shift
         addition = (
-            "" if faults.is_green else ", but the targets hardly show in green: all are measured"
+            ""
+            if faults.is_green
+            else ", but the targets have little contrast in green: all colours are measured"
         )
         texts["chromatic_aberration"] = (
             f"in the corners blue lies {blue:+.2f} px and red {red:+.2f} px outward{addition}"

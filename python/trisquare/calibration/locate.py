@@ -145,7 +145,8 @@ def _misfits(calibration: Calibration) -> Iterator[float]:
 
 def _doubt(plane: Plane, misfit: float) -> str:
     return (
-        f"the edges of the {plane.kind} miss what this camera would see by {plane.rms:.2g} px rms, "
-        f"{misfit:.0f} times their noise: is the picture as this camera took it (not undistorted, "
-        f"not cropped, the same zoom), and is the {plane.kind} flat and true?"
+        f"the edges of the {plane.kind} lie {plane.rms:.2g} px (rms) from where this camera would "
+        f"show them, {misfit:.0f} times their noise: is the picture as this camera took it (not "
+        f"undistorted, not cropped, the same zoom), and is the {plane.kind} flat and of the right "
+        "shape?"
     )

@@ -74,8 +74,8 @@ def chosen_planes(
         are = "shapes are" if len(larger) > 1 else "shape is"
         larger_ones = f"{len(larger)} rejected {are}"
         text = (
-            f"{summary}; {larger_ones} larger than the smallest of these: if one is a true target, "
-            f"the answer is wrong{_zoom_hint(figures)}"
+            f"{summary}; {larger_ones} larger than the smallest plane used: if one of them is a "
+            f"true target, the result is wrong{_zoom_hint(figures)}"
         )
         sure_planes = {figure.plane for figure in kept if figure.kind not in PLAIN_KINDS}
         are_outvoted = (

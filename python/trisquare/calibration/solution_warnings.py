@@ -21,8 +21,8 @@ NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targ
 """Addition to a warning that the squares are inconsistent."""
 
 NO_CURVE_HINT = (
-    ". No tone curve fits the picture, as of many phones, which may be why, too: state it (tone=), "
-    "or take the picture with less processing"
+    ". No tone curve fits the picture, as is common for phones, which may also be the cause: "
+    "state the curve (tone=), or take the picture with less processing"
 )
 """Addition to such a warning if the profiles of a picture fit no tone curve."""
 
@@ -89,7 +89,10 @@ def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str], codes: Set[s
     """
     hints = ""
     if spoilt:
-        hints += f". The picture is {listed(spoilt)}, which may be why: take a better one first"
+        hints += (
+            f". The picture is {listed(spoilt)}, which may be the cause: take a better picture "
+            "first"
+        )
     # Sheets of paper taken for squares leave the camera undetermined; a shear has its own warning.
     are_far_off = "barely_determined" in codes and "pixels_not_square" not in codes
     kinds = {figure.kind for figure in gathered.figures}

@@ -56,7 +56,7 @@ def unexplained_pictures(
 def disagreement_text(pictures: Sequence[str]) -> str:
     """Return the warning about unexplained pictures, given their names."""
     return (
-        f"no camera explains all pictures: nothing in {', '.join(pictures)} fits the camera of the "
-        "others as a flat target does. Was another zoom, focus or camera used, or were pictures "
-        "turned, cropped or stabilised? Calibrate those pictures on their own"
+        f"no single camera explains all pictures: no flat target in {', '.join(pictures)} fits "
+        "the camera of the other pictures. Was another zoom, focus or camera used, or were "
+        "pictures turned, cropped or stabilised? Calibrate those pictures separately"
     )

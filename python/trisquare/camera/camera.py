@@ -41,7 +41,8 @@ USUAL_MODEL: LensModel = "radial2"
 # Numbers of coefficients that determine the model; four may be a pinhole's or a fisheye's.
 OPENCV_COUNTS = tuple(length for length in OPENCV_LENGTHS if length != 4)
 FOUR_COEFFICIENTS_HINT = (
-    "append a 0, for k3, to OpenCV's k1, k2, p1, p2; a fisheye's need model=\"fisheye\""
+    "append a 0 for k3 to OpenCV's k1, k2, p1, p2; the coefficients of a fisheye need "
+    'model="fisheye"'
 )
 
 OPENCV_NAMES = {
@@ -140,8 +141,8 @@ class Camera(RebuiltByConstructor):
         object.__setattr__(self, "valid_radius", None if radius == math.inf else radius)
         if not _core.valid_pixel_radius(camera_for_core(self)) > 0:
             raise ValueError(
-                f"distortion {self.distortion.tolist()} is nowhere invertible: its valid radius is "
-                "0 px"
+                f"distortion {self.distortion.tolist()} cannot be inverted anywhere: its valid "
+                "radius is 0 px"
             )
 
     @property
@@ -405,13 +406,13 @@ class Camera(RebuiltByConstructor):
         width, height = size
         if (height, width) == self.image_size:
             return (
-                "they seem turned: take the files as the camera wrote them, which no other program "
-                "has turned (loaded by cv2.imread, with cv2.IMREAD_IGNORE_ORIENTATION), or turn "
-                "them back by 90 degrees"
+                "the pictures seem to be turned: use the files as the camera wrote them "
+                "(cv2.imread needs cv2.IMREAD_IGNORE_ORIENTATION), or turn the pictures back by "
+                "90 degrees"
             )
         return (
-            "they are not its pictures scaled; calibrate what the camera records in that "
-            "mode (of a video: trisquare calibrate video.mp4 --frames 10)"
+            "they are not scaled pictures of this camera; calibrate the camera in the mode that "
+            "records them (of a video: trisquare calibrate video.mp4 --frames 10)"
         )
 
     def save(
@@ -573,7 +574,7 @@ def _model_and_distortion(model: str | None, distortion: Any) -> tuple[str, Floa
         advice = (
             FOUR_COEFFICIENTS_HINT
             if len(values) == 4
-            else "without model= the coefficients tell it"
+            else "without model= the number of coefficients determines the model"
         )
         raise ValueError(
             f"distortion must have shape ({len(names)}), not {values.shape}: model={model!r} has "
@@ -593,8 +594,9 @@ def _opencv_model(values: FloatArray) -> tuple[str, FloatArray]:
     lens = opencv_distortion(values.tolist(), USUAL_MODEL)
     if lens is None:
         raise ValueError(
-            f"distortion tilts the sensor (tx, ty {values[-2:].tolist()}), which no model does: of "
-            "a file, Camera.load(path, approximate=True) reads the nearest lens"
+            f"distortion tilts the sensor (tx, ty {values[-2:].tolist()}), which no lens model of "
+            "trisquare describes: from a file, Camera.load(path, approximate=True) reads the "
+            "nearest lens"
         )
     return lens[0], real_array(lens[1], "distortion", (None,))
 

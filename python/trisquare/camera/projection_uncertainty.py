@@ -121,7 +121,9 @@ def rms_displacement(covariances: FloatArray) -> FloatArray:
     with np.errstate(over="ignore"):  # the next lines check for it
         traces = np.trace(covariances, axis1=1, axis2=2)
     if not np.isfinite(traces).all():
-        raise ValueError("the covariance is so large that the projections' overflow")
+        raise ValueError(
+            "the covariance is so large that the covariance of the projections overflows"
+        )
     # Rounding may make a zero trace slightly negative.
     return np.asarray(np.sqrt(np.maximum(traces, 0.0)))
 
@@ -139,7 +141,7 @@ def checked_spacing(image_size: tuple[int, int], step: float) -> float:
     if spacing <= 0:
         raise ValueError(f"step must be positive, not {spacing}")
     if (width / spacing + 1) * (height / spacing + 1) > MAX_PLACES:
-        raise ValueError(f"step {spacing} is too small: the grid would have above 10^9 places")
+        raise ValueError(f"step {spacing} is too small: the grid would have more than 10^9 points")
     return spacing
 
 

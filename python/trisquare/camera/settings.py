@@ -74,11 +74,13 @@ class Settings:
             )
         if held is not None and "distortion" in names and model not in _equivalent_models(held):
             raise ValueError(
-                f"the distortion of a {held.model} lens cannot be held in a {model} lens: "
-                f"choose model={held.model!r}"
+                f"the distortion of a {held.model} lens cannot be fixed in a {model} lens: choose "
+                f"model={held.model!r}"
             )
         if freed and method == "linear":
-            raise ValueError('free="skew" needs method="ml": the linear steps take it as zero')
+            raise ValueError(
+                'free="skew" needs method="ml": the linear steps assume that it is zero'
+            )
         pairs = checked_pairs("orthogonal", orthogonal), checked_pairs("parallel", parallel)
         return cls(method, model, names, held, freed, *pairs)
 
@@ -123,7 +125,7 @@ def checked_fix(fix: str | Iterable[str]) -> tuple[str, ...]:
     TypeError, ValueError
         If they are not names, or if one of them cannot be fixed.
     """
-    return _checked_names("fix", fix, FIXABLE, FREEABLE, "it is held unless free= names it")
+    return _checked_names("fix", fix, FIXABLE, FREEABLE, "it is fixed unless free= names it")
 
 
 def checked_free(free: str | Iterable[str]) -> tuple[str, ...]:
@@ -141,10 +143,10 @@ def _hint(name: str, known: Sequence[str]) -> str:
     """Return a hint at what was meant, if there is one."""
     coefficients = {coefficient for names in COEFFICIENTS.values() for coefficient in names}
     if name in coefficients:
-        return "single coefficients cannot be held, model= says which ones the lens has; "
+        return "single coefficients cannot be fixed, model= states which ones the lens has; "
     if name in ("fx", "fy", "cx", "cy"):
         group = "focal" if name[0] == "f" else "principal_point"
-        return f"{name} is held with {group!r}; "
+        return f"{group!r} fixes {name}; "
     suggestion = nearest_name(name, known)
     return "" if suggestion is None else f"did you mean {suggestion!r}? "
 

@@ -90,11 +90,11 @@ def batch_command(
     camera: str | None = option(
         None,
         "PATTERN",
-        "Group photographs into cameras by their names: '{serial}_*.jpg'. By default each is a "
-        "camera, and each folder below the one that is named.",
+        "Group photographs into cameras by their names: '{serial}_*.jpg'. By default each "
+        "photograph is a camera of its own, and so is each subfolder of the given folder.",
     ),
     jobs: int | None = option(
-        None, "N", "Processes at a time; by default one for each processor.", "--jobs", "-j"
+        None, "N", "Number of processes; by default one for each processor.", "--jobs", "-j"
     ),
     dask: str | None = option(
         None,
@@ -112,7 +112,7 @@ def batch_command(
     parquet: bool = flag(
         "Write summary.parquet as well. Needs pip install 'trisquare[batch]'.", "--parquet"
     ),
-    retry: bool = flag("Do the cameras again that failed.", "--retry"),
+    retry: bool = flag("Process the cameras that failed once more.", "--retry"),
     model: str = option(
         "radial2", "MODEL", "Lens model, as in trisquare calibrate.", offer=(*MODELS, AUTO)
     ),
@@ -128,12 +128,14 @@ def batch_command(
     lines: bool = flag("Use the scene's own straight edges as well.", "--lines"),
     max_pixels: str | None = MAX_PIXELS,
     max_bytes: str | None = MAX_BYTES,
-    max_seconds: float | None = option(None, "S", "Give a camera up after so many seconds (300)."),
+    max_seconds: float | None = option(None, "S", "Stop a camera after this many seconds (300)."),
     max_memory: str | None = option(
-        None, "N", "Bytes that a camera may take beside the program (4G); on Linux."
+        None,
+        "N",
+        "Bytes of memory that a camera may take in addition to the program (4G); only on Linux.",
     ),
 ) -> None:
-    """Calibrate many cameras, each from its own photographs; a run that was killed goes on."""
+    """Calibrate many cameras, each from its own photographs; an interrupted run continues."""
     bounds = JobLimits.stated(
         amount(max_pixels, "--max-pixels"),
         amount(max_bytes, "--max-bytes"),

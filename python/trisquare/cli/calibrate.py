@@ -77,8 +77,8 @@ def calibrate_command(
     output: Path | None = option(
         None,
         "FILE",
-        "Write the result to this file: .json for all of it; the camera alone in the format of any "
-        "other name that convert knows, such as .yaml.",
+        "Write the result to this file: .json for the whole result; any other extension that "
+        "convert knows, such as .yaml, for the camera alone in that format.",
         "--output",
         "-o",
     ),
@@ -176,8 +176,8 @@ def calibrate_command(
     fail_on: str | None = option(
         None,
         "SEVERITY",
-        "Exit with code 6 where a warning is of this severity (high, medium or low), or a higher "
-        "one; all is printed and written.",
+        "Exit with code 6 if a warning has this severity (high, medium or low) or a higher one; "
+        "the result is printed and written all the same.",
         offer=SEVERITIES,
     ),
     verbose: bool = flag("Show all warnings, not only the most severe.", "--verbose", "-v"),

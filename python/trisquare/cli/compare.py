@@ -35,7 +35,9 @@ EXAMPLES = (
 
 
 def compare_command(
-    first: Path = argument(..., "A", "The first camera file, to whose pictures pixels refer."),
+    first: Path = argument(
+        ..., "A", "The first camera file; differences are in pixels of its pictures."
+    ),
     second: Path = argument(..., "B", "The second camera file."),
     map_file: Path | None = option(None, "FILE", "Draw the differences over the picture.", "--map"),
     rescale: bool = flag(

@@ -49,7 +49,7 @@ def convert_command(
         offer=FORMAT_NAMES,
     ),
     camera: str | None = option(
-        None, "NAME", "Which camera, if IN holds several: cam1, or COLMAP's id."
+        None, "NAME", "Which camera, if IN contains several: cam1, or COLMAP's id."
     ),
     size: str | None = option(None, "WxH", "Size of the picture, if IN does not state it."),
     approximate: bool = flag(

@@ -20,7 +20,7 @@ SUMMARIES: Mapping[str, str] = MappingProxyType(
     {
         "calibrate": "Calibrate a camera from its photographs.",
         "batch": (
-            "Calibrate many cameras, each from its own photographs; a run that was killed goes on."
+            "Calibrate many cameras, each from its own photographs; an interrupted run continues."
         ),
         "serve": (
             "Serve a page that calibrates cameras in a browser, from files or from its own camera."
@@ -57,8 +57,8 @@ EXIT_CODES_HELP = """\
 3  nothing found in the photograph, or not enough of it
 4  the geometry does not determine the camera, or no convergence
 5  a picture or a file is missing or cannot be read
-6  of a batch, cameras failed or are beyond the limits; of a checked sheet, something is not ok; of
-   calibrate, a warning is as severe as was to fail
+6  batch: cameras failed or are beyond the limits; target: something is not ok in the checked sheet;
+   calibrate: a warning has at least the severity that was stated as a failure
 1, 70, 130  nobody reads the output; internal error; Ctrl-C"""
 
 NOT_ALL_PASSED_EXIT = 6

@@ -76,8 +76,8 @@ def measure_command(
     plane: int | None = option(
         None,
         "N",
-        "Which of the photograph's planes, from 0 on; by default the one that all points are "
-        "within, or else the one that holds most of them and is nearest, in units of its size.",
+        "Index of the plane in the photograph, from 0 on; by default the plane that contains all "
+        "points, or else the one that contains most of them and is nearest, relative to its size.",
     ),
     side: str | None = option(
         None,

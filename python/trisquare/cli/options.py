@@ -45,8 +45,8 @@ def flag(text: str, *names: str, **more: Any) -> Any:
 
 
 OF_PHOTOS = (
-    "One photograph, or several of the same camera; or a folder (not those in it), or a pattern "
-    "such as '*.jpg' or '**/*.jpg', by the order of names (2.jpg before 10.jpg)"
+    "One photograph, or several of the same camera; or a folder (without its subfolders), or a "
+    "pattern such as '*.jpg' or '**/*.jpg', in the order of names (2.jpg before 10.jpg)"
 )
 PHOTOS = argument(..., "PHOTO", f"{OF_PHOTOS}.")
 PHOTOS_OR_INPUT = argument(..., "PHOTO", f"{OF_PHOTOS}; or - for standard input.")
@@ -55,8 +55,8 @@ QUIET = flag("Print nothing but errors.", "--quiet", "-q")
 FIX = option(
     None,
     "WHAT",
-    "Hold aspect, principal_point, focal or distortion at the values of --initial, or else at 1, "
-    "the image centre, and zero; repeatable, or with commas.",
+    "Fix aspect, principal_point, focal or distortion at the values of --initial, or else at 1, "
+    "the picture's centre, and zero; repeatable, or with commas.",
     offer=FIXABLE,
 )
 FRAMES = option(
@@ -67,11 +67,11 @@ FRAMES = option(
 INITIAL = option(
     None,
     "FILE",
-    "A camera, in any format that convert reads: --fix holds its values, and --fix focal needs it; "
-    "what is free may start from them.",
+    "A camera, in any format that convert reads: --fix takes its values, and --fix focal needs "
+    "it; the fit of the free parameters may start from them.",
 )
 FREE = option(
-    None, "WHAT", "Estimate the skew, which is held at zero otherwise: skew.", offer=FREEABLE
+    None, "WHAT", "Estimate the skew, which is otherwise fixed at zero: skew.", offer=FREEABLE
 )
 
 ORTHOGONAL = option(
@@ -79,8 +79,8 @@ ORTHOGONAL = option(
     "PLANES",
     "Two planes that are at right angles, as 0,1: their numbers in the result; repeatable.",
 )
-PARALLEL = option(None, "PLANES", "Two planes that are parallel, likewise.")
-MAX_PIXELS = option(None, "N", "Refuse pictures of more pixels, by their header (500M).")
+PARALLEL = option(None, "PLANES", "Two planes that are parallel, as 0,1; repeatable.")
+MAX_PIXELS = option(None, "N", "Refuse pictures whose header states more pixels (500M).")
 MAX_BYTES = option(None, "N", "Refuse larger files (2G).")
 BALANCE = option(0.0, "0..1", "From 0 (no black border) to 1 (all of the photograph).")
 

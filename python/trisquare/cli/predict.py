@@ -76,8 +76,8 @@ def predict_command(
     fix: list[str] | None = option(
         None,
         "WHAT",
-        "What will be held, at the camera's values: aspect, principal_point, focal or distortion; "
-        "repeatable, or with commas.",
+        "Parameters that will be fixed at the camera's values: aspect, principal_point, focal or "
+        "distortion; repeatable, or with commas.",
         offer=FIXABLE,
     ),
     free: list[str] | None = FREE,

@@ -38,8 +38,10 @@ EXAMPLES = (
 
 
 def serve_command(
-    host: str = option("127.0.0.1", "ADDRESS", "Listen here; by default for this machine alone."),
-    port: int = option(PORT, "N", "Port; 0 for any that is free."),
+    host: str = option(
+        "127.0.0.1", "ADDRESS", "Address to listen on; by default only this machine can connect."
+    ),
+    port: int = option(PORT, "N", "Port; 0 for any free port."),
     token: str | None = option(
         None,
         "TEXT",
@@ -49,28 +51,32 @@ def serve_command(
     max_bytes: str | None = option(None, "N", "Refuse larger requests (200M)."),
     max_pixels: str | None = option(None, "N", "Refuse pictures of more pixels (100M)."),
     max_seconds: float | None = option(
-        None, "S", "Give a request up after computing for so many seconds (60)."
+        None, "S", "Stop a request after this many seconds of computing (60)."
     ),
     max_memory: str | None = option(
-        None, "N", "Bytes that a request may take beside the program (2G); on Linux."
+        None,
+        "N",
+        "Bytes of memory that a request may take in addition to the program (2G); only on Linux.",
     ),
     jobs: int | None = option(
         None,
         "N",
-        "Requests worked on at a time; by default as many as there are cores.",
+        "Requests processed at a time; by default as many as there are cores.",
         "--jobs",
         "-j",
     ),
     certificate: Path | None = option(
         None,
         "FILE",
-        "Serve by https with this certificate (PEM), without which no browser gives its camera to "
-        "a page of another machine.",
+        "Serve by https with this certificate (PEM); without it, no browser lets a page of "
+        "another machine use its camera.",
     ),
     key: Path | None = option(None, "FILE", "The certificate's private key (PEM)."),
-    idle: float | None = option(None, "SECONDS", "End when nobody has asked for so long."),
+    idle: float | None = option(None, "SECONDS", "End after this many seconds without a request."),
     grace: int = option(
-        GRACE, "SECONDS", "At the end, wait so long for the answers that are being computed (8)."
+        GRACE,
+        "SECONDS",
+        "At the end, wait this many seconds for answers that are being computed (8).",
     ),
     open_browser: bool = flag("Open the page in a browser.", "--open"),
     verbose: bool = flag(

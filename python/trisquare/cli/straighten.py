@@ -54,7 +54,9 @@ def straighten_command(
         "or a fisheye, whichever is nearer. Needs --focal.",
     ),
     focal: float | None = option(
-        None, "PX", "Focal length of the camera that is written: straight lines do not tell it."
+        None,
+        "PX",
+        "Focal length, in pixels, of the written camera: straight lines do not determine it.",
     ),
     json: bool = JSON,
     quiet: bool = QUIET,

@@ -46,11 +46,13 @@ def target_command(
     check: Path | None = option(
         None,
         "PHOTO",
-        "Print nothing, but say by a photograph of the printed sheet whether it is folded square, "
-        "flat enough and printed to scale; --kind both is then the folded corner.",
+        "Write no PDF, but check in a photograph of the printed sheet whether it is folded at "
+        "right angles, flat enough and printed to scale; --kind both is then the folded corner.",
     ),
     ruler: str | None = option(
-        None, "LENGTH", "With --check: what the sheet's ruler of 100 mm measures, such as 99.5mm."
+        None,
+        "LENGTH",
+        "With --check: the measured length of the sheet's ruler of 100 mm, such as 99.5mm.",
     ),
     json: bool = JSON,
     quiet: bool = QUIET,

@@ -81,8 +81,8 @@ def undistort_command(
     field: float | None = option(
         None,
         "DEGREES",
-        "How wide the view is, in place of --balance; by default a cylinder or a sphere shows all "
-        "of the photograph's row through the principal point.",
+        "Field of view, instead of --balance; by default a cylinder or a sphere shows all of the "
+        "photograph's row through the principal point.",
     ),
     rescale: bool = flag(
         "Scale the camera to photographs of another resolution but the same aspect ratio: "
@@ -95,8 +95,8 @@ def undistort_command(
     new_camera: Path | None = option(
         None,
         "FILE",
-        "Write the camera that has taken the new pictures, a pinhole, to this file, in the format "
-        "of its name, as convert does.",
+        "Write the camera of the new pictures, a pinhole, to this file, in the format of its "
+        "name, as convert does.",
     ),
     json: bool = JSON,
     quiet: bool = QUIET,

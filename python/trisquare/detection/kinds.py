@@ -23,7 +23,7 @@ from trisquare.results.rejected import Rejected
 if TYPE_CHECKING:
     from trisquare.detection.sheets.layout import Layout
 
-_BOARD = "name its inner corners, chessboard:9x6, or nothing at all: boards are found untold"
+_BOARD = "name its inner corners, chessboard:9x6, or leave targets out: boards are found by default"
 
 LAYOUT_ADVICE = {
     "chessboard": _BOARD,
@@ -121,7 +121,9 @@ class TargetKinds:
         match = re.fullmatch(r"chessboard:(\d{1,3})x(\d{1,3})", text)
         if match is None:
             if text in LAYOUT_ADVICE:
-                raise ValueError(f"{text!r} is no target by itself: {LAYOUT_ADVICE[text]}")
+                raise ValueError(
+                    f"{text!r} is not a complete name of targets: {LAYOUT_ADVICE[text]}"
+                )
             raise unknown("targets", text, (*TAG_SEARCHES, *NAMED_ASPECTS, "rectangle"), CHOICES)
         cols, rows = int(match[1]), int(match[2])
         if min(cols, rows) < SMALLEST_BOARD:
@@ -174,8 +176,8 @@ def _missing(targets: TargetKinds, size: tuple[int, int]) -> str:
             f"be at least {tag} pixels wide in a picture of {size[0]} x {size[1]}"
         )
     return (
-        f"no square found: {squares} {large}; boards and tags were not looked for, as they are by "
-        "targets auto"
+        f"no square found: {squares} {large}; boards and tags were not searched for, which "
+        "targets auto does"
     )
 
 
@@ -190,6 +192,6 @@ def _lonely_squares(size: tuple[int, int]) -> str:
     if width <= _least_width(SQUARE_WIDTH, size):
         return ""
     return (
-        f"; where nothing else is as dark (or as light), they must take {100.0 * share:g} % of it, "
-        f"as three of {width} pixels do"
+        f"; if nothing else in it is as dark (or as light), they must cover {100.0 * share:g} % "
+        f"of it, as three squares {width} pixels wide do"
     )

@@ -93,8 +93,8 @@ def draw_overlay(
     if picture_size(picture) != calibration.camera.image_size:
         size, camera_size = picture_size(picture), calibration.camera.image_size
         raise ValueError(
-            f"the picture is {size[0]} x {size[1]}, the camera's are {camera_size[0]} x "
-            f"{camera_size[1]}"
+            f"the picture has {size[0]} x {size[1]} pixels, but the camera's pictures "
+            f"have {camera_size[0]} x {camera_size[1]}"
         )
     picture_counts = (plane.image + 1 for plane in calibration.planes)
     count = max([len(calibration.pictures), *picture_counts])

@@ -12,7 +12,7 @@ from trisquare.formats.document import Document
 
 ImageSize: TypeAlias = tuple[int, int]
 
-SAY_THE_SIZE = "say it with image_size= (trisquare convert FILE camera.json --size WxH)"
+SAY_THE_SIZE = "state it with image_size= (trisquare convert FILE camera.json --size WxH)"
 """Advice about a file without the picture's size: no other command has ``--size``."""
 
 Cameras: TypeAlias = Mapping[str, Callable[[], Lens]]

@@ -48,7 +48,7 @@ def read(document: Document, image_size: ImageSize | None) -> Cameras:
         if line.startswith("i ")
     ]
     if not images:
-        raise ValueError('there is no line "i", which says what lens an image has')
+        raise ValueError('there is no line "i", which states the lens of an image')
     cameras = {str(i): partial(_lens, images, i) for i in range(len(images))}
     resolved = [
         {key: _resolved(images, i, key) for key in LENS_VARIABLES} for i in range(len(images))
@@ -64,7 +64,7 @@ def _resolved(images: Sequence[Variables], index: int, key: str) -> str | None:
     linked = int(value[1:]) if re.fullmatch(r"=\d{1,6}", value) else len(images)
     found = images[linked].get(key) if linked < len(images) else None
     if found is None or found.startswith("="):
-        raise ValueError(f'"{key}" of image {index} is linked to {value!r}, which says nothing')
+        raise ValueError(f'"{key}" of image {index} is linked to {value!r}, which has no number')
     return found
 
 

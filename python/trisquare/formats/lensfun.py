@@ -65,9 +65,9 @@ def _lens(
     lens: ElementTree.Element, distortion: ElementTree.Element, image_size: ImageSize | None
 ) -> Lens:
     if image_size is None:
-        raise ValueError(f"lensfun's files do not say the picture's size: {SAY_THE_SIZE}")
+        raise ValueError(f"lensfun's files do not state the picture's size: {SAY_THE_SIZE}")
     if lens.findtext("type", "rectilinear").strip() != "rectilinear":
-        raise ValueError('"type" is not rectilinear: no other is read')
+        raise ValueError('"type" is not rectilinear: no other type can be read')
     width, height = image_size
     crop = number_in(lens.findtext("cropfactor"), "cropfactor")
     key = "real-focal" if distortion.get("real-focal") is not None else "focal"

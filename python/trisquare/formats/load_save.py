@@ -75,7 +75,7 @@ def camera_of_document(
         try:
             chosen, lens = _chosen(found.read(document, size), name, path)
         except ArithmeticError as error:
-            raise ValueError("holds numbers that are too large or too small") from error
+            raise ValueError("contains numbers that are too large or too small") from error
         if size is not None and lens.image_size != size:
             raise ValueError(f"its pictures have {lens.image_size} pixels, not {size}")
         if isinstance(lens, Camera):
@@ -87,8 +87,8 @@ def camera_of_document(
     camera = stand_in.lens
     if not approximate:
         raise LensModelError(
-            f"{shown(path)}: {lens.title} is not a lens model of trisquare; the nearest is "
-            f"{stand_in}: read it so with approximate=True (trisquare convert --approximate)",
+            f"{shown(path)}: {lens.title} is not a lens model of trisquare; the nearest "
+            f"is {stand_in}: read that one with approximate=True (trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,
@@ -103,7 +103,7 @@ def _chosen(cameras: Cameras, name: str | None, path: File) -> tuple[str, Lens]:
             raise ValueError(f"there is no camera {name!r}, but {_listed(cameras)}")
         return name, cameras[name]()
     if len(cameras) > 1:
-        advice = f"there are {len(cameras)} cameras, {_listed(cameras)}: say which with name="
+        advice = f"there are {len(cameras)} cameras, {_listed(cameras)}: choose one with name="
         if isinstance(path, str | os.PathLike):
             advice += f", or take one out: {_extraction(path, next(iter(cameras)))}"
         raise ValueError(advice)
@@ -177,15 +177,15 @@ def written(
     families = [family for family in fitted if family.is_of(camera)]
     most_general = (families or fitted)[-1]
     skew = f", skew {camera.skew:.3g} px" if camera.skew else ""
-    cannot = f"{known.title} cannot hold this camera (model {camera.model}{skew})"
+    cannot = f"{known.title} cannot store this camera (model {camera.model}{skew})"
     try:
         stand_in = nearest(camera, most_general)
     except ValueError as error:
         raise LensModelError(f"{cannot}: {error}") from error
     if not approximate:
         raise LensModelError(
-            f"{cannot}; the nearest that it can is {stand_in}: write that with approximate=True "
-            "(trisquare convert --approximate)",
+            f"{cannot}; the nearest camera that it can store is {stand_in}: write that one with "
+            "approximate=True (trisquare convert --approximate)",
             stand_in.lens,
             stand_in.rms,
             stand_in.worst,

@@ -76,7 +76,7 @@ def format_of_document(document: Document) -> Format:
 
 
 def format_of_name(
-    name: str, remedy: str = f"say which with format= (--to), of {', '.join(FORMAT_NAMES)}"
+    name: str, remedy: str = f"state it with format= (--to), one of {', '.join(FORMAT_NAMES)}"
 ) -> Format:
     """Return the format in which to write a file of this name.
 
@@ -91,7 +91,7 @@ def format_of_name(
     """
     promised = _format_by_name(name)
     if promised is None:
-        raise ValueError(f"the extension of {name!r} tells no camera format: {remedy}")
+        raise ValueError(f"the extension of {name!r} determines no camera format: {remedy}")
     return promised
 
 

@@ -65,4 +65,4 @@ def number_in(text: str | None, name: str) -> float:
 
 
 def _refuse_entity(*_: Any) -> None:
-    raise ValueError("the XML text declares entities, which camera files do without")
+    raise ValueError("the XML text declares entities, which are not read")

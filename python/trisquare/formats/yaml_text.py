@@ -105,7 +105,7 @@ def _check_events(events: Iterable[Any]) -> None:
             levels -= 1
         elif isinstance(event, yaml.AliasEvent):
             # By aliases, a small file may expand to a large one.
-            raise yaml.YAMLError("it holds an alias (*name), which camera files do without")
+            raise yaml.YAMLError("it contains an alias (*name), which is not read")
         values += isinstance(event, yaml.NodeEvent)
         if levels > MAX_LEVELS:
             raise _LimitError(f"the YAML text is nested more than {MAX_LEVELS} levels deep")

@@ -18,7 +18,7 @@ def check_picture_name(path: PathLike) -> None:
     # Only the extension: a name that is not UTF-8 crashes OpenCV.
     if not (suffix.isascii() and cv2.haveImageWriter(f"picture{suffix}")):
         raise ValueError(
-            f"{shown(path)}: no picture is written with the extension {suffix!r}: take .png, "
+            f"{shown(path)}: pictures cannot be written with the extension {suffix!r}: use .png, "
             ".jpg, .tif or .webp"
         )
 

@@ -102,7 +102,7 @@ def read_foreign(
     if kind == VIDEO:
         raise ImageError(
             f"{name}: a video, not a photograph: calibrate and batch choose frames of it with "
-            "--frames 10 (frames=10); for all else take frames out of it, for example with "
+            "--frames 10 (frames=10); for other commands, extract frames of it, for example with "
             "ffmpeg -i VIDEO -vf fps=1 frame-%03d.png"
         )
     return _read_heif(encoded, name, limits) if kind == HEIF else _read_raw(encoded, name, limits)

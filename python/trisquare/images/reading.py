@@ -188,8 +188,8 @@ def _pillow_tag(image: PillowImage) -> OrientationTag | None:
 def _checked_array(source: object) -> Image:
     if not isinstance(source, np.ndarray):
         raise TypeError(
-            "a picture is a path, an array, bytes, a binary file or a Pillow image, not "
-            f"{type(source).__name__}"
+            "a picture must be a path, an array, bytes, a binary file or a Pillow image, "
+            f"not {type(source).__name__}"
         )
     if np.ma.is_masked(source):
         raise ValueError("a picture must have no masked pixels: set them to the grey around them")
@@ -198,7 +198,7 @@ def _checked_array(source: object) -> Image:
         raise TypeError(f"pixels must be uint8, uint16 or float32, not {source.dtype}{hint}")
     if source.ndim not in (2, 3) or source.shape[2:] not in SHAPES or source.size == 0:
         raise ValueError(
-            f"a picture has the shape (H, W), (H, W, 3) or (H, W, 4), not {source.shape}"
+            f"a picture must have the shape (H, W), (H, W, 3) or (H, W, 4), not {source.shape}"
         )
     pixels = source[:, :, :3] if source.shape[2:] == (4,) else source
     if pixels.dtype == np.float32 and not np.isfinite(pixels).all():

@@ -112,7 +112,7 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
             if not videos and any(entry.is_dir() for entry in files):
                 pattern = os.path.join(glob.escape(name), "**", "*.jpg")
                 hint = f"; folders in it are not searched: name them, or all as {pattern!r}"
-            raise ImageError(f"{named}: the folder holds no picture{hint}")
+            raise ImageError(f"{named}: the folder contains no picture{hint}")
         return _without_drawn(found, name)
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
@@ -123,7 +123,7 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
         if os.path.islink(name):
-            text = f"{named}: a link to {shown(os.readlink(name))}, which is not there"
+            text = f"{named}: a link to {shown(os.readlink(name))}, which does not exist"
             raise MissingImageError(text) from error
         if not name:
             raise MissingImageError("the name of a picture is empty") from error
@@ -138,6 +138,6 @@ def _without_drawn(found: list[Path], name: str) -> list[Path]:
     undrawn = [path for path in found if not is_drawn(path)]
     if not undrawn:
         raise ImageError(
-            f"{shown(name)}: trisquare has drawn on all pictures there: name a photograph"
+            f"{shown(name)}: all its pictures were drawn on by trisquare: name a photograph"
         )
     return undrawn

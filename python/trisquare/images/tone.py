@@ -16,7 +16,8 @@ NOTABLE_GROWTH = 1.2
 """Growth of a standard deviation from which a misfit of all tone curves is reported."""
 
 CONTRADICTED_BY_EDGES = (
-    "the edge profiles contradict the tone curve that was stated or assumed, which moves the edges"
+    "the edge profiles contradict the tone curve that was stated or assumed, which displaces the "
+    "edges"
 )
 """Message about a stated tone curve if the fit to the pixels does not give a more exact one."""
 

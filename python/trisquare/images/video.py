@@ -246,7 +246,9 @@ def write_video(path: PathLike, frames: Iterable[Image], rate: float, turn: int 
         file.truncate(end)
     capture = cv2.VideoCapture(os.fspath(path))
     if not capture.isOpened() or capture.get(cv2.CAP_PROP_FRAME_COUNT) != written:
-        raise OSError(errno.EIO, "not all of the video came onto the disk, which may be full")
+        raise OSError(
+            errno.EIO, "the video was not completely written to the disk, which may be full"
+        )
     return written
 
 

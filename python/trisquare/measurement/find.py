@@ -212,8 +212,8 @@ def search_annotated(
     """
     if annotated and (kinds.board or kinds.layout):
         raise ValueError(
-            "outlines are of squares or rectangles, but targets names a board, which is searched "
-            "for: leave one of them out"
+            "outlines are for squares and rectangles, but targets names a board, which is "
+            "searched for: leave out one of the two"
         )
     grey = grey_bytes(picture)
     snapped = [snap_to_edges(grey, target) for target in annotated]

@@ -77,7 +77,7 @@ def parameter_texts(calibration: Calibration) -> Iterator[tuple[str, str, str, s
         if name in calibration.std:
             yield name, unit_of(name), *with_its_std(value, calibration.std[name])
         elif value != 0 or name in ("fx", "fy", "cx", "cy"):
-            yield name, unit_of(name), f"{value:.6g}", "held"
+            yield name, unit_of(name), f"{value:.6g}", "fixed"
 
 
 def focal_length_text(calibration: Calibration, stated: StatedFocalLength) -> str:
@@ -189,7 +189,7 @@ def settings(calibration: Calibration) -> list[tuple[str, str]]:
     return [
         ("method", f"{method}; the numbers are from the {calibration.stage} stage"),
         ("lens model", calibration.camera.model + chosen),
-        ("held", held_text(calibration) or "nothing"),
+        ("fixed", held_text(calibration) or "nothing"),
         ("tone curve", _tone(calibration)),
         ("calibrated by", f"trisquare {calibration.software}"),
         ("reported by", reported_by),

@@ -231,7 +231,7 @@ class Calibration(Record):
         covariance = real_array(self.covariance, "covariance", (size, size))
         object.__setattr__(self, "covariance", covariance)
         if (covariance.diagonal() < 0.0).any():
-            raise ValueError("covariance holds a negative variance")
+            raise ValueError("covariance contains a negative variance")
         twice = [name for name in self.parameters if self.parameters.count(name) > 1]
         if twice:
             raise ValueError(f"parameters has {twice[0]} twice")
@@ -241,7 +241,9 @@ class Calibration(Record):
         object.__setattr__(self, "edges", instances(self.edges, PlaneEdges, "edges"))
         related = [plane for pair in (*self.orthogonal, *self.parallel) for plane in pair]
         if related and max(related) >= len(self.planes):
-            raise ValueError(f"plane {max(related)} is related, but there are {len(self.planes)}")
+            raise ValueError(
+                f"plane {max(related)} is related, but there are only {len(self.planes)} planes"
+            )
         samples = [[len(points) for points in figure.points] for figure in self.edges]
         if samples != [
             [len(residuals) for residuals in figure.distances] for figure in self.residuals
@@ -274,11 +276,11 @@ class Calibration(Record):
                 text, std_text = with_its_std(value, self.std[name])
                 lines.append(f"  {name}  {text:>12}  std {std_text}")
             elif value != 0:
-                lines.append(f"  {name}  {value:12.6g}  held")
+                lines.append(f"  {name}  {value:12.6g}  fixed")
         for relation in ("orthogonal", "parallel"):
             if pairs := getattr(self, relation):
                 pairs_text = "; ".join(f"{first} and {second}" for first, second in pairs)
-                lines.append(f"  planes held {relation}: {pairs_text}")
+                lines.append(f"  planes fixed as {relation}: {pairs_text}")
         lines.append(
             f"  rms {self.rms:.3g} px over {sum(plane.is_used for plane in self.planes)} planes, "
             f"noise scale {self.noise_scale:.2f}"

@@ -206,7 +206,9 @@ def _guidance(
     sigma = real_number(options.get("sigma", SIGMA), "sigma")
     guidance = guide(squares, size, camera, sigma=sigma)
     if unusable and guidance.std is None:
-        advice = f"A {unusable[0]} is found. What it tells is not predicted: calibrate to see."
+        advice = (
+            f"A {unusable[0]} is found. Predictions do not include it: calibrate to see its effect."
+        )
         guidance = replace(guidance, advice=advice)
     return asdict(guidance)
 
@@ -308,7 +310,7 @@ def _only(task: Task) -> str:
 def _targets(task: Task) -> str:
     targets = task.options.get("targets", "auto")
     if isinstance(targets, str) and targets.lower().endswith(".json"):
-        raise ValueError("a layout's file is not read here: name a board")
+        raise ValueError("a file with a layout cannot be given here: name a board")
     return str(targets)
 
 

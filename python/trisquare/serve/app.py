@@ -170,7 +170,7 @@ def problem(code: str, text: str, status: int | None = None, **more: Any) -> JSO
 
 
 def _not_kept(error: OSError) -> JSONResponse:
-    return problem("OSError", f"cannot keep what is sent: {error.strerror}")
+    return problem("OSError", f"the upload cannot be stored: {error.strerror}")
 
 
 async def _refused(request: Request, error: Exception) -> Response:

@@ -142,7 +142,7 @@ SEVERAL = ("calibrate", "report")
 SUMMARIES = {
     "find": "Find squares and other targets, or snap outlines that were drawn to edges.",
     "calibrate": "Calibrate a camera from its photographs.",
-    "predict": "Predict what outlines will tell, and say what would help most.",
+    "predict": "Predict the standard deviations, and the change that reduces them most.",
     "overlay": "Draw a result over its photograph.",
     "undistort": "Remove the lens distortion from a photograph.",
     "preview": "Return a photograph as a browser shows it.",
@@ -155,7 +155,7 @@ SUMMARIES = {
 REFUSALS = {
     "400": "an argument or an option is wrong, or a file other than a picture is damaged",
     "401": "the token is missing or wrong",
-    "405": "the address takes another method",
+    "405": "the address requires another method",
     "408": "the request does not arrive in time",
     "409": "the format has no model for the lens",
     "413": "the request is too large",
@@ -197,7 +197,7 @@ def _status() -> dict[str, Any]:
     answer = {"application/json": {"schema": STATUS}}
     return {
         "operationId": "status",
-        "summary": "Say the version, the limits, the formats and the models.",
+        "summary": "Return the version, the limits, the formats and the models.",
         "responses": {"200": {"description": "done", "content": answer}, "401": _refusal("401")},
     }
 

@@ -87,7 +87,7 @@ def run_server(
         try:
             config.load()
         except OSError as error:
-            raise ValueError(f"{certificate}: no certificate whose key is {key}") from error
+            raise ValueError(f"{certificate}: not a certificate with the key {key}") from error
         with _bound(host, port) as opened, suppress(KeyboardInterrupt):  # the usual way to end
             port = opened.getsockname()[1]
             address = f"{scheme}://{_reachable(host, opened)}:{port}/?token={token}"

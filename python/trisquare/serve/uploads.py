@@ -110,9 +110,9 @@ def _options(text: str | bytes) -> dict[str, Any]:
     try:
         options = json.loads(text or "{}")
     except UnicodeDecodeError:
-        raise ValueError("the options are no JSON, and no text") from None
+        raise ValueError("the options are neither JSON nor text") from None
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"the options are no JSON: {error}") from error
+        raise ValueError(f"the options are not valid JSON: {error}") from error
     if not isinstance(options, dict):
         raise ValueError(f"the options must be a JSON object, not {type(options).__name__}")
     level: list[Any] = [options]

@@ -248,9 +248,9 @@ def _check_count(lengths: FloatArray, kind: str) -> None:
     long_count = int((lengths >= LONG).sum())
     if long_count < MIN_LINES:
         raise NotEnoughDataError(
-            f"{long_count} long {kind} in the picture, but {MIN_LINES} are needed, of {LONG:.0%} "
-            "of half the diagonal or more, and curved no more than a lens bends a straight line: "
-            "take a picture with long straight edges, near its border too"
+            f"{long_count} long {kind} in the picture, but {MIN_LINES} are needed, each at "
+            f"least {LONG:.0%} of half the diagonal long, and curved no more than a lens curves a "
+            "straight line: take a picture with long straight edges, also near its border"
         )
 
 

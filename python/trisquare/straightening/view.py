@@ -36,7 +36,9 @@ def undistort_picture(
     width, height = picture_size(picture)
     if (width, height) != camera.image_size:
         size = "{} x {}".format(*camera.image_size)
-        raise ValueError(f"the picture is {width} x {height}, the camera's are {size}")
+        raise ValueError(
+            f"the picture has {width} x {height} pixels, but the camera's pictures have {size}"
+        )
     if max(width, height) > LARGEST_RESAMPLED:
         raise ValueError(f"pictures of more than {LARGEST_RESAMPLED} pixels a side")
     zoom = view_zoom(camera, balance)

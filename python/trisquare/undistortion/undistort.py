@@ -222,8 +222,9 @@ def _refuse_size(found: tuple[int, int], camera: Camera) -> NoReturn:
     camera.rescaled(found)  # raises an error with advice for another aspect ratio
     width, height = camera.image_size
     raise ValueError(
-        f"the picture is {found[0]} x {found[1]}, the camera's are {width} x {height}: if it was "
-        "scaled, and not cropped, scale the camera to it (rescale=True, --rescale)"
+        f"the picture has {found[0]} x {found[1]} pixels, but the camera's pictures have {width} "
+        f"x {height}: if it was scaled, and not cropped, scale the camera to it (rescale=True, "
+        "--rescale)"
     )
 
 

@@ -507,7 +507,7 @@ fn message(warning: &Warning) -> String {
         Setting::DistortionFree(name) => format!("Without fix=\"distortion\" (model={name:?})"),
         _ => return text,
     };
-    let phrase = format!("{setting} fx is {:.1}", advised.focal);
+    let phrase = format!("{setting}, fx is {:.1}", advised.focal);
     text.replace(&advised.to_string(), &phrase)
 }
 

@@ -20,7 +20,7 @@ pyo3::import_exception!(trisquare.errors, InternalError);
 pub fn exception(error: Error) -> PyErr {
     let mut message = error.to_string();
     if let Error::LinesAlone { .. } = error {
-        message += "; without any use trisquare.straighten on the picture";
+        message += "; without squares, use trisquare.straighten on the picture";
     }
     match error.kind() {
         ErrorKind::InvalidArgument => PyValueError::new_err(message),

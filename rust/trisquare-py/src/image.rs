@@ -32,7 +32,7 @@ impl Picture {
             trisquare::Picture::from_f32(width, height, channels, values)
         } else {
             return Err(PyTypeError::new_err(
-                "an image is an array of uint8, uint16 or float32",
+                "a picture must be an array of uint8, uint16 or float32",
             ));
         };
         let picture = picture.map_err(|error| PyValueError::new_err(error.to_string()))?;
@@ -70,7 +70,7 @@ fn contiguous<T: Copy, D: Dimension>(
         [height, width, channels @ (1 | 3)] => (height, width, channels),
         ref other => {
             return Err(PyValueError::new_err(format!(
-                "an image has the shape (H, W) or (H, W, 3), not {other:?}"
+                "a picture must have the shape (H, W) or (H, W, 3), not {other:?}"
             )));
         }
     };

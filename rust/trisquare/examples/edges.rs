@@ -50,7 +50,7 @@ fn tell<L: Lens>(found: &Result<Calibration<L>, Error>) {
         match estimate.std {
             // The 95 % interval is 1.96 standard deviations to either side.
             Some(std) => println!("{name:4} {value:12.5} +- {:.5}", 1.96 * std),
-            None => println!("{name:4} {value:12.5} held"),
+            None => println!("{name:4} {value:12.5} fixed"),
         }
     }
     println!("rms {:.4} px", calibration.rms);

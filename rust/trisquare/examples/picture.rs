@@ -111,7 +111,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (name, value) = (estimate.name, estimate.value);
         match estimate.std {
             Some(std) => println!("{name:4} {value:10.4} +- {std:.4}   truth {truth:10.4}"),
-            None => println!("{name:4} {value:10.4} held        truth {truth:10.4}"),
+            None => println!("{name:4} {value:10.4} fixed       truth {truth:10.4}"),
         }
     }
     println!("{:?}, rms {:.4} px", found.stage, found.rms);

@@ -74,8 +74,8 @@ pub enum Error {
 
     /// The sides of a square follow each other around it except for one sample.
     #[error(
-        "sample {sample} of line {line} of figure {figure} lies far off its line: without it the sides \
-         are in order round the square"
+        "sample {sample} of line {line} of figure {figure} lies far off its line: leave it out, \
+         since without it the sides are in order round the square"
     )]
     StraySample {
         /// Index of the figure; 0 for a figure under construction.
@@ -133,8 +133,8 @@ pub enum Error {
     /// Lines of the scene without a plane: [`fit_distortion`](crate::fit_distortion) estimates the
     /// distortion from them.
     #[error(
-        "{} of the scene and no plane: lines determine the distortion only, the rest of the camera \
-         needs squares",
+        "{} of the scene, but no plane: lines determine only the distortion; the other parameters \
+         of the camera need squares",
         counted(*lines, "line")
     )]
     LinesAlone {
@@ -188,9 +188,10 @@ pub enum Error {
 
     /// A single circle, with nothing else on its plane that determines its direction.
     #[error(
-        "figure {figure} is one circle on a plane of its own: its image has five parameters and so has \
-         its pose, which leaves no equation for the camera. Measure a circle concentric with it as \
-         well, or give it the plane of a figure that stands before it in the list"
+        "figure {figure} is the only figure on its plane, and a single circle: its image has five \
+         parameters, as many as its pose, and gives no equation for the camera. Measure a \
+         concentric circle as well, or state that it is on the plane of an earlier figure in the \
+         list"
     )]
     LoneCircle {
         /// Index of the figure.
@@ -256,8 +257,8 @@ pub enum Error {
 
     /// A lens of another family has a solution and the requested one has none.
     #[error(
-        "the lens is a fisheye: choose the lens model {model}, which fits the edges to {rms:.2} px (fx is \
-         {focal:.1}); with the one asked for there is no answer"
+        "the lens is a fisheye: choose the lens model {model}, which fits the edges to {rms:.2} px \
+         (fx is {focal:.1}); the requested lens model has no solution"
     )]
     LensOfAnotherFamily {
         /// The model that describes the lens.
@@ -270,7 +271,7 @@ pub enum Error {
 
     /// An iteration did not converge.
     #[error(
-        "{stage} did not converge{}: are all targets flat and of the shape that is stated?",
+        "{stage} did not converge{}: are all targets flat, and of the stated shape?",
         spent(*.iterations, *.rms)
     )]
     NotConverged {
@@ -292,7 +293,7 @@ pub(crate) fn counted(count: usize, thing: &str) -> String {
 fn points_lie(count: usize, first: usize) -> String {
     match count {
         1 => format!("the point of index {first} lies"),
-        _ => format!("{count} points, the first of index {first}, lie"),
+        _ => format!("{count} points (the first has index {first}) lie"),
     }
 }
 

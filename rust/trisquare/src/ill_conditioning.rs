@@ -217,13 +217,13 @@ impl fmt::Display for Remedy {
         match self {
             Self::FreeFocal { held: (fx, fy) } => write!(
                 f,
-                "free the focal lengths: the planes contradict the held fx = {fx}, fy = {fy}"
+                "free the focal lengths: the planes contradict the fixed fx = {fx}, fy = {fy}"
             ),
             Self::FreePrincipalPoint { held: (cx, cy) } => write!(
                 f,
-                "free the principal point: the planes contradict the held cx = {cx}, cy = {cy}"
+                "free the principal point: the planes contradict the fixed cx = {cx}, cy = {cy}"
             ),
-            Self::HoldSkew => write!(f, "hold the skew"),
+            Self::HoldSkew => write!(f, "fix the skew at 0"),
             Self::FixAspect => write!(f, "fix the aspect"),
             Self::FixPrincipalPoint => write!(f, "fix the principal point at a known value"),
             Self::FixAspectAndPrincipalPoint => {

@@ -119,7 +119,7 @@ def annotated_pictures(members: Any) -> list[AnnotatedPicture]:
             "(labelme) is there"
         )
     if not any(picture.targets for picture in pictures):
-        raise ValueError("holds no outline")
+        raise ValueError("contains no outline")
     return pictures
 
 

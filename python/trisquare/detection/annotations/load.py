@@ -98,7 +98,7 @@ class Annotations:
 def _squares_of(outlines: Any) -> list[AnnotatedSquare]:
     if isinstance(outlines, bytes) or not hasattr(outlines, "__iter__"):
         raise TypeError(
-            f"outlines are a path, parsed JSON or a sequence, not {type(outlines).__name__}"
+            f"outlines must be a path, parsed JSON or a sequence, not {type(outlines).__name__}"
         )
     targets: list[AnnotatedSquare] = []
     for index, outline in enumerate(outlines):

@@ -87,7 +87,7 @@ class AnnotatedOutline:
         try:
             given = list(sides)
         except TypeError as error:
-            raise TypeError(f"{where} must hold four polylines") from error
+            raise TypeError(f"{where} must contain four polylines") from error
         if len(given) != 4:
             raise ValueError(f"{where} has {len(given)} sides: a square has 4")
         lines = [pixel_array(side, f"{where}[{i}]", (None, 2)) for i, side in enumerate(given)]

@@ -155,7 +155,7 @@ def parse_layout(text: str) -> Layout:
     if text.lower().endswith(".json"):
         return _from_file(Path(text))
     if text.startswith("chessboard"):
-        raise ValueError(f'a board without markers is not a layout: targets="{text}"')
+        raise ValueError(f'a board without markers is not a layout: give targets="{text}"')
     match = re.fullmatch(
         r"(charuco|aruco|apriltag|aprilgrid):(\d{1,4})x(\d{1,4}):(\d{0,6}\.?\d{0,9})(?::(\w+))?",
         text,
@@ -264,7 +264,9 @@ def _file_sheet(path: Path, index: int, member: Any) -> tuple[PrintedSheet, dict
     corners = []
     for place, (key, value) in enumerate(markers.items()):
         if not re.fullmatch(r"\d{1,6}", key) or int(key) in places:
-            raise ValueError(f"{path}: {key!r:.60} is no marker number of its own")
+            raise ValueError(
+                f"{path}: {key!r:.60} must be a marker number, and different from the others"
+            )
         places[int(key)] = place
         try:
             corners.append(real_array(value, f"marker {key}", (4, 2)))

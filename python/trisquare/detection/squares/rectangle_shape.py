@@ -51,8 +51,8 @@ class RectangleShape:
         aspect = max(width, height) / min(width, height)
         if 1.0 < aspect < MIN_ASPECT:
             raise ValueError(
-                f"{text!r}: which way up a rectangle is cannot be seen below an aspect of "
-                f"{MIN_ASPECT:g}: give PlaneEdges.rectangle with its sides"
+                f"{text!r}: below an aspect of {MIN_ASPECT:g} the orientation of a rectangle "
+                "cannot be seen: give PlaneEdges.rectangle with its sides"
             )
         if aspect > MAX_ASPECT:
             raise ValueError(f"{text!r}: the aspect may be {MAX_ASPECT:g} at most")

@@ -77,7 +77,7 @@ export function readOutlines(text) {
   if (members?.format !== FORMAT) throw new Error(`The file is not of the format ${FORMAT}.`);
   const pictures = [members.pictures ?? members].flat();
   if (!pictures.every((picture) => Array.isArray(picture?.squares))) {
-    throw new Error("The file has not a list of squares for each picture.");
+    throw new Error("The file has no list of squares for a picture.");
   }
   return pictures.map((picture) => ({
     ...picture,
@@ -94,6 +94,6 @@ function cornersOf(outline) {
   const corners = outline?.corners ?? starts;
   const isFine = Array.isArray(corners) && corners.length === 4
     && corners.every((point) => point?.length === 2 && point.every?.(Number.isFinite));
-  if (!isFine) throw new Error("A square in the file has not four corners.");
+  if (!isFine) throw new Error("A square in the file does not have four corners.");
   return corners;
 }

@@ -58,7 +58,7 @@ export class Results {
     const number = (text) => Object.assign(cell("td", text), { className: "number" });
     row.append(
       cell("th", name, "row"), number(rounded(value, std)),
-      number(std === null ? "held" : std.toPrecision(2)),
+      number(std === null ? "fixed" : std.toPrecision(2)),
     );
     return row;
   }

@@ -302,7 +302,7 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
         let ImageSize { width, height } = self.size;
         Some(Error::InvalidArgument(format!(
             "figure {figure} lies wholly outside the picture of {width} x {height} pixels: is that \
-             its size, width before height?"
+             the picture's size, width before height?"
         )))
     }
 
@@ -336,7 +336,8 @@ fn check_lines((planes, lines): (usize, usize), method: Method) -> Result<(), Er
     match method {
         Method::MaximumLikelihood => Ok(()),
         Method::Linear => Err(Error::InvalidArgument(
-            "lines of the scene need maximum likelihood: the linear steps have no place for them"
+            "lines of the scene need the maximum-likelihood method: the linear steps cannot use \
+             them"
                 .into(),
         )),
     }

@@ -53,7 +53,7 @@ impl Line {
         let coefficients = Vector3::new(a, b, c) / norm;
         if !coefficients.iter().all(|value| value.is_finite()) {
             return Err(Error::InvalidArgument(
-                "a line needs a normal: a and b are both zero, or next to it".into(),
+                "a line needs a normal: a and b are both zero, or nearly so".into(),
             ));
         }
         Ok(Self { coefficients })

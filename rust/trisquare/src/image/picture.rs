@@ -247,7 +247,9 @@ fn size_text(width: usize, height: usize, channels: usize, count: usize) -> Stri
         ),
         false => String::new(),
     };
-    format!("{picture} needs {needed} values, {row} a row without padding, not {count}{padded}")
+    format!(
+        "{picture} needs {needed} values ({row} in each row, without padding), not {count}{padded}"
+    )
 }
 
 fn check(width: usize, height: usize, channels: usize, count: usize) -> Result<(), PictureError> {
@@ -287,10 +289,13 @@ mod tests {
         };
         assert_eq!(
             message(5, 4, 64),
-            "a picture of 5 x 4 pixels with 3 channels needs 60 values, 15 a row without \
-             padding, not 64: if each row of 16 values ends in 1 of padding, leave these out"
+            "a picture of 5 x 4 pixels with 3 channels needs 60 values (15 in each row, without \
+             padding), not 64: if each row of 16 values ends in 1 of padding, leave these out"
         );
-        assert!(message(5, 4, 63).ends_with("needs 60 values, 15 a row without padding, not 63"));
+        assert!(
+            message(5, 4, 63)
+                .ends_with("needs 60 values (15 in each row, without padding), not 63")
+        );
         assert!(message(0, 4, 64).ends_with("is empty, but 64 values are given"));
         assert!(message(usize::MAX, 1, 1).ends_with("is empty, but 1 values are given"));
         assert!(Picture::from_f32(0, 2, 1, vec![]).is_err());

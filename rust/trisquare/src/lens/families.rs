@@ -77,8 +77,8 @@ impl LensFamily {
         let covered = pairs.len() as f64 / pixels.len() as f64;
         if covered < MIN_SEEN {
             return Err(Error::InvalidArgument(format!(
-                "the lens has a direction ahead of the camera for only {:.0} % of its picture: no \
-                 other can be fitted to it",
+                "only {:.0} % of the picture shows directions in front of the camera: no other \
+                 lens model can be fitted to this lens",
                 100.0 * covered
             )));
         }
@@ -102,7 +102,8 @@ impl LensFamily {
             .filter(|lens| !self.may_fold(lens, &pairs))
             .ok_or_else(|| {
                 Error::InvalidArgument(format!(
-                    "no lens of the model {} comes near: the nearest folds back within the picture",
+                    "no lens of the model {} is near this lens: the nearest turns back within the \
+                     picture",
                     self.name
                 ))
             })?;

@@ -125,7 +125,7 @@ fn closest_rotation(
 ) -> Result<Matrix3<f64>, Error> {
     if pixels.is_empty() {
         return Err(Error::InvalidArgument(
-            "the cameras are to be compared at no pixel".into(),
+            "the cameras cannot be compared: no pixel is given".into(),
         ));
     }
     let mut rotation = Matrix3::identity();
@@ -154,8 +154,8 @@ fn closest_rotation(
     let part = pixels.iter().filter(is_seen).count() as f64 / pixels.len() as f64;
     if part < MIN_IN_COMMON {
         return Err(Error::InvalidArgument(format!(
-            "the cameras have too little in common: their distortions can be inverted together \
-             over {:.0} % of the picture",
+            "the cameras cannot be compared: both distortions can be inverted in only {:.0} % of \
+             the picture",
             100.0 * part
         )));
     }

@@ -166,7 +166,7 @@ fn inscribed_rectangle<L: Lens>(
     let found = Rectangle { centre, zoom };
     Some(found).filter(|r| r.zoom > 0.0).ok_or_else(|| {
         Error::InvalidArgument(
-            "no undistorted view is filled by the picture: too little of it lies within the \
+            "the picture does not fill any undistorted view: too little of it lies within the \
              valid radius, or it is a single line of pixels"
                 .into(),
         )

@@ -109,17 +109,18 @@ pub enum NoEdge {
     #[error("an argument is invalid: {0}")]
     InvalidArgument(&'static str),
     /// The path has fewer than two points, or its points coincide or are not finite.
-    #[error("its outline is no line to follow")]
+    #[error("its outline has fewer than two different points, or one that is not finite")]
     NoPath,
     /// Too little of the path has its surroundings inside the picture.
     #[error("it lies outside the picture")]
     OutsidePicture,
     /// There is no smooth curve of the expected polarity near the path.
-    #[error("no smooth edge runs along its outline, dark on the side where it should be")]
+    #[error("no smooth edge with the dark on the expected side runs along its outline")]
     Inconsistent,
     /// Another object is so near that its blur would be taken for this edge's.
     #[error(
-        "something else is too close to it, such as the other edge of a line thinner than 5 blurs or 4 pixels"
+        "something else is too close to it, such as the other edge of a line that is thinner than \
+         4 pixels, or than 5 times the blur"
     )]
     Cramped,
     /// There is an edge, but its contrast is lost in the noise, or it is not a step.

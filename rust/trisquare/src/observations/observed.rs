@@ -266,7 +266,8 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
         match place {
             Some(place) if planes[place].image != figure_edges.image => {
                 return Err(Error::InvalidArgument(format!(
-                    "figure {index} shares a plane with a figure of another picture"
+                    "figure {index} shares a plane with a figure of another picture: give it a \
+                     plane of its own"
                 )));
             }
             Some(place) => {

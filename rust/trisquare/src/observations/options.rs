@@ -187,8 +187,8 @@ impl<L: Lens> Options<L> {
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !self.fixed.skew && (self.method == Method::Linear || L::skew_column().is_none()) {
             return Err(Error::InvalidArgument(
-                "the skew can be freed in the maximum-likelihood fit of a lens that has one: the \
-                 linear steps take it as zero"
+                "the skew can be free only in the maximum-likelihood fit, and for a lens model \
+                 that has a skew: the linear steps assume that it is zero"
                     .into(),
             ));
         }
@@ -209,7 +209,7 @@ impl<L: Lens> Options<L> {
             }
         } else if self.fixed.focal {
             return Err(Error::InvalidArgument(
-                "fixing the focal length needs an initial camera to hold it at".into(),
+                "fixing the focal length needs an initial camera that states its value".into(),
             ));
         }
         Ok(())

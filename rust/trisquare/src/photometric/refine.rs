@@ -119,7 +119,7 @@ fn attempt<L: Lens>(
     let unused: f64 = start.disturbed.iter().map(|side| side.part).sum();
     if unused > MAX_HIDDEN * 4.0 * start.figures.len() as f64 {
         return Err(Refusal::Reason(
-            "many stretches of many sides lie off their lines (is the paper bent?)",
+            "more than a tenth of all sides lies off its lines (is the paper bent?)",
         ));
     }
     let fit = PixelFit {
@@ -161,7 +161,7 @@ fn attempt<L: Lens>(
         better.covariance += &change * change.transpose();
         better.warnings.insert(0, warning);
     }
-    let folding = |_| Refusal::Reason("with them the distortion turns back inside the picture");
+    let folding = |_| Refusal::Reason("with it the distortion turns back inside the picture");
     problem.check_reach(&better.camera).map_err(folding)?;
     let hidden = start.disturbed.into_iter().filter(|side| side.is_hidden);
     better
@@ -175,8 +175,9 @@ fn attempt<L: Lens>(
     Ok((better, fitted))
 }
 
-const CONTRADICTED: Refusal =
-    Refusal::Reason("they contradict the edge samples (texture, glare or a wrong tone curve?)");
+const CONTRADICTED: Refusal = Refusal::Reason(
+    "the pixels contradict the edge samples (texture, glare or a wrong tone curve?)",
+);
 
 const BROKEN: Refusal = Refusal::Reason("the pixels near an outline do not show a blurred step");
 

@@ -32,11 +32,11 @@ pub struct Alternative<'a> {
 impl fmt::Display for Alternative<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.setting {
-            Setting::Model(name) => write!(f, "With the lens model {name}")?,
-            Setting::AspectHeld => write!(f, "With the aspect held")?,
-            Setting::PrincipalPointHeld => write!(f, "With the principal point held")?,
+            Setting::Model(name) => write!(f, "With the lens model {name},")?,
+            Setting::AspectHeld => write!(f, "With the aspect fixed,")?,
+            Setting::PrincipalPointHeld => write!(f, "With the principal point fixed,")?,
             Setting::DistortionFree(name) => {
-                write!(f, "With the distortion free (lens model {name})")?;
+                write!(f, "With the distortion free (lens model {name}),")?;
             }
         }
         write!(f, " fx is {:.1}", self.focal)
@@ -57,7 +57,8 @@ pub(super) fn richer_focal(cure: Option<&(String, f64)>, held: &[Cow<'static, st
             let (setting, focal) = (cure_setting(model, held), *focal);
             format!(" {}", Alternative { setting, focal })
         }
-        None => " No richer model of its family fits it either: try one of another family".into(),
+        None => " No richer model of the same family fits it either: try a model of another family"
+            .into(),
     }
 }
 

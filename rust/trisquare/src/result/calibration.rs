@@ -200,7 +200,7 @@ impl<L: Lens> Calibration<L> {
     ///     for estimate in found.estimates() {
     ///         match estimate.std {
     ///             Some(std) => println!("{} {} +- {std}", estimate.name, estimate.value),
-    ///             None => println!("{} {} held", estimate.name, estimate.value),
+    ///             None => println!("{} {} fixed", estimate.name, estimate.value),
     ///         }
     ///     }
     ///     for warning in &found.warnings {

@@ -81,8 +81,9 @@ pub enum Warning {
     },
     /// Some samples are far from their line, but their neighbours are not.
     #[error(
-        "{samples} of all samples {} used: {} {distance:.2} px off its line, and its neighbours \
-         do not. Was it measured on another edge?",
+        "{} {} used: {} {distance:.2} px off its line, but its neighbours do not. Was it measured \
+         on another edge?",
+        counted(*.samples, "sample"),
         if *.samples == 1 { "is not" } else { "are not" },
         numbered_sample(*.samples, [*.plane, *.figure, *.side, *.sample])
     )]
@@ -138,8 +139,9 @@ pub enum Warning {
     /// The squares are not square, or the lens departs from its model: sides do not lie where one
     /// camera would show those of true squares.
     #[error(
-        "the targets are not flat, or not exactly square (or of the stated shape), or the lens is beyond \
-         its model{}: their sides lie {displacement:.1} px off{}",
+        "the targets are not flat, or not exactly square (or of the stated shape), or the lens \
+         model does not fit the lens{}: their sides lie {displacement:.1} px from where one camera \
+         would show them{}",
         held_phrase(.held), std_increase(.parameter, *.factor)
     )]
     NoSquares {
@@ -171,8 +173,8 @@ pub enum Warning {
     },
     /// The samples of a side have a common error, beyond their noise.
     #[error(
-        "the samples of a side err together, by {displacement:.3} px on plane {plane} ({}): the \
-         standard deviation of {parameter} is {} as large because of this",
+        "the samples of a side have a common error, of {displacement:.3} px on plane {plane} ({}): \
+         the standard deviation of {parameter} is {} as large because of this",
         cause_of_errors(*.height), times(*.factor)
     )]
     SidesErrTogether {
@@ -193,9 +195,9 @@ pub enum Warning {
     },
     /// The lens departs from its model.
     #[error(
-        "the lens {} beyond its model{}: all planes have the same residuals at the same place in the \
-         picture{}.{}",
-        if *.certain && .cure.is_some() { "is" } else { "may be" },
+        "the lens model {} fit the lens{}: all planes have the same residuals at the same place in \
+         the picture{}.{}",
+        if *.certain && .cure.is_some() { "does not" } else { "may not" },
         held_phrase(.held),
         std_increase(.parameter, *.factor),
         richer_focal(.cure.as_ref(), .held)
@@ -216,8 +218,8 @@ pub enum Warning {
     },
     /// A lens of another family fits where the requested one does not.
     #[error(
-        "the lens is a fisheye: one explains the edges to {rms:.2} px, the lens asked for to \
-         {own:.2} px. {}",
+        "the lens is a fisheye: a fisheye model fits the edges to {rms:.2} px, the requested model \
+         to {own:.2} px. {}",
         Alternative { setting: Setting::Model(.model), focal: *.focal }
     )]
     LensOfAnotherFamily {
@@ -251,7 +253,7 @@ pub enum Warning {
         "fy / fx is {}, but nearly every camera's pixels are square: are the targets rectangles, or \
          was the picture stretched?{}",
         with_its_std(*.ratio, *.std),
-        held_focal(Setting::AspectHeld, *.held, "which is wrong if it was stretched")
+        held_focal(Setting::AspectHeld, *.held, "which is wrong if the picture was stretched")
     )]
     PixelsNotSquare {
         /// `fy / fx`.
@@ -263,9 +265,9 @@ pub enum Warning {
     },
     /// With a skew, which is held at zero, all planes agree better.
     #[error(
-        "with K[0, 1] = {} px, which is held at 0, all planes agree better and fx is {focal:.1} px: was \
-         the picture sheared, as by a rolling shutter or a scanner (then free it)? If not, check that \
-         every target is exactly square",
+        "the skew, K[0, 1], is fixed at 0, but with a skew of {} px all planes agree better, and \
+         fx is {focal:.1} px: was the picture sheared, as by a rolling shutter or a scanner? If \
+         so, free the skew; if not, check that every target is exactly square",
         with_its_std(*.skew, *.std)
     )]
     Sheared {
@@ -278,10 +280,10 @@ pub enum Warning {
     },
     /// The estimated principal point is far from the centre of the picture.
     #[error(
-        "the principal point is {} px from the centre of the picture, farther than nearly every \
-         camera's: was the picture cropped, or are the targets not square?{}",
+        "the principal point is {} px from the centre of the picture, farther than in nearly every \
+         camera: was the picture cropped, or are the targets not square?{}",
         with_its_std(*.distance, *.std),
-        held_focal(Setting::PrincipalPointHeld, *.held, "which is wrong if it was cropped")
+        held_focal(Setting::PrincipalPointHeld, *.held, "which is wrong if the picture was cropped")
     )]
     PrincipalPointOffCentre {
         /// Distance of the principal point from the centre of the picture, pixels.
@@ -293,10 +295,10 @@ pub enum Warning {
     },
     /// The planes do not determine the principal point, which is held at the picture's centre.
     #[error(
-        "the standard deviation of fx, {} px, takes the principal point to be at the picture's centre. \
-         Of real cameras it is some {scatter:.0} px away (1.2 % of the width), which adds {added:.1} px, \
-         and these planes cannot measure it. Hold it at a known value, or show three planes tilted in \
-         different directions",
+        "the standard deviation of fx, {} px, assumes that the principal point is at the picture's \
+         centre. In real cameras it is about {scatter:.0} px away (1.2 % of the width), which adds \
+         {added:.1} px to the uncertainty of fx; these planes cannot measure it. Fix it at a known \
+         value, or show three planes tilted in different directions",
         two_digits(*.std)
     )]
     PrincipalPointAssumed {
@@ -309,9 +311,9 @@ pub enum Warning {
     },
     /// The planes just suffice for the camera, so that their shapes cannot be checked.
     #[error(
-        "the targets cannot be checked{}: {} no more than this camera needs{}. If {}, fx is off by \
-         {} px, which its standard deviation, {} px, does not include. Show one more, tilted another \
-         way",
+        "the targets cannot be checked{}: {} no more equations than this camera has unknowns{}. If \
+         {}, fx is wrong by {} px; its standard deviation, {} px, does not include this error. \
+         Show one more target, tilted in another direction",
         rejection_phrase(*.rejected), planes_in_directions(*.planes, *.directions), rough_phrase(*.rough),
         deformation(*.stretch, *.are_angles), two_digits(*.change), two_digits(*.std)
     )]
@@ -360,9 +362,9 @@ pub enum Warning {
     },
     /// Samples that the picture cannot show.
     #[error(
-        "{} of figure {figure} outside the picture of {} x {} pixels, the first at \
-         ({:.1}, {:.1}): is that its size, width before height?",
-        counted(*samples, "sample"),
+        "{} of figure {figure} {} outside the picture of {} x {} pixels, the first at ({:.1}, \
+         {:.1}): is that the picture's size, width before height?",
+        counted(*samples, "sample"), if *.samples == 1 { "is" } else { "are" },
         .size[0], .size[1], .first[0], .first[1]
     )]
     OutsidePicture {
@@ -387,10 +389,10 @@ pub enum Warning {
     },
     /// The lens is extrapolated in a part of the picture.
     #[error(
-        "projections are not known to {limit:.0} px in {} of the picture. No target was there: their \
-         standard deviation reaches {worst:.0} px, and they may be farther off where the lens departs \
-         from its model. Show targets nearer to the corners, or choose a lens model with fewer \
-         coefficients",
+        "projections are not known to within {limit:.0} px in {} of the picture. No target was \
+         there: their standard deviation reaches {worst:.0} px, and their error may be larger \
+         where the lens departs from its model. Show targets nearer to the corners, or choose a \
+         lens model with fewer coefficients",
         part_of_whole(*.unknown)
     )]
     LensExtrapolated {
@@ -403,8 +405,8 @@ pub enum Warning {
     },
     /// Planes contradict their stated relation.
     #[error(
-        "planes {} and {} come out {} degrees from {stand} when calibrated without this relation: \
-         remove it, or correct the plane numbers",
+        "planes {} and {} are {} degrees from {stand} if calibrated without this relation: remove \
+         it, or correct the plane numbers",
         .planes[0], .planes[1], with_its_std(*.degrees, *.std)
     )]
     RelationContradicted {
@@ -420,7 +422,7 @@ pub enum Warning {
     /// The pixels contradict the tone curve that was stated.
     #[error(
         "the pixels contradict the tone curve that was stated or assumed: they show a gamma of {}, \
-         with which {parameter} changes by {}; its standard deviation was raised by as much",
+         with which {parameter} changes by {}; its standard deviation was raised by the same amount",
         with_its_std(*.gamma, *.std), signed_two_digits(*.change)
     )]
     ToneContradicted {
@@ -626,9 +628,9 @@ mod tests {
         };
         assert_eq!(
             warning.to_string(),
-            "the plane contradicts the camera: sides lie 0.012 px off, 12.3 times what their own \
-             straightness explains; it may not be flat, or not exactly square (or of the \
-             stated shape), or what is held (principal point, aspect) is wrong"
+            "the plane contradicts the camera: its sides lie 0.012 px from where the camera would show \
+             them, 12.3 times as far as their noise explains; it may not be flat, or not exactly \
+             square (or of the stated shape), or a fixed value (principal point, aspect) is wrong"
         );
         let (planes, held) = (3, Vec::new());
         let warning = Warning::PlanesContradict {
@@ -640,7 +642,11 @@ mod tests {
         };
         let text = warning.to_string();
         assert!(
-            text.starts_with("the planes contradict each other: sides lie off by 12.3 times what")
+            text.starts_with(
+                "the planes contradict each other: their sides lie 12.3 times as far from where one \
+                 camera would show them as their noise explains; one of them may"
+            ),
+            "{text}"
         );
         assert!(
             text.ends_with("may not be flat, or not exactly square (or of the stated shape)"),
@@ -654,8 +660,9 @@ mod tests {
         };
         assert_eq!(
             warning.to_string(),
-            "the targets are not flat, or not exactly square (or of the stated shape), or the lens is \
-             beyond its model, or what is held (aspect) is wrong: their sides lie 0.1 px off"
+            "the targets are not flat, or not exactly square (or of the stated shape), or the lens \
+             model does not fit the lens, or a fixed value (aspect) is wrong: their sides lie 0.1 \
+             px from where one camera would show them"
         );
     }
 
@@ -678,10 +685,10 @@ mod tests {
         }
         assert_eq!(
             found.with_camera_known_to(Some(0.00042)).to_string(),
-            "the planes contradict each other: sides lie 0.0022 px off, 3.1 times what their own \
-             straightness explains, which leaves focal lengths and principal point known to 0.042 % \
-             (of the focal length, or of the width); one of them may not be flat, or not exactly square \
-             (or of the stated shape)"
+            "the planes contradict each other: their sides lie 0.0022 px from where one camera would show \
+             them, 3.1 times as far as their noise explains (focal lengths and principal point are \
+             still known to 0.042 % of the focal length, or of the width); one of them may not be \
+             flat, or not exactly square (or of the stated shape)"
         );
     }
 
@@ -762,7 +769,7 @@ mod tests {
         for (warning, expected) in [
             (
                 Warning::PixelsNotSquare { ratio, std, held },
-                "With the aspect held fx is 901.2",
+                "With the aspect fixed, fx is 901.2",
             ),
             (
                 Warning::PrincipalPointOffCentre {
@@ -770,7 +777,7 @@ mod tests {
                     std,
                     held,
                 },
-                "With the principal point held fx is 901.2",
+                "With the principal point fixed, fx is 901.2",
             ),
             (
                 Warning::LensBeyondModel {
@@ -780,7 +787,7 @@ mod tests {
                     cure: cure.clone(),
                     held: Vec::new(),
                 },
-                "With the lens model radial3 fx is 901.2",
+                "With the lens model radial3, fx is 901.2",
             ),
             (
                 Warning::LensBeyondModel {
@@ -790,7 +797,7 @@ mod tests {
                     cure,
                     held: vec![DISTORTION.into()],
                 },
-                "With the distortion free (lens model radial3) fx is 901.2",
+                "With the distortion free (lens model radial3), fx is 901.2",
             ),
             (
                 Warning::LensOfAnotherFamily {
@@ -799,7 +806,7 @@ mod tests {
                     own: 2.0,
                     focal: 901.25,
                 },
-                "With the lens model fisheye fx is 901.2",
+                "With the lens model fisheye, fx is 901.2",
             ),
         ] {
             assert_eq!(warning.alternative().unwrap().to_string(), expected);
@@ -807,7 +814,7 @@ mod tests {
         }
         let text = Warning::PixelsNotSquare { ratio, std, held }.to_string();
         assert!(
-            text.ends_with(" fx is 901.2, which is wrong if it was stretched"),
+            text.ends_with(" fx is 901.2, which is wrong if the picture was stretched"),
             "{text}"
         );
         let untried = Warning::PixelsNotSquare {

@@ -62,8 +62,8 @@ pub(super) fn open_parameter_advice(by_tone: bool) -> &'static str {
         "the tone curve is not known, and may have shifted all edges. State it if you know it, take the \
          picture without sharpening, or show more planes"
     } else {
-        "the planes err by more than noise, and are too few or too alike to average that out. Show more \
-         planes, or flatter ones"
+        "the errors of the planes exceed the noise, and the planes are too few or too similar to \
+         average them out. Show more planes, or flatter ones"
     }
 }
 
@@ -71,12 +71,14 @@ pub(super) fn open_parameter_advice(by_tone: bool) -> &'static str {
 pub(super) fn lines_not_used(sigmas: Option<f64>) -> String {
     match sigmas {
         Some(sigmas) => format!(
-            "they would change the distortion by {sigmas:.1} of its standard deviations (are most of \
-             them curved, or is the lens beyond its model?)"
+            "they would change the distortion by {sigmas:.1} of its standard deviations (are most \
+             of them curved, or does the lens model not fit the lens?)"
         ),
-        None => "hardly any of them is straight under a lens that the planes allow, or no free \
+        None => {
+            "hardly any of them is straight with a distortion that the planes allow, or no free \
              parameter depends on them"
-            .to_owned(),
+                .to_owned()
+        }
     }
 }
 
@@ -89,26 +91,42 @@ pub(super) fn contradiction(
     known_to: Option<f64>,
     held: &[Cow<'static, str>],
 ) -> String {
-    let (what, which) = match planes {
-        1 => ("the plane contradicts the camera", "it"),
-        _ => ("the planes contradict each other", "one of them"),
+    let (what, sides, camera, which) = match planes {
+        1 => (
+            "the plane contradicts the camera",
+            "its sides",
+            "the camera",
+            "it",
+        ),
+        _ => (
+            "the planes contradict each other",
+            "their sides",
+            "one camera",
+            "one of them",
+        ),
     };
-    let suspected = held_phrase(held);
     // Warnings stored by older versions do not contain the displacement.
-    let off = match displacement {
-        0.0 => "off by".into(),
-        _ => format!("{} px off,", two_digits(displacement)),
+    let displaced = match displacement {
+        0.0 => format!(
+            "{factor:.1} times as far from where {camera} would show them as their noise explains"
+        ),
+        _ => format!(
+            "{} px from where {camera} would show them, {factor:.1} times as far as their noise \
+             explains",
+            two_digits(displacement)
+        ),
     };
     let known = known_to.map_or_else(String::new, |part| {
         format!(
-            ", which leaves focal lengths and principal point known to {} % (of the focal length, or of \
+            " (focal lengths and principal point are still known to {} % of the focal length, or of \
              the width)",
             two_digits(100.0 * part)
         )
     });
+    let suspected = held_phrase(held);
     format!(
-        "{what}: sides lie {off} {factor:.1} times what their own straightness explains{known}; {which} \
-         may not be flat, or not exactly square (or of the stated shape){suspected}"
+        "{what}: {sides} lie {displaced}{known}; {which} may not be flat, or not exactly square (or of \
+         the stated shape){suspected}"
     )
 }
 
@@ -116,7 +134,7 @@ pub(super) fn contradiction(
 pub(super) fn held_phrase(held: &[Cow<'static, str>]) -> String {
     match held {
         [] => String::new(),
-        _ => format!(", or what is held ({}) is wrong", held.join(", ")),
+        _ => format!(", or a fixed value ({}) is wrong", held.join(", ")),
     }
 }
 
@@ -154,19 +172,19 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
 pub(super) fn rejection_phrase(rejected: usize) -> &'static str {
     match rejected {
         0 => "",
-        1 => ", nor whether the rejected plane is the false one",
-        _ => ", nor whether the rejected planes are the false ones",
+        1 => ", and one of them may be the wrong one instead of the rejected plane",
+        _ => ", and some of them may be the wrong ones instead of the rejected planes",
     }
 }
 
 /// Number of planes, and of their directions if those are fewer.
 pub(super) fn planes_in_directions(planes: usize, directions: usize) -> String {
     match (planes, directions) {
-        (1, _) => "one plane is".into(),
-        (_, 0) => format!("{planes} planes are"),
-        (_, 1) => format!("{planes} planes that all stand alike are"),
-        _ if directions < planes => format!("{planes} planes in {directions} directions are"),
-        _ => format!("{planes} planes are"),
+        (1, _) => "one plane gives".into(),
+        (_, 0) => format!("{planes} planes give"),
+        (_, 1) => format!("{planes} planes, all in one direction, give"),
+        _ if directions < planes => format!("{planes} planes in {directions} directions give"),
+        _ => format!("{planes} planes give"),
     }
 }
 
@@ -183,11 +201,12 @@ pub(super) fn rough_phrase(rough: usize) -> String {
 pub(super) fn deformation(stretch: f64, are_angles: bool) -> String {
     match are_angles {
         true => format!(
-            "their right angles are off by {:.1} degrees",
+            "the right angles of the targets are off by {:.1} degrees",
             stretch.to_degrees()
         ),
         false => format!(
-            "they are {:.1} % longer one way than the other, as printers make them",
+            "the targets are {:.1} % longer in one direction than in the other, as printers make \
+             them",
             100.0 * stretch
         ),
     }
@@ -197,7 +216,7 @@ pub(super) fn deformation(stretch: f64, are_angles: bool) -> String {
 pub(super) fn groups(one_picture: bool) -> &'static str {
     match one_picture {
         true => "the planes",
-        false => "the pictures, or the planes of one,",
+        false => "the pictures, or the planes of one picture,",
     }
 }
 
@@ -219,6 +238,8 @@ pub(super) fn cause_of_errors(height: Option<f64>) -> String {
             "its sheet rises by {} % of its size",
             two_digits(100.0 * height)
         ),
-        None => "paper or print not flat, or a lens beyond the model".to_owned(),
+        None => {
+            "the paper or the print is not flat, or the lens model does not fit the lens".to_owned()
+        }
     }
 }

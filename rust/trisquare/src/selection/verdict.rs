@@ -55,8 +55,7 @@ pub struct Verdict {
 pub enum Doubt {
     /// Under another camera other candidates are squares.
     #[error(
-        "another choice of squares is nearly as good: {squares} of them and a focal length of \
-         {focal:.0} px"
+        "another choice is nearly as good: {squares} squares, with a focal length of {focal:.0} px"
     )]
     Rival {
         /// Number of its squares.
@@ -65,15 +64,15 @@ pub enum Doubt {
         focal: f64,
     },
     /// The agreement may be due to chance.
-    #[error("so few planes agree that it may be chance")]
+    #[error("so few planes agree that their agreement may be due to chance")]
     Chance,
     /// Too few of many candidates agree: under some camera a few are squares by chance.
-    #[error("fewer than half of the candidates agree, and so many may agree by chance")]
+    #[error("fewer than half of the candidates agree, and as many may agree by chance")]
     Minority,
     /// The camera is unusual.
     #[error(
-        "they imply an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from \
-         the image centre"
+        "they imply an unusual camera: aspect {aspect:.3}, principal point {offset:.0} px from the \
+         picture's centre"
     )]
     OddCamera {
         /// `fy / fx`.

@@ -141,7 +141,7 @@ fn chi_square_test(
 ) -> Result<DifferenceTest, Error> {
     if !spread.iter().all(|v| v.is_finite()) {
         return Err(Error::InvalidArgument(
-            "the covariance is so large that the projections' overflow".into(),
+            "the covariance is so large that the covariance of the projections overflows".into(),
         ));
     }
     let qr = spread.clone().qr();

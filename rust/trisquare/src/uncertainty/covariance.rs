@@ -51,7 +51,7 @@ pub(crate) fn check_plane_equations(
         found: planes.len(),
         needed: planes.len() + names.len() - equations,
         free: format!(
-            "{}; a plane on which only a right angle is known tells one of them",
+            "{}; a plane of which only a right angle is known determines one of them",
             names.join(", ")
         ),
     })

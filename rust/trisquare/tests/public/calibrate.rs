@@ -156,7 +156,7 @@ fn a_held_value_that_the_planes_contradict_is_named() {
     };
     let told = refused(0, 1e6, focal);
     assert!(
-        told.contains("; free the focal lengths: the planes contradict the held fx = 1000000, fy"),
+        told.contains("; free the focal lengths: the planes contradict the fixed fx = 1000000, fy"),
         "{told}"
     );
     let principal_point = Fixed {
@@ -166,7 +166,7 @@ fn a_held_value_that_the_planes_contradict_is_named() {
     let told = refused(2, -1e6, principal_point);
     assert!(
         told.contains(
-            "; free the principal point: the planes contradict the held cx = -1000000, cy"
+            "; free the principal point: the planes contradict the fixed cx = -1000000, cy"
         ),
         "{told}"
     );
