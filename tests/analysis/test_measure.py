@@ -590,6 +590,6 @@ def test_command_warns_of_points_that_may_not_be_on_the_plane(run, files, scene)
     assert more == [
         "warning: extrapolation: the farthest point is "
         f"{members['extrapolation']:.1f} times as far from the middle of the square as its "
-        "corners; the lengths hold if the plane is flat up to there and the point is on it "
+        "corners; the lengths are right if the plane is flat up to there and the point is on it "
         "[lengths_extrapolated]"
     ]

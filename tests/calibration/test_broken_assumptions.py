@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import trisquare as ts
-from trisquare_scenes.broken_assumptions import KINDS
+from trisquare.simulate import random_camera, random_scene, render
+from trisquare_scenes.broken_assumptions import KINDS, skewed
 
 SCENES = 5
 EVIDENT = 4.0
@@ -22,6 +23,7 @@ TOLD = [
     "tangential lens",
     "thin prism lens",
     "stretched",
+    "sheared",
     "two zooms",
 ]
 
@@ -61,3 +63,22 @@ def test_pictures_of_two_zooms_are_named() -> None:
     warning = ts.calibrate(pictures).warnings[0]
     assert (warning.code, warning.severity) == ("pictures_disagree", "high")
     assert "the pictures are not of one camera" in warning
+
+
+def test_a_sheared_picture_is_named_before_what_the_shear_looks_like() -> None:
+    pictures, _ = KINDS["sheared"].draw(np.random.default_rng(1214), True)
+    warnings = ts.calibrate(pictures).warnings
+    assert (warnings[0].code, warnings[0].severity) == ("pixels_not_square", "high")
+    assert "planes_contradict" in {warning.code for warning in warnings[1:]}
+
+
+def test_pictures_sheared_alike_are_of_one_camera() -> None:
+    rng = np.random.default_rng(1215)
+    camera = random_camera(rng)
+    pictures = [
+        skewed(np.random.default_rng(1216), render(random_scene(rng, camera=camera), rng))
+        for _ in range(2)
+    ]
+    warnings = ts.calibrate(pictures).warnings
+    assert warnings[0].code == "pixels_not_square"
+    assert "pictures_disagree" not in {warning.code for warning in warnings}

@@ -43,7 +43,7 @@ def folder(tmp_path, monkeypatch):
         (
             ("measure", "deep.png", "--camera", "camera.json", "--rectify", "above.jpg"),
             2,
-            "above.jpg: this format does not hold uint16 pixels",
+            "above.jpg: this format does not store uint16 pixels",
         ),
         (("target", "--check", "several"), 2, "--check takes one photograph of the sheet, not 2"),
         (("batch", os.devnull, "-o", "out"), 2, "cannot read a pipe or device"),
@@ -51,7 +51,11 @@ def folder(tmp_path, monkeypatch):
         (("calibrate", "photo.png", "--targets", "charuco"), 2, "name its layout, charuco:10x10"),
         (("predict", "--size", "64x48", "--focal", "50mm"), 2, "the focal length in mm, times"),
         (("calibrate", "photo.png", "--fail-on", "all"), 2, "unknown --fail-on 'all'"),
-        (("calibrate", "-", "-"), 2, "- is standard input, which holds one picture: give it once"),
+        (
+            ("calibrate", "-", "-"),
+            2,
+            "- is standard input, which contains one picture: give it once",
+        ),
         (("calibrate", "photo.png", "--tone", "99"), 2, "a gamma must be from 0.2 to 5, not 99"),
     ],
 )

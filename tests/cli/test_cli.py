@@ -152,14 +152,14 @@ def test_what_is_held_has_the_values_of_the_file(run, photo, tmp_path):
 def test_the_table_says_what_is_held_at_which_value(run, photo, tmp_path):
     """A distortion that is held without a file is zero, for any model."""
     _, out, _ = run("calibrate", photo, "--fix", "distortion,aspect", "--model", "brown")
-    assert "model brown, method ml (edges), held: aspect at 1; distortion at zero: rms" in out
+    assert "model brown, method ml (edges), fixed: aspect at 1; distortion at zero: rms" in out
     known = SCENE.camera
     Camera(known.K, known.distortion, known.image_size).save(tmp_path / "known.json")
     options = ("--initial", tmp_path / "known.json", "--fix", "focal,principal_point,distortion")
     _, out, _ = run("calibrate", photo, *options)
     bent = ", ".join(f"k{i} {value:.6g}" for i, value in enumerate(known.distortion[:2], 1))
     assert (
-        f"held: principal point at ({known.cx:.6g}, {known.cy:.6g}); focal length at "
+        f"fixed: principal point at ({known.cx:.6g}, {known.cy:.6g}); focal length at "
         f"fx {known.fx:.6g}, fy {known.fy:.6g}; distortion at {bent}: rms"
     ) in out
 

@@ -323,7 +323,7 @@ def test_a_word_that_is_no_photograph_may_be_part_of_an_option(run, folder):
     before = held(folder)
     outcome = run("calibrate", "--side", "84", "mm", "photo.png")
     assert_refused(outcome, 5, folder, before)
-    assert "a value holds no space (--side 84mm)" in outcome[2]
+    assert "a value contains no space (--side 84mm)" in outcome[2]
 
 
 def test_an_option_that_a_command_does_not_have_is_not_suggested(run):

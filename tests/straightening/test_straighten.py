@@ -188,8 +188,8 @@ def test_a_held_centre_is_said_without_a_deviation(run, tmp_path, k1):
     (line,) = (line for line in out.splitlines() if line.startswith("centre of distortion"))
     if k1 == 0.0:
         assert re.fullmatch(
-            r"centre of distortion, px: cx 479\.5, cy 359\.5, held at the picture's centre: the "
-            r"lines tell it only to \d+ and \d+ px",
+            r"centre of distortion, px: cx 479\.5, cy 359\.5, fixed at the picture's centre: the "
+            r"lines determine it only to \d+ and \d+ px",
             line,
         )
     else:
@@ -203,7 +203,7 @@ def test_command_writes_the_camera_for_further_pictures(run, tmp_path):
     words = ("straighten", photo, "-o", output, "--save-camera", file)
     code, _, err = run(*words)
     assert code == 2
-    assert "--save-camera and --focal go together: straight lines do not tell" in err
+    assert "--save-camera and --focal go together: straight lines do not determine" in err
     code, _, err = run(*words[:-1], tmp_path / "camera.cam", "--focal", "600")
     assert (code, "let it end with one of" in err) == (2, True)
     assert not output.exists()

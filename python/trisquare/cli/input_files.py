@@ -56,7 +56,7 @@ def photographs_named(
     """
     paths = list(paths)
     if with_input and paths.count(STANDARD_INPUT) > 1:
-        raise ValueError("- is standard input, which holds one picture: give it once")
+        raise ValueError("- is standard input, which contains one picture: give it once")
     for path in paths:
         if path == STANDARD_INPUT and with_input:
             continue
@@ -65,8 +65,8 @@ def photographs_named(
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
             raise MissingImageError(
                 f"{path}: No such file or directory. If it is meant for an option: several values "
-                "are joined by commas (--fix aspect,principal_point), and a value holds no space "
-                "(--side 84mm)"
+                "are joined by commas (--fix aspect,principal_point), and a value contains no "
+                "space (--side 84mm)"
             )
     photograph_paths = [
         path for path in paths if path == STANDARD_INPUT or not is_drawn(path)

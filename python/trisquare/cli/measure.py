@@ -232,7 +232,7 @@ def _plane_warnings(
     if alternatives:
         options = " or ".join(f"--plane {number}" for number in (index, *alternatives))
         text = (
-            f"no plane holds a point: plane {index} is the nearest, and plane "
+            f"a point lies on no plane: plane {index} is the nearest, and plane "
             f"{listed([str(alternative) for alternative in alternatives])} nearly as near: "
             f"say {options}"
         )
@@ -244,7 +244,7 @@ def _plane_warnings(
 def _side_errors(plane: Plane) -> Iterator[str]:
     if plane.uncertainty is not None and plane.uncertainty.side_error is not None:
         yield (
-            f"the sides of the {plane.kind} err together (is it bent?), by "
+            f"the sides of the {plane.kind} have a common error (is it bent?) of "
             f"{plane.uncertainty.side_error:.2g} px rms: points are taken to lie off as far"
         )
 
@@ -354,8 +354,8 @@ def _doubts(
     if measured.extrapolation is not None and measured.extrapolation > FAR:
         text = (
             f"extrapolation: the farthest point is {measured.extrapolation:.1f} times as far from "
-            f"the middle of the {planes[index].kind} as its corners; the lengths hold if the plane "
-            "is flat up to there and the point is on it"
+            f"the middle of the {planes[index].kind} as its corners; the lengths are right if the "
+            "plane is flat up to there and the point is on it"
         )
         yield CalibrationWarning(text, "lengths_extrapolated")
 

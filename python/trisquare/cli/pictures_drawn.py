@@ -54,7 +54,7 @@ def check_depth(picture: Image, path: Path) -> None:
     formats = DEEP_FORMATS.get(str(picture.dtype))
     if formats is not None and path.suffix.lower() not in formats:
         raise ValueError(
-            f"{path}: this format does not hold {picture.dtype} pixels; choose among "
+            f"{path}: this format does not store {picture.dtype} pixels; choose among "
             f"{', '.join(formats)}"
         )
 

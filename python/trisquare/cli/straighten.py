@@ -97,8 +97,8 @@ def _check_camera_options(save_camera: Path | None, focal: float | None) -> None
     """Check that a camera is written with a focal length, in a known format."""
     if (save_camera is None) != (focal is None):
         raise ValueError(
-            "--save-camera and --focal go together: straight lines do not tell the focal length, "
-            "which is in pixels"
+            "--save-camera and --focal go together: straight lines do not determine the focal "
+            "length, which is in pixels"
         )
     if save_camera is not None:
         camera_format(save_camera)
@@ -147,8 +147,8 @@ def _lines(found: Straightened) -> Iterator[str]:
     if found.centre_held:
         (x, y), known = camera.centre.tolist(), " and ".join(std_text for _, std_text in texts[-2:])
         yield (
-            f"centre of distortion, px: cx {x:.6g}, cy {y:.6g}, held at the picture's centre: the "
-            f"lines tell it only to {known} px"
+            f"centre of distortion, px: cx {x:.6g}, cy {y:.6g}, fixed at the picture's centre: the "
+            f"lines determine it only to {known} px"
         )
     else:
         yield f"centre of distortion, px: {', '.join(numbers[-2:])}"
@@ -165,7 +165,8 @@ def _written_lines(
 ) -> Iterator[str]:
     """Yield a line for each file, with the model of the camera, if one is written."""
     if camera is None:
-        yield "focal length: unknown, straight lines do not tell it (--save-camera FILE --focal PX)"
+        option = "--save-camera FILE --focal PX"
+        yield f"focal length: unknown, straight lines do not determine it ({option})"
     for path in files:
         if camera is None or path != save_camera:
             yield f"wrote {path}"

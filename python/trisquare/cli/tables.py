@@ -96,7 +96,7 @@ def _summary(calibration: Calibration) -> Text:
     evidence = evidence_text(calibration.alternatives)
     chosen = f", {evidence}" if evidence else ""
     held = held_text(calibration)
-    held = f", held: {held}" if held else ""
+    held = f", fixed: {held}" if held else ""
     return line_of(
         f"{width} x {height}, model {calibration.camera.model}{chosen}, "
         f"method {calibration.method} ({calibration.stage}){held}: rms {calibration.rms:.4f} px, "

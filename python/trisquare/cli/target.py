@@ -59,7 +59,7 @@ def target_command(
 ) -> None:
     """Write a PDF of three frames, or chessboards, to print; or check a printed one.
 
-    JSON tells where everything stands, in mm.
+    The JSON output states where everything is on the sheet, in mm.
     """
     # The library reports an unknown kind.
     known_kind = cast(TargetKind, kind)

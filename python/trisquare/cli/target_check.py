@@ -85,7 +85,7 @@ def _lines(check: SheetCheck, calibration: Calibration) -> Iterator[str]:
         finding.verdict == "ok" for finding in check.findings
     )
     is_doubted = any(warning.severity == "high" for warning in calibration.warnings)
-    summary = "ok but for what it cannot tell" if partly and not is_doubted else check.verdict
+    summary = "ok, but not all could be checked" if partly and not is_doubted else check.verdict
     yield f"the sheet: {summary}"
 
 

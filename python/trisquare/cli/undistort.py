@@ -165,7 +165,7 @@ def _check_view(view: str, balance: float, new_camera: Path | None) -> None:
         raise ValueError(f"--balance is for a pinhole: of --view {view} give --field")
     if new_camera is not None:
         if view != "pinhole":
-            raise ValueError(f"--new-camera is for a pinhole: no format holds --view {view}")
+            raise ValueError(f"--new-camera is for a pinhole: no format stores --view {view}")
         camera_format(new_camera)
 
 
