@@ -6,6 +6,8 @@ be uniform. Their shape distinguishes them from other four-sided things.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +22,10 @@ from trisquare.detection.squares.quads import (
     SAME_QUAD_FRACTION,
     SAME_QUAD_PIXELS,
     Quads,
-    is_among,
+    overlapping,
 )
 from trisquare.detection.squares.rectangle_shape import RectangleShape
-from trisquare.detection.squares.rectified import rectangle_deviations
+from trisquare.detection.squares.rectified import closeness, rectangle_deviations
 
 MIN_INLIERS = (0.55, 0.4)
 """Minimum fraction of a side's points on its curve, and that of the weakest side: what lies beside
@@ -64,9 +66,10 @@ def find_rectangles(
     """Return the indices of the quads that are figures of their own, none within another.
 
     Of a sheet and what lies on it, the quad nearer to the given shape is kept: a drawing in the
-    middle of its sheet, but not a label, nor a picture that is much smaller. For any shape, quads
-    that are uniform and stand alone, as a drawing, come first; of all others the outermost is kept,
-    whatever it carries.
+    middle of its sheet, but not a label, nor a picture that is much smaller. The shapes are those
+    under the focal length that makes the kept quads fit most closely. For any shape, quads that are
+    uniform and stand alone, as a drawing, come first; of all others the outermost is kept, whatever
+    it carries.
 
     Parameters
     ----------
@@ -77,20 +80,32 @@ def find_rectangles(
         The longer side over the shorter; None for any.
     """
     solid = [figure.outer for figure in find_framed_squares(picture, quads)]
+    overlaps = overlapping(quads.corners)
     if aspect is None:
         order = [*solid, *np.argsort(-quads.areas, kind="stable").tolist()]
+        kept = _apart(order, overlaps)
     else:
         size = (picture.shape[1], picture.shape[0])
         deviations, _ = rectangle_deviations(quads.corners, size, aspect)
         deviations += CORNER_ERROR / np.sqrt(quads.areas)
         drawings = [i for i in solid if _is_drawing(quads, i)]
-        deviations[drawings] -= DRAWING_BONUS
-        order = np.argsort(deviations, kind="stable").tolist()
+        deviations[:, drawings] -= DRAWING_BONUS
+        orders = np.argsort(deviations, axis=1, kind="stable").tolist()
+        choices = [_apart(order, overlaps) for order in orders]
+        # A large quad counts more than a small one, but less than several.
+        fits = closeness(deviations) * quads.areas**0.25
+        sums = [fits[lens, choice].sum() for lens, choice in enumerate(choices)]
+        kept = choices[int(np.argmax(sums))]
+    return np.array(comparable_quads(quads, kept), dtype=np.intp)
+
+
+def _apart(order: Sequence[int], overlaps: NDArray[np.bool_]) -> list[int]:
+    """Return the quads, the first ones of an order, of which none overlaps another."""
     kept: list[int] = []
     for i in order:
-        if not is_among(quads.corners[i], quads.corners[kept]):
+        if not overlaps[i, kept].any():
             kept.append(i)
-    return np.array(comparable_quads(quads, kept), dtype=np.intp)
+    return kept
 
 
 def _is_drawing(quads: Quads, inner: int) -> bool:
@@ -112,5 +127,6 @@ def turns_to_longer_side(
     corners: FloatArray, image_size: tuple[int, int], shape: RectangleShape
 ) -> NDArray[np.intp]:
     """Return how far to roll the sides of quads, corners (Q, 4, 2), to start with the longer."""
-    _, is_longer = rectangle_deviations(corners, image_size, shape.aspect)
-    return np.where(is_longer, 0, -1)
+    deviations, is_longer = rectangle_deviations(corners, image_size, shape.aspect)
+    best = closeness(deviations).sum(axis=1).argmax()
+    return np.where(is_longer[best], 0, -1)

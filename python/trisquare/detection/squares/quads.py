@@ -191,6 +191,17 @@ def are_among(quads: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
     return among
 
 
+def overlapping(quads: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs of quads, (Q, 4, 2), `are_among` each other, shape (Q, Q)."""
+    (left, top, right, bottom), (x, y) = _boxes(quads), quads.mean(axis=1).T
+    near = (left <= x[:, None]) & (x[:, None] <= right)
+    near &= (top <= y[:, None]) & (y[:, None] <= bottom)
+    found = np.zeros(near.shape, dtype=np.bool_)
+    for i, j in np.argwhere(near | near.T).tolist():
+        found[i, j] = i == j or one_in_other(quads[i], quads[j])
+    return found
+
+
 def _boxes(outlines: NDArray[np.floating[Any]]) -> FloatArray:
     """Return boxes of outlines, (N, M, 2), with a margin: left, top, right and bottom, (4, N)."""
     low, high = outlines.min(axis=1) - BOX_SLACK, outlines.max(axis=1) + BOX_SLACK

@@ -71,23 +71,25 @@ def views_of_rectangles(
 def rectangle_deviations(
     corners: FloatArray, image_size: tuple[int, int], aspect: float | None
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Compare quads, corners (Q, 4, 2), with rectangles, with the one focal length that fits most.
+    """Compare quads, corners (Q, 4, 2), with rectangles, under each of F lenses.
 
     Returns
     -------
-    deviations : ndarray of float64, shape (Q,)
+    deviations : ndarray of float64, shape (F, Q)
         Deviation of each from a rectangle of the aspect.
-    is_longer : ndarray of bool, shape (Q,)
+    is_longer : ndarray of bool, shape (F, Q)
         Whether its side 0 is the longer.
     """
     corners = centred(corners, image_size)
     fisheye = fisheye_rays(corners[:, :, None], FISHEYE_FOCAL_LENGTHS)[..., 0, :]
     rays = np.concatenate([_pinhole_rays(corners), fisheye])
     cosines, stretches = _shapes(rays)
-    deviations = _deviations(cosines, stretches, aspect)
-    costs = np.minimum(deviations, MAX_DEVIATION) ** 2
-    best = costs.sum(axis=1).argmin()
-    return deviations[best], np.asarray(stretches[best] > 0.0)
+    return _deviations(cosines, stretches, aspect), np.asarray(stretches > 0.0)
+
+
+def closeness(deviations: FloatArray) -> FloatArray:
+    """Return by how much deviations from rectangles are below the maximum, in squares."""
+    return np.asarray(MAX_DEVIATION**2 - np.clip(deviations, 0.0, MAX_DEVIATION) ** 2)
 
 
 def _pinhole_rays(points: FloatArray) -> FloatArray:
