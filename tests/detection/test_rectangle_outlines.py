@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from trisquare import simulate
 from trisquare.detection.squares.find import find_plain_rectangles
 from trisquare.detection.squares.rectangle_shape import RectangleShape
 
@@ -84,3 +85,35 @@ def test_a_picture_of_the_sheets_own_shape_is_not_taken_for_the_sheet(place, siz
     (found,) = find_plain_rectangles(cv2.GaussianBlur(picture, (0, 0), 0.8), A4)
     off = [np.abs(np.roll(found.outer.corners, k, axis=0) - seen(unit)).max() for k in range(4)]
     assert min(off) < TOLERANCE
+
+
+def fill(picture, corners, level):
+    cv2.fillPoly(picture, [np.rint(16 * corners).astype(np.int32)], int(level), cv2.LINE_AA, 4)
+
+
+def is_outline(found, corners):
+    """Whether an outline is that of the corners, in any order."""
+    orders = [np.roll(one, k, axis=0) for one in (corners, corners[::-1]) for k in range(4)]
+    return min(np.abs(found.outer.corners - order).max() for order in orders) < 1.5 * TOLERANCE
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_print_with_a_border_is_not_taken_for_its_sheet(seed):
+    rng = np.random.default_rng([7, seed])
+    scene = simulate.random_scene(rng, aspect=A4.aspect)
+    picture = np.full(scene.camera.image_size[::-1], 90, np.uint8)
+    sheets = []
+    for number, target in enumerate(scene.targets):
+        corners = target.outlines()[0]
+        middle, half = corners.mean(axis=0), np.ptp(corners, axis=0) / 2
+        sheets.append(scene.image_points(number, corners))
+        inner_half = half - rng.uniform(0.24, 0.4) * half.min()  # equal margins
+        printed = middle + (corners - middle) / half * inner_half
+        fill(picture, sheets[-1], 225)
+        fill(picture, scene.image_points(number, printed), rng.integers(60, 180))
+        for _ in range(6):
+            patch = middle + rng.uniform(-0.9, 0.9, (5, 2)) * inner_half
+            fill(picture, scene.image_points(number, patch), rng.integers(20, 220))
+    found = find_plain_rectangles(cv2.GaussianBlur(picture, (0, 0), 0.8), A4)
+    assert len(found) == 3
+    assert all(any(is_outline(one, sheet) for one in found) for sheet in sheets)

@@ -35,6 +35,10 @@ DRAWING_BONUS = 0.1
 """Excess of a drawing's deviation over its sheet's up to which the drawing is preferred: in the
 middle of a sheet with equal margins it has nearly the sheet's shape."""
 
+PRINT_MALUS = 0.05
+"""Amount by which the deviation of a quad that fills much of another has to be smaller to be
+preferred if it is no drawing: prints fill most of their sheets, and have nearly their shape."""
+
 CORNER_ERROR = 2.0
 """Assumed error of the corners, pixels: small figures have the shape by chance."""
 
@@ -66,7 +70,7 @@ def find_rectangles(
     """Return the indices of the quads that are figures of their own, none within another.
 
     Of a sheet and what lies on it, the quad nearer to the given shape is kept: a drawing in the
-    middle of its sheet, but not a label, nor a picture that is much smaller. The shapes are those
+    middle of its sheet, but not a label, nor a printed picture. The shapes are those
     under the focal length that makes the kept quads fit most closely. For any shape, quads that are
     uniform and stand alone, as a drawing, come first; of all others the outermost is kept, whatever
     it carries.
@@ -90,6 +94,10 @@ def find_rectangles(
         deviations += CORNER_ERROR / np.sqrt(quads.areas)
         drawings = [i for i in solid if _is_drawing(quads, i)]
         deviations[:, drawings] -= DRAWING_BONUS
+        area_ratios = quads.areas[:, None] / quads.areas
+        fills = overlaps & (area_ratios >= MIN_DRAWING) & (area_ratios < 1.0)
+        prints = np.setdiff1d(np.flatnonzero(fills.any(axis=1)), drawings)
+        deviations[:, prints] += PRINT_MALUS
         orders = np.argsort(deviations, axis=1, kind="stable").tolist()
         choices = [_apart(order, overlaps) for order in orders]
         # A large quad counts more than a small one, but less than several.
