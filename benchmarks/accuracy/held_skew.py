@@ -1,4 +1,4 @@
-"""Pictures with a skew of 3 px that is held at 0: warnings, and errors without a warning.
+"""Pictures with a skew of 3 px that is fixed at 0: warnings, and errors without a warning.
 
 From edge points. The warnings are `pixels_not_square` and `planes_contradict`; the errors are those
 of fx, fy, cx and cy.

@@ -2,7 +2,7 @@
 
 Silently wrong: fx is off by more than 4 std and 0.3 %, and there is no warning above low severity.
 From edge points, the aspects of the rectangles, facades and faces are estimated, and the coverage
-includes them. fy / fx is held, and for the rectangles and facades the principal point as well.
+includes them. fy / fx is fixed, and for the rectangles and facades the principal point as well.
 """
 
 from __future__ import annotations

@@ -33,13 +33,13 @@ several estimators on the same scenes:
 **Scenes.** 1280 x 960 pixels, f 1100 px, k1 -0.15, k2 0.03; the principal point is drawn about the
 centre with a standard deviation of 1.2 % of the width. Unless the plot says otherwise, three
 squares have sides of 0.30-0.42 of the height and are tilted by 25-50 degrees, and their edges have
-a point every {spacing:g} px with noise of {noise:g} px. The noise of a picture is such that its
-pixels determine an edge equally well: {grey:.1f} grey levels at a contrast of {contrast:g} and a
-blur of {blur:g} px. Every level has {edges} scenes for edge points, the first {pictures} of which
+a point every {spacing:g} px with noise of {noise:g} px. Pictures have noise at which an edge in the
+picture is as exact as these points: {grey:.1f} grey levels at a contrast of {contrast:g} and a blur
+of {blur:g} px. Every level has {edges} scenes for edge points, the first {pictures} of which
 are rendered; the board is rendered for {boards} cameras. All estimators estimate fx, fy, cx, cy, k1
 and k2, with one exception: three squares have 24 coordinates of corners for 24 unknowns, which
-OpenCV refuses; k2 is then held at 0. `cornerSubPix` starts 0.3 px from the true corner, the error
-of a detector.
+OpenCV refuses; k2 is then fixed at 0. `cornerSubPix` starts 0.3 px from the true corner, the error
+of a detector; the other methods get no starting values.
 
 **Plots.** The errors are rms errors, that of k1 in per cent of k1. A band is the 95 % bootstrap
 interval of the rms. A point is left out if less than {answered:.0f} % of the scenes have a result:

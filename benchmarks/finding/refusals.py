@@ -1,6 +1,6 @@
 """Refusals: scenes that determine the camera, and scenes that do not.
 
-From edge points, except for the pictures. Held parameters are held at the truth. Wrong: any
+From edge points, except for the pictures. Held parameters are fixed at the truth. Wrong: any
 parameter is off by more than 4 std; right: answered and not wrong.
 """
 

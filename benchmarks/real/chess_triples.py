@@ -1,7 +1,7 @@
 """Triples of photographs of a chessboard: spread of the camera, and its stated std.
 
 The spread is robust, from the median absolute deviation. Warned: a warning says that the samples of
-a side err together, since the paper is not flat.
+a side have a common error, since the paper is not flat.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ def unexplained_pictures(
 ) -> list[int]:
     """Return the pictures in which no plane fits the camera of the others, unless these are few.
 
-    `displacements` are, for every plane, the distance (px) by which its sides err together. Only
-    those of the `rejected` count that the choice among candidates left out.
+    `displacements` are, for every plane, the rms (px) of the errors that the samples of a side have
+    in common. Only those of the `rejected` count that the choice among candidates left out.
     """
     used = [index for index in range(len(planes)) if planes[index].rejection is None]
     limit = max(

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use trisquare::synthetic::{Scene, SceneOptions};
 use trisquare::{
     Calibration, Error, ErrorKind, Fisheye, FisheyeModel, ImageSize, Lens, Options, PlaneEdges,
-    Severity, calibrate,
+    Severity, calibrate, calibrate_by_evidence,
 };
 
 /// `squares[i][side]` holds the samples along one side, in pixels.
@@ -62,6 +62,19 @@ fn tell<L: Lens>(found: &Result<Calibration<L>, Error>) {
 }
 // [end of answer]
 
+// [evidence]
+/// Calibrates with the lens model that has the largest evidence, and prints the odds of the others.
+fn with_best_model(edges: &[PlaneEdges], size: ImageSize) -> Result<Calibration, Error> {
+    let photographs = None; // edges alone; with a picture, `Some(&Photographs { .. })`
+    let found = calibrate_by_evidence(edges, size, &Options::default(), photographs)?;
+    println!("model {:?}", found.model);
+    for other in &found.alternatives {
+        println!("{:?}: odds {:.1e}", other.model, other.log_evidence.exp());
+    }
+    Ok(found.calibration)
+}
+// [end of evidence]
+
 // [fisheye]
 /// Calibrates a fisheye; also returns the angle, in degrees, between its axis and the ray of a
 /// pixel, or `None` where the lens has no ray for the pixel.
@@ -96,6 +109,9 @@ fn main() -> Result<(), Error> {
         scene.another(3).edges(4, 0.05, 4.0),
     ];
     tell(&camera_of_several(pictures, scene.size));
+
+    println!("One picture, with the model of the largest evidence:");
+    tell(&with_best_model(&scene.edges(2, 0.05, 4.0), scene.size));
 
     let truth = Fisheye::new([700.0, 701.0, 642.0, 477.0, 0.03, -0.01, 0.0, 0.0]);
     let wide = Scene::seen_by(truth, 1, SceneOptions::default());
