@@ -157,6 +157,19 @@ def test_sheets_taken_for_squares_lead_to_their_name(kind):
     assert 'Sheets of paper and other rectangles have to be named: targets="a4"' in warning
 
 
+def test_sheets_that_are_not_a4_lead_to_their_outlines():
+    rng = np.random.default_rng(4)
+    scene = random_scene(rng, aspect=A4)
+    targets = tuple(
+        replace(target, printed=target.printed * [1.0, stretch])
+        for target, stretch in zip(scene.targets, (1.0, 1.1, 0.92), strict=True)
+    )
+    picture = render(replace(scene, targets=targets), rng)
+    warnings = ts.calibrate(picture, targets="a4").warnings
+    warning = next(one for one in warnings if one.code == "planes_contradict")
+    assert "An outline may be that of a print on a sheet, or of a frame around it" in warning
+
+
 @pytest.mark.parametrize("seed", first_quick([0, 2, 10]))
 def test_bare_sheets_right_on_the_clutter_are_found_and_measured(seed):
     picture, scene, _ = photo_of_sheets(np.random.default_rng([73, seed]))

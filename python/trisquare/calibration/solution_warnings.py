@@ -20,6 +20,12 @@ from trisquare.results.calibration_warning import CalibrationWarning
 NO_SQUARES_HINT = '. Sheets of paper and other rectangles have to be named: targets="a4"'
 """Addition to a warning that the squares are inconsistent."""
 
+OTHER_OUTLINE_HINT = (
+    ". An outline may be that of a print on a sheet, or of a frame around it: check the outlines "
+    "(--debug-image, draw_detections), and give the right ones (outlines=)"
+)
+"""Addition to a warning that rectangles of a stated shape are inconsistent."""
+
 NO_CURVE_HINT = (
     ". No tone curve fits the picture, as is common for phones, which may also be the cause: "
     "state the curve (tone=), or take the picture with less processing"
@@ -96,6 +102,9 @@ def _contradiction_hints(gathered: Gathered, spoilt: Sequence[str], codes: Set[s
     # Sheets of paper taken for squares leave the camera undetermined; a shear has its own warning.
     are_far_off = "barely_determined" in codes and "pixels_not_square" not in codes
     kinds = {figure.kind for figure in gathered.figures}
-    if gathered.images and kinds <= {"square", "frame"} and are_far_off:
-        hints += NO_SQUARES_HINT
+    if gathered.images and are_far_off:
+        if kinds <= {"square", "frame"}:
+            hints += NO_SQUARES_HINT
+        elif kinds <= {"rectangle"}:
+            hints += OTHER_OUTLINE_HINT
     return hints
