@@ -33,10 +33,14 @@ pub fn warn_of_fisheye<L: Lens>(
     calibration: &mut Calibration<L>,
 ) {
     let has_warning = |is_shown: fn(&Warning) -> bool| calibration.warnings.iter().any(is_shown);
-    let is_contradicted =
-        |warning: &Warning| matches!(warning, Warning::RelationContradicted { .. });
-    // Planes that contradict their stated relations explain all residuals.
-    let is_suspect = has_warning(is_symptom) && !has_warning(is_contradicted);
+    // Planes that contradict their stated relations, or one skew, explain all residuals.
+    let is_explanation = |warning: &Warning| {
+        matches!(
+            warning,
+            Warning::RelationContradicted { .. } | Warning::Sheared { .. }
+        )
+    };
+    let is_suspect = has_warning(is_symptom) && !has_warning(is_explanation);
     if !is_suspect || !is_comparable_pinhole(options) {
         return;
     }

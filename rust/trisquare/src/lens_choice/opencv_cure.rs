@@ -28,10 +28,11 @@ pub fn warn_of_opencv_lens<L: Lens>(
     options: &Options<L>,
     calibration: &mut Calibration<L>,
 ) {
-    let first = calibration.warnings.first();
-    let is_cured =
-        first.is_some_and(|first| first.is_lens_beyond_model() && first.alternative().is_some());
-    let is_suspect = fits_badly(calibration) && !is_cured;
+    let is_explained = calibration.warnings.first().is_some_and(|first| {
+        let is_cured = first.is_lens_beyond_model() && first.alternative().is_some();
+        is_cured || matches!(first, Warning::Sheared { .. })
+    });
+    let is_suspect = fits_badly(calibration) && !is_explained;
     if !is_suspect || !is_comparable_pinhole(options) {
         return;
     }

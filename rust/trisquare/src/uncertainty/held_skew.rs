@@ -16,8 +16,8 @@ const EVIDENT: f64 = 4.0;
 /// Warns of a skew that all planes agree with, and that is not zero.
 ///
 /// The equations of the optimum are over `judged`, of which `free` are the first. `freed` returns the
-/// calibration with the given parameters held, and its warnings. It is called only if one step from the optimum shows
-/// that the skew is not zero.
+/// calibration with the given parameters held, and its warnings. It is called only if one step from
+/// the optimum shows that the skew is not zero.
 pub(crate) fn held_skew<L: Lens>(
     refined: &Refined<L>,
     (free, judged): (&FreeParameters, &FreeParameters),
