@@ -39,6 +39,7 @@ from trisquare.errors import (
     InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
+    WordedOSError,
     code_members,
     error_members,
     lacks_memory,
@@ -173,7 +174,7 @@ def _usage_message(error: Any) -> str:
 
 def _message(error: Exception) -> str:
     """Return an error's message, for errors of the system without their number."""
-    if isinstance(error, OSError) and error.strerror:
+    if isinstance(error, OSError) and not isinstance(error, WordedOSError) and error.strerror:
         # An error without a file's name is about standard output.
         return f"{error.filename or 'standard output'}: {error.strerror}"
     return as_options(str(error)) or type(error).__name__

@@ -66,7 +66,8 @@ def photographs_named(
             raise MissingImageError(
                 f"{path}: No such file or directory. If it is meant for an option: several values "
                 "are joined by commas (--fix aspect,principal_point), and a value contains no "
-                "space (--side 84mm)"
+                "space (--side 84mm)",
+                path,
             )
     photograph_paths = [
         path for path in paths if path == STANDARD_INPUT or not is_drawn(path)
