@@ -170,16 +170,28 @@ def string(value: Any, name: str) -> str:
     return value
 
 
+def sequence(values: Any, name: str, content: str) -> list[Any]:
+    """Return the values of an iterable as a list, or raise TypeError naming it and its content."""
+    if isinstance(values, str) or not hasattr(values, "__iter__"):
+        raise TypeError(f"{name} must be a sequence of {content}, not {type(values).__name__}")
+    return list(values)
+
+
+def callable_or_none(value: Any, name: str) -> None:
+    """Raise TypeError naming a value that is neither None nor can be called."""
+    if value is not None and not callable(value):
+        raise TypeError(f"{name} must be callable, not {type(value).__name__}")
+
+
 def strings(values: Any, name: str) -> tuple[str, ...]:
     """Return a sequence of str as a tuple; a single str, a sequence of letters, is refused."""
-    if isinstance(values, str) or not hasattr(values, "__iter__"):
-        raise TypeError(f"{name} must be a sequence of strings")
+    values = sequence(values, name, "strings")
     return tuple(string(value, f"each of {name}") for value in values)
 
 
 def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
     """Return values as a tuple if all are of one class, else raise TypeError."""
-    checked = tuple(values)
+    checked = tuple(sequence(values, name, kind.__name__))
     if not all(isinstance(value, kind) for value in checked):
         raise TypeError(f"{name} must all be of the class {kind.__name__}")
     return checked

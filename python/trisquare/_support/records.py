@@ -22,6 +22,7 @@ from trisquare._support.arrays import (
     pixel_array,
     real_array,
     real_number,
+    sequence,
     string,
     strings,
 )
@@ -77,7 +78,9 @@ def pixels(*shape: int | None) -> Kind:
 def arrays(*shape: int | None) -> Kind:
     """Return the kind of sequences of arrays of a shape."""
     return Kind(
-        lambda values, name: tuple(real_array(value, name, shape) for value in values),
+        lambda values, name: tuple(
+            real_array(value, name, shape) for value in sequence(values, name, "arrays")
+        ),
         lambda members, key: members.arrays(key, shape),
     )
 

@@ -63,10 +63,12 @@ def writing(path: PathLike) -> Iterator[None]:
 
 
 def check_writable(path: PathLike) -> None:
-    """Raise OSError if `write_atomically` could not write to this path.
+    """Raise OSError if `write_atomically` could not write to this path, TypeError if it is none.
 
     To be called before a long calibration, whose result could otherwise be lost.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"path must be a file's name, not {type(path).__name__}")
     target = Path(os.path.realpath(path))
     with writing(path):
         if not target.parent.is_dir():
