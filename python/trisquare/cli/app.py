@@ -63,8 +63,8 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     UnreadableInputError: 5,
 }
 
-NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
-"""Start of arguments that are negative numbers, which the parser takes for options."""
+DASHED = re.compile(r"-[^-]")
+"""Start of a negative number, or of a file's name, which the parser takes for an option."""
 
 OPTIONS_ELSEWHERE = {"--square-size": "--side"}
 """Names of options in other programs, and the options here, for commands that have them."""
@@ -165,7 +165,7 @@ def _usage_message(error: Any) -> str:
         message = f"No such option: {option}; options of a command come after its name"
     elif suggestion is not None:
         message = f"No such option: {option}. Did you mean {suggestion}?"
-    elif NEGATIVE_NUMBER.match(option):
+    elif DASHED.match(option):
         message = f"{message}; put -- before arguments that begin with a minus"
     elif message.startswith("Missing option '--camera'"):
         message = "Missing option '--camera': the camera's file is named by --camera FILE"
