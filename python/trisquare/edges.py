@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from trisquare._core import family_lines, rectangle_lines
 from trisquare._support.arrays import (
+    ComparedByValue,
     FloatArray,
-    Frozen,
     index_number,
     pixel_array,
     real_array,
@@ -48,7 +48,7 @@ UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlaneEdges(Frozen):
+class PlaneEdges(ComparedByValue):
     """The edges of one plane figure: model lines or circles, and the samples along each.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -247,6 +247,30 @@ class ReadOnlyDict(dict[str, float]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
+
+
+class ComparedByValue(Frozen):
+    """Base of frozen dataclasses that are equal if all their fields are, arrays to the last bit."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all fields are the same, arrays to the last bit."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return self is other or _value(self) == _value(other)
+
+    def __hash__(self) -> int:
+        return hash(_value(self))
+
+
+def _value(value: Any) -> Any:
+    """Return a value that can be hashed and compared."""
+    if isinstance(value, ComparedByValue):
+        return tuple(_value(getattr(value, each.name)) for each in fields(cast("Any", value)))
+    if isinstance(value, tuple):
+        return tuple(map(_value, value))
+    return (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
 
 
 class RebuiltByConstructor(Frozen):

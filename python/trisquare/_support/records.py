@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trisquare._support.arrays import (
+    ComparedByValue,
     RebuiltByConstructor,
     index_number,
     instances,
@@ -112,7 +113,7 @@ def member(kind: Kind, key: str | None = None) -> Mapping[str, Any]:
     return {"kind": kind, "key": key}
 
 
-class Record(RebuiltByConstructor):
+class Record(RebuiltByConstructor, ComparedByValue):
     """A frozen dataclass whose fields declare their kinds by `member`.
 
     A field with the default None or ``()`` may have that value, and is then left out of JSON.
