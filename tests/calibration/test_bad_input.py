@@ -90,7 +90,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
         (lambda: solve(size=(1280, 2**40)), ValueError, "at most"),
         (lambda: ts.PlaneEdges(EDGES[0].lines, SIDES, image=2**70), ValueError, "image"),
         (lambda: ts.PlaneEdges(EDGES[0].lines, SIDES, image=-1), ValueError, "image"),
-        (lambda: solve(size=(1280.0, 960.0)), TypeError, "whole number"),
+        (lambda: solve(size=(1280.0, 960)), TypeError, r"image_size\[0\] must be a whole number"),
         (lambda: solve(model="fishy"), ValueError, "fishy"),
         (lambda: solve(model=2), TypeError, "model"),
         (lambda: solve(method="magic"), ValueError, "magic"),

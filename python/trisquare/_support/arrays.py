@@ -139,7 +139,7 @@ def size_of_image(value: Any) -> tuple[int, int]:
         width, height = value
     except (TypeError, ValueError) as error:
         raise type(error)("image_size must be (width, height)") from error
-    size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
+    size = (whole_number(width, "image_size[0]"), whole_number(height, "image_size[1]"))
     if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ValueError(
             f"image_size must be positive and at most {LARGEST_SIDE}, not {size!s:.60}"

@@ -63,6 +63,8 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     UnreadableInputError: 5,
 }
 
+LIMIT_OPTIONS = {"--max-pixels", "--max-bytes"}
+
 DASHED = re.compile(r"-[^-]")
 """Start of a negative number, or of a file's name, which the parser takes for an option."""
 
@@ -107,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         family = next(kind for kind in EXIT_CODES if isinstance(error, kind))
         is_input = family is UnreadableInputError
         code_name = family.__name__ if is_input else error_members(error)["code"]
-        fail(code_name, _message(error), EXIT_CODES[family])
+        fail(code_name, _message(error, words), EXIT_CODES[family])
     except SystemExit:
         raise
     except BaseException as error:  # a panic of the core is not an Exception
@@ -172,12 +174,20 @@ def _usage_message(error: Any) -> str:
     return f"{message} (see {path} --help)"
 
 
-def _message(error: Exception) -> str:
-    """Return an error's message, for errors of the system without their number."""
+def _message(error: Exception, words: Sequence[str]) -> str:
+    """Return an error's message, for errors of the system without their number.
+
+    A limit has the name of its option if that is among the words of the command line; most commands
+    have none, and take limits from the environment.
+    """
     if isinstance(error, OSError) and not isinstance(error, WordedOSError) and error.strerror:
         # An error without a file's name is about standard output.
         return f"{error.filename or 'standard output'}: {error.strerror}"
-    return as_options(str(error)) or type(error).__name__
+    message = as_options(str(error)) or type(error).__name__
+    typed = {word.partition("=")[0] for word in words} & LIMIT_OPTIONS
+    for option in typed:
+        message = message.replace(f"{option[2:].replace('-', '_')} allows", f"{option} allows")
+    return message
 
 
 def _fault_message(error: BaseException) -> str:
