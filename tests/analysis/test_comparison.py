@@ -197,7 +197,7 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     longer.save(tmp_path / "b.json")
     code, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json")
     assert code == 0
-    assert "\np assumes photographs of their own for each camera, and flat targets: print" in out
+    assert "\np assumes photographs of their own for each camera, and flat targets: on" in out
     assert "p assumes" not in run("compare", tmp_path / "a.json", tmp_path / "a.json")[1]
     _, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json", "--json")
     assert json.loads(out)["worst_beyond_targets"] is True
