@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from trisquare._core import family_lines, rectangle_lines
 from trisquare._support.arrays import (
+    ComparedByValue,
     FloatArray,
-    Frozen,
     index_number,
     pixel_array,
     real_array,
     real_number,
+    sequence,
     string,
     whole_number,
 )
@@ -47,7 +48,7 @@ UNIT_NORM_SLACK = 4 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlaneEdges(Frozen):
+class PlaneEdges(ComparedByValue):
     """The edges of one plane figure: model lines or circles, and the samples along each.
 
     Parameters
@@ -276,7 +277,7 @@ class PlaneEdges(Frozen):
         aspect = real_number(aspect, "aspect")
         if aspect <= 0.0:
             raise ValueError(f"aspect must be positive, not {aspect:g}")
-        sides = list(sides)
+        sides = sequence(sides, "sides", "four arrays")
         if len(sides) < 4:
             raise NotEnoughDataError(f"a {kind} needs its 4 sides, not {len(sides)}")
         if len(sides) == 8:
@@ -341,7 +342,8 @@ class PlaneEdges(Frozen):
         >>> len(ts.PlaneEdges.families(along_x, along_y).points)
         6
         """
-        along_x, along_y = list(along_x), list(along_y)
+        along_x = sequence(along_x, "along_x", "arrays, one per line")
+        along_y = sequence(along_y, "along_y", "arrays, one per line")
         points = _samples_of_lines([*along_x, *along_y], len(along_x) + len(along_y))
         return cls(
             family_lines(points[: len(along_x)], points[len(along_x) :]),
@@ -405,7 +407,7 @@ class PlaneEdges(Frozen):
         >>> ts.PlaneEdges.circles(rings, radii=[1, 2]).radii
         (1.0, 2.0)
         """
-        circles = list(points)
+        circles = sequence(points, "points", "arrays, one per circle")
         if radii is None:
             radii = (1.0, *[None] * (len(circles) - 1))
         return cls(
@@ -417,7 +419,7 @@ class PlaneEdges(Frozen):
             image=image,
             kind=kind,
             freedom=freedom,
-            radii=tuple(radii),
+            radii=cast("Any", radii),
         )
 
     @classmethod
@@ -606,10 +608,7 @@ def _unit_normal_lines(lines: Any, least: int) -> FloatArray:
 
 
 def _sequence(values: Any, name: str, count: int) -> list[Any]:
-    try:
-        arrays = list(values)
-    except TypeError as error:
-        raise TypeError(f"{name} must be a sequence with one array per line") from error
+    arrays = sequence(values, name, "arrays, one per line")
     if len(arrays) != count:
         raise ValueError(f"{name} must contain {count} arrays, one per line, not {len(arrays)}")
     return arrays
@@ -632,7 +631,10 @@ def _samples_of_lines(points: Any, count: int) -> tuple[FloatArray, ...]:
 
 
 def _checked_radii(radii: Any) -> tuple[float | None, ...]:
-    given = [None if radius is None else real_number(radius, "radii") for radius in radii]
+    given = [
+        None if radius is None else real_number(radius, "radii")
+        for radius in sequence(radii, "radii", "numbers")
+    ]
     if not given:
         raise NotEnoughDataError("circles need one radius or more")
     known = [radius for radius in given if radius is not None]

@@ -137,7 +137,9 @@ def test_cameras_that_are_hardly_known_are_not_told_to_be_the_same(run, result, 
     other = replace(result.camera, K=result.camera.K + np.diag([1e-3, 0, 0]))
     expected = ts.compare(result, other).expected_rms
     for rms, same in ((12.7, True), (12.9, None), (5000.0, None)):
-        vague = replace(result, covariance=(rms / expected) ** 2 * result.covariance)
+        scale = rms / expected
+        std = {name: scale * own for name, own in result.std.items()}
+        vague = replace(result, std=std, covariance=scale**2 * result.covariance)
         comparison = ts.compare(vague, other)
         assert comparison.expected_rms == pytest.approx(rms, rel=1e-6)
         assert comparison.same is same
@@ -195,7 +197,7 @@ def test_a_difference_beyond_the_targets_is_said_to_be_there(run, result, tmp_pa
     longer.save(tmp_path / "b.json")
     code, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json")
     assert code == 0
-    assert "\np assumes photographs of their own for each camera, and flat targets: print" in out
+    assert "\np assumes photographs of their own for each camera, and flat targets: on" in out
     assert "p assumes" not in run("compare", tmp_path / "a.json", tmp_path / "a.json")[1]
     _, out, _ = run("compare", tmp_path / "a.json", tmp_path / "b.json", "--json")
     assert json.loads(out)["worst_beyond_targets"] is True

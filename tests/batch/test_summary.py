@@ -178,6 +178,16 @@ def test_the_table_holds_every_number(tmp_path):
     assert table[0]["photographs"] == ["c0.png"]
 
 
+def test_no_text_of_the_table_is_a_formula(tmp_path):
+    path = tmp_path / "summary.csv"
+    for start in "=+-@\t\r":
+        name = f"{start}cmd()"
+        row = {"name": name, "status": "passed", "photographs": [f"{name}.jpg"], "fx": -1.5}
+        write_csv(path, [row], list(row))
+        written = path.read_bytes().decode().replace('"', "")  # some versions quote a return
+        assert written.endswith(f"\n'{name},passed,'{name}.jpg,-1.5\n")
+
+
 def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path):
     path = tmp_path / "summary.csv"
     path.write_text("old")

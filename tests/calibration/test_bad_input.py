@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -89,7 +90,7 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
         (lambda: solve(size=(1280, 2**40)), ValueError, "at most"),
         (lambda: ts.PlaneEdges(EDGES[0].lines, SIDES, image=2**70), ValueError, "image"),
         (lambda: ts.PlaneEdges(EDGES[0].lines, SIDES, image=-1), ValueError, "image"),
-        (lambda: solve(size=(1280.0, 960.0)), TypeError, "whole number"),
+        (lambda: solve(size=(1280.0, 960)), TypeError, r"image_size\[0\] must be a whole number"),
         (lambda: solve(model="fishy"), ValueError, "fishy"),
         (lambda: solve(model=2), TypeError, "model"),
         (lambda: solve(method="magic"), ValueError, "magic"),
@@ -110,6 +111,28 @@ def solve(figures=EDGES, size=IMAGE_SIZE, **options):
 def test_coordinates_that_cannot_be_used(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+@pytest.mark.parametrize("bad", [None, 5])
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (solve, "edges"),
+        (lambda bad: ts.predict(INITIAL, bad), "planes"),
+        (lambda bad: ts.calibrate(ENCODED, progress=bad or "no"), "progress"),
+        (lambda bad: ts.write_report(solve(), bad), "path"),
+        (ts.camera_matrix_from_homographies, "homographies"),
+        (lambda bad: ts.fit_distortion(bad, IMAGE_SIZE), "curves"),
+        (ts.PlaneEdges.square, "sides"),
+        (ts.PlaneEdges.circles, "points"),
+        (lambda bad: ts.PlaneEdges.circles(SIDES[:1], bad or "no"), "radii"),
+        (lambda bad: ts.PlaneEdges.families(bad, SIDES[:2]), "along_x"),
+        (lambda bad: replace(solve(), edges=bad), "edges"),
+    ],
+)
+def test_a_type_error_names_the_argument(call, name, bad):
+    with pytest.raises(TypeError, match=f"^{name} must be .*, not (NoneType|int|str)$"):
+        call(bad)
 
 
 def test_two_parallel_squares_do_not_count_twice():

@@ -56,6 +56,23 @@ def folder(tmp_path, monkeypatch):
             2,
             "- is standard input, which contains one picture: give it once",
         ),
+        (
+            ("measure", "-", "--camera", "camera.json"),
+            2,
+            "-: trisquare measure does not read stand",
+        ),
+        (("undistort", "-", "--camera", "camera.json", "-o", "a.png"), 2, "does not read standard"),
+        (("convert", "-", "x.yaml"), 2, "-: trisquare convert does not read standard input"),
+        (("straighten", "-", "-o", "l.png"), 2, "does not read standard input: name a file"),
+        (("batch", "-", "-o", "r"), 2, "-: trisquare batch does not read standard input"),
+        (("predict", "-"), 2, "-: trisquare predict does not read standard input"),
+        (("calibrate", "-dash.jpg"), 2, "-d; put -- before arguments that begin with a minus"),
+        (
+            ("undistort", "photo.png", "--camera", "camera.json", "-o", "-"),
+            2,
+            "-: pictures cannot be written to standard output: name a file",
+        ),
+        (("straighten", "photo.png", "-o", "-"), 2, "to standard output: name a file"),
         (("calibrate", "photo.png", "--tone", "99"), 2, "a gamma must be from 0.2 to 5, not 99"),
     ],
 )

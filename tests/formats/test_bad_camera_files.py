@@ -294,7 +294,7 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path):
     assert "longer than" in refusal(tmp_path / "long.yaml")
     refused = load_text(tmp_path, "notes", "Hello\n")
     assert "not a camera file of a known format" in refused
-    assert refused.endswith("name it with format=, or trisquare convert --from")
+    assert refused.endswith("trisquare convert --from, whose output every command reads")
 
 
 def test_what_cannot_be_opened_is_an_os_error(tmp_path):

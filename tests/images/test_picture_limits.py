@@ -156,7 +156,7 @@ def test_the_command_takes_limits(tmp_path, run, option, too_little):
     path.write_bytes(encoded(".png"))
     code, _, err = run("calibrate", path, f"--{option}", too_little)
     assert code == 5
-    assert option.replace("-", "_") in err
+    assert f"--{option} allows" in err
     code, _, err = run("calibrate", path, f"--{option}", "none")
     assert code == 2
     assert f"--{option}" in err

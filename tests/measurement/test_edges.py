@@ -114,7 +114,7 @@ def test_a_side_may_be_covered_in_part_and_in_any_order():
         ({"std": [*[np.ones(9)] * 3, np.ones(8)]}, ValueError, "shape"),
         ({"std": [*[np.ones(9)] * 3, np.zeros(9)]}, ValueError, "positive"),
         ({"std": [*[np.ones(9)] * 3, np.full(9, np.nan)]}, ValueError, r"std\[3\] contains NaN"),
-        ({"std": "0.1"}, ValueError, "4 arrays"),
+        ({"std": "0.1"}, TypeError, "sequence of arrays"),
         ({"lines": np.array(CLOCKWISE_SQUARE)[:3]}, NotEnoughDataError, "4 lines"),
         ({"lines": np.zeros((4, 3))}, ValueError, "direction"),
         ({"lines": np.ones((4, 2))}, ValueError, "shape"),

@@ -2,8 +2,10 @@
 
 import ast
 import json
+import os
+import pickle
 import re
-from errno import ENOMEM
+from errno import EACCES, EISDIR, ENOENT, ENOMEM, ENOSPC
 from pathlib import Path
 from typing import get_args, get_type_hints
 
@@ -13,6 +15,7 @@ from shown import CHECKOUT, page
 
 import trisquare as ts
 from trisquare import errors
+from trisquare._support.writing import check_writable, writing
 from trisquare.calibration.fault_warnings import _ADVICE
 from trisquare.cli.app import EXIT_CODES
 from trisquare.errors import HTTP_STATUSES, code_members, error_members, help_of, http_status
@@ -51,6 +54,7 @@ def error_codes(*rooms):
     """The classes of errors, and the names used in given rooms."""
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
     own = {kind.__name__ for kind in kinds if issubclass(kind, Exception)}
+    own -= {errors.WordedOSError.__name__}  # its errors have the names of the system's
     given = {
         text
         for tree in trees(*rooms)
@@ -125,6 +129,39 @@ def test_every_error_is_told_in_one_shape(error, code, text):
     assert ts.error_members(error) == code_members(code, text)
     assert error_members(error)["help"] == help_of(code)
     assert http_status(code) == HTTP_STATUSES[code]
+
+
+@pytest.mark.parametrize(
+    ("call", "path", "kind", "number", "text"),
+    [
+        (ts.calibrate, "no.jpg", ts.MissingImageError, ENOENT, "No such file or directory"),
+        (ts.read_image, "no.jpg", ts.MissingImageError, ENOENT, "No such file or directory"),
+        (ts.Camera.load, "no.json", FileNotFoundError, ENOENT, "No such file or directory"),
+        (ts.Camera.load, ".", IsADirectoryError, EISDIR, "Is a directory"),
+        (check_writable, "no/x.json", FileNotFoundError, ENOENT, "there is no folder"),
+        (check_writable, ".", OSError, EISDIR, "is not a file"),
+    ],
+)
+def test_an_error_of_the_system_has_its_members(
+    tmp_path, monkeypatch, call, path, kind, number, text
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(kind) as info:
+        call(path)
+    for error in (info.value, pickle.loads(pickle.dumps(info.value))):
+        assert isinstance(error, kind)
+        assert type(error).__name__ == kind.__name__
+        assert (error.errno, error.filename, error.strerror) == (number, path, os.strerror(number))
+        assert str(error).startswith(f"{path}: {text}")
+
+
+@pytest.mark.parametrize(("number", "kind"), [(ENOSPC, OSError), (EACCES, PermissionError)])
+def test_an_error_while_writing_has_the_members_of_the_system(number, kind):
+    with pytest.raises(kind) as info, writing("x.json"), writing(".x.json.tmp"):
+        raise OSError(number, os.strerror(number), ".x.json.tmp")
+    error = info.value
+    assert (error.errno, error.filename) == (number, ".x.json.tmp")
+    assert str(error) == f".x.json.tmp: cannot be written: {os.strerror(number)}"
 
 
 def test_an_error_tells_the_shapes_that_it_knows():

@@ -236,6 +236,22 @@ def test_json_and_pickle_are_exact(change):
     assert_same(result, copy.deepcopy(result))
 
 
+def test_planes_and_edges_are_equal_by_value():
+    sides = [[[0, 0], [9, 0]], [[9, 0], [9, 9]], [[9, 9], [0, 9]], [[0, 9], [0, 0]]]
+    for one, other in (
+        (plane(), plane(rms=0.5)),
+        (plane(), plane(rotation=rotation(2))),
+        (ts.PlaneEdges.square(sides), ts.PlaneEdges.square(sides, polarity=1)),
+        (ts.PlaneEdges.square(sides, 0.1), ts.PlaneEdges.square(sides, np.nextafter(0.1, 1))),
+    ):
+        for same in (pickle.loads(pickle.dumps(one)), copy.deepcopy(one)):
+            assert same == one
+            assert hash(same) == hash(one)
+        assert one != other
+        assert one != "another class"
+        assert len({one, copy.deepcopy(one), other}) == 2
+
+
 @given(values=st.lists(st.floats(1e-300, 1e300), min_size=4, max_size=4), seed=st.integers(0, 99))
 def test_every_float_survives_json(values, seed):
     fx, fy, cx, rms = values

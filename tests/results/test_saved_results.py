@@ -41,6 +41,15 @@ def test_the_members_of_a_result_are_its_json():
     assert json.dumps(RESULT.members()) == json.dumps(json.loads(RESULT.to_json()))
 
 
+def test_deviations_that_contradict_the_covariance_are_refused():
+    members = json.loads(RESULT.to_json())
+    members["std"]["fx"] *= 1 + 1e-8  # rounded by another program
+    ts.Calibration.from_json(json.dumps(members))
+    members["std"]["cx"] = 55
+    with pytest.raises(ValueError, match=r'"std\.cx" is 55, but "covariance" states'):
+        ts.Calibration.from_json(json.dumps(members))
+
+
 def test_a_result_is_saved_whole_as_json(tmp_path):
     path = tmp_path / "camera.json"
     assert RESULT.save(path) is None

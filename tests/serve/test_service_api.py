@@ -426,7 +426,9 @@ def test_options_of_many_bytes_are_refused_before_they_are_parsed(client, as_for
 @pytest.mark.parametrize("depth", [60, 700, 100_000])
 def test_options_that_are_nested_deep_are_the_clients_fault(client, depth):
     options = '{"squares": ' + "[" * depth + "]" * depth + "}"
-    assert error_of(client.post("/api/predict", content=options), 400)["code"] == "ValueError"
+    error = error_of(client.post("/api/predict", content=options), 400)
+    assert error["code"] == "ValueError"
+    assert error["text"].endswith("the options are nested too deeply")
 
 
 def test_a_flag_is_true_or_false(client, result):

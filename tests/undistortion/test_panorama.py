@@ -93,7 +93,9 @@ def test_beside_and_behind_the_camera():
 def test_a_panorama_can_be_pickled():
     view = Panorama.of(FISHEYE, "cylinder")
     again = pickle.loads(pickle.dumps(view))
-    assert repr(again) == repr(view)
+    assert again == view
+    assert hash(again) == hash(view)
+    assert again != Panorama.of(FISHEYE)
     assert (again.focal, again.cx, again.cy) == (view.focal, view.cx, view.cy)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -139,7 +139,7 @@ def size_of_image(value: Any) -> tuple[int, int]:
         width, height = value
     except (TypeError, ValueError) as error:
         raise type(error)("image_size must be (width, height)") from error
-    size = (whole_number(width, "image_size"), whole_number(height, "image_size"))
+    size = (whole_number(width, "image_size[0]"), whole_number(height, "image_size[1]"))
     if min(size) < 1 or max(size) > LARGEST_SIDE:
         raise ValueError(
             f"image_size must be positive and at most {LARGEST_SIDE}, not {size!s:.60}"
@@ -170,16 +170,28 @@ def string(value: Any, name: str) -> str:
     return value
 
 
+def sequence(values: Any, name: str, content: str) -> list[Any]:
+    """Return the values of an iterable as a list, or raise TypeError naming it and its content."""
+    if isinstance(values, str) or not hasattr(values, "__iter__"):
+        raise TypeError(f"{name} must be a sequence of {content}, not {type(values).__name__}")
+    return list(values)
+
+
+def callable_or_none(value: Any, name: str) -> None:
+    """Raise TypeError naming a value that is neither None nor can be called."""
+    if value is not None and not callable(value):
+        raise TypeError(f"{name} must be callable, not {type(value).__name__}")
+
+
 def strings(values: Any, name: str) -> tuple[str, ...]:
     """Return a sequence of str as a tuple; a single str, a sequence of letters, is refused."""
-    if isinstance(values, str) or not hasattr(values, "__iter__"):
-        raise TypeError(f"{name} must be a sequence of strings")
+    values = sequence(values, name, "strings")
     return tuple(string(value, f"each of {name}") for value in values)
 
 
 def instances(values: Iterable[Any], kind: type[T], name: str) -> tuple[T, ...]:
     """Return values as a tuple if all are of one class, else raise TypeError."""
-    checked = tuple(values)
+    checked = tuple(sequence(values, name, kind.__name__))
     if not all(isinstance(value, kind) for value in checked):
         raise TypeError(f"{name} must all be of the class {kind.__name__}")
     return checked
@@ -235,6 +247,30 @@ class ReadOnlyDict(dict[str, float]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
+
+
+class ComparedByValue(Frozen):
+    """Base of frozen dataclasses that are equal if all their fields are, arrays to the last bit."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all fields are the same, arrays to the last bit."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return self is other or _value(self) == _value(other)
+
+    def __hash__(self) -> int:
+        return hash(_value(self))
+
+
+def _value(value: Any) -> Any:
+    """Return a value that can be hashed and compared."""
+    if isinstance(value, ComparedByValue):
+        return tuple(_value(getattr(value, each.name)) for each in fields(cast("Any", value)))
+    if isinstance(value, tuple):
+        return tuple(map(_value, value))
+    return (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
 
 
 class RebuiltByConstructor(Frozen):

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import IO, Any, TypeAlias
 
 from trisquare._support.terminal_text import printable
+from trisquare.errors import worded
 
 File: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A name, or an open text or binary file."""
@@ -89,11 +90,15 @@ def shown(path: File) -> str:
 
 @contextmanager
 def naming_failure(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Change the message of an OSError from "[Errno 2] why: 'FILE'" to "FILE: why"."""
+    """Change the message of an OSError from "[Errno 2] why: 'FILE'" to "FILE: why".
+
+    Its ``errno``, ``strerror`` and ``filename`` are kept.
+    """
     try:
         yield
     except OSError as error:
-        raise type(error)(f"{shown(path)}: {error.strerror or error}") from error
+        text = f"{shown(path)}: {error.strerror or error}"
+        raise worded(type(error), text, path, error.errno, error.strerror) from error
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trisquare._support.arrays import (
+    ComparedByValue,
     RebuiltByConstructor,
     index_number,
     instances,
@@ -22,6 +23,7 @@ from trisquare._support.arrays import (
     pixel_array,
     real_array,
     real_number,
+    sequence,
     string,
     strings,
 )
@@ -77,7 +79,9 @@ def pixels(*shape: int | None) -> Kind:
 def arrays(*shape: int | None) -> Kind:
     """Return the kind of sequences of arrays of a shape."""
     return Kind(
-        lambda values, name: tuple(real_array(value, name, shape) for value in values),
+        lambda values, name: tuple(
+            real_array(value, name, shape) for value in sequence(values, name, "arrays")
+        ),
         lambda members, key: members.arrays(key, shape),
     )
 
@@ -109,7 +113,7 @@ def member(kind: Kind, key: str | None = None) -> Mapping[str, Any]:
     return {"kind": kind, "key": key}
 
 
-class Record(RebuiltByConstructor):
+class Record(RebuiltByConstructor, ComparedByValue):
     """A frozen dataclass whose fields declare their kinds by `member`.
 
     A field with the default None or ``()`` may have that value, and is then left out of JSON.

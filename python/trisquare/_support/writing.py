@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import secrets
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeAlias
 
 from trisquare._support.paths import File, check_open, shown
+from trisquare.errors import WordedOSError, worded
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -54,25 +56,30 @@ def writing(path: PathLike) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:
+        if isinstance(error, WordedOSError) or error.errno is None:
             raise  # its message is complete
         message = f"{shown(path)}: cannot be written: {error.strerror}"
-        raise type(error)(message) from error
+        raise worded(type(error), message, path, error.errno, error.strerror) from error
 
 
 def check_writable(path: PathLike) -> None:
-    """Raise OSError if `write_atomically` could not write to this path.
+    """Raise OSError if `write_atomically` could not write to this path, TypeError if it is none.
 
     To be called before a long calibration, whose result could otherwise be lost.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"path must be a file's name, not {type(path).__name__}")
     target = Path(os.path.realpath(path))
     with writing(path):
         if not target.parent.is_dir():
-            raise FileNotFoundError(f"{shown(path)}: there is no folder {shown(target.parent)}")
+            text = f"{shown(path)}: there is no folder {shown(target.parent)}"
+            raise worded(FileNotFoundError, text, path, errno.ENOENT)
         if target.exists() and not target.is_file():
-            raise OSError(f"{shown(path)}: is not a file")
+            number = errno.EISDIR if target.is_dir() else None
+            raise worded(OSError, f"{shown(path)}: is not a file", path, number)
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"{shown(path)}: the folder {shown(target.parent)} is not writable")
+        text = f"{shown(path)}: the folder {shown(target.parent)} is not writable"
+        raise worded(PermissionError, text, path, errno.EACCES)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from trisquare._support.arrays import (
     not_negative,
     real_array,
     real_number,
+    sequence,
     strings,
 )
 from trisquare.analysis.plan import PlannedSquare, StandingPlane, posed, predicted
@@ -193,7 +194,7 @@ def predict(
     distance = real_number(spacing, "spacing")
     found = predicted(
         camera,
-        map(posed, planes),
+        map(posed, sequence(planes, "planes", "PlannedSquare, Plane or Target")),
         checked_fix(fix),
         sigma=noise,
         spacing=distance,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import stat
@@ -14,6 +15,7 @@ from trisquare._support.natural_order import natural_order
 from trisquare._support.paths import naming_failure, shown
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
+from trisquare.errors import worded
 from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.sources import PICTURE_SUFFIXES, VIDEO_SUFFIXES
 
@@ -119,7 +121,8 @@ def _of_pattern(given: str) -> list[str]:
 
     matching = glob.glob(given, recursive=True) if glob.has_magic(given) else []
     if not matching:
-        raise FileNotFoundError(f"{shown(given)}: there is no such file or folder")
+        text = f"{shown(given)}: there is no such file or folder"
+        raise worded(FileNotFoundError, text, given, errno.ENOENT)
     photographs = [path for path in matching if not is_drawn(path)]
     return sorted(photographs or matching, key=natural_order)
 

@@ -15,6 +15,7 @@ from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.records import identity_in, stated_identity
 from trisquare.batch.worker import Answer
+from trisquare.errors import worded
 
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
 
@@ -217,4 +218,5 @@ def _lock(descriptor: int, folder: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise OSError(f"{folder}: another run writes to this folder") from error
+        text = f"{folder}: another run writes to this folder"
+        raise worded(OSError, text, folder, error.errno, error.strerror) from error

@@ -17,6 +17,9 @@ from trisquare.results.calibration_warning import SEVERITIES
 
 TABLE_FORMAT = "trisquare-batch-table/1"
 
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+"""First characters of texts that spreadsheets take for a formula (OWASP, "CSV Injection")."""
+
 CHUNK = 5_000
 """Number of rows of a Parquet file that are in memory at a time."""
 
@@ -138,7 +141,8 @@ def write_csv(path: PathLike, rows: Iterable[Mapping[str, Any]], columns: Sequen
             of_high = (row["status"], row.get("severity")) == ("passed", SEVERITIES[0])
             counts.update([row["status"]] + ["passed with high"] * of_high)
             counts.update(reason for reason in ("retake", "outlying") if row.get(reason))
-            table.writerow({**row, "photographs": ";".join(row["photographs"])})
+            joined = {**row, "photographs": ";".join(row["photographs"])}
+            table.writerow({name: _inert(value) for name, value in joined.items()})
         text.detach()
     return Counts(
         passed=counts["passed"],
@@ -187,6 +191,12 @@ def check_parquet() -> None:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
         raise ImportError("Parquet needs pyarrow: pip install 'trisquare[batch]'") from error
+
+
+def _inert(value: Any) -> Any:
+    """Return a cell that spreadsheets do not take for a formula; numbers are unchanged."""
+    is_formula = isinstance(value, str) and value.startswith(FORMULA_STARTS)
+    return f"'{value}" if is_formula else value
 
 
 def _text(value: Any) -> Any:

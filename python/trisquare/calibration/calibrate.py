@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trisquare._support.arrays import size_of_image
+from trisquare._support.arrays import callable_or_none, sequence, size_of_image
 from trisquare._support.lengths import length_in
 from trisquare._support.log import LOG
 from trisquare._support.suggestions import advising
@@ -243,6 +243,7 @@ def calibrate_photographs(
     if lines and settings.method == "linear":
         raise ValueError('lines=True needs method="ml": the linear steps cannot use lines')
     length = length_in("m", side, "side")
+    callable_or_none(progress, "progress")
     threads = thread_count(threads, len(photographs))
     is_camera_held = {"focal", "principal_point", "distortion"} <= set(settings.fixed)
     search_settings = SearchSettings.check(
@@ -354,7 +355,7 @@ def calibrate_edges(
     requirement = "edges must be a list of PlaneEdges, such as PlaneEdges.square(sides)"
     if isinstance(edges, PlaneEdges):
         raise TypeError(f"{requirement}, not a single PlaneEdges")
-    figures = list(edges)
+    figures = sequence(edges, "edges", "PlaneEdges")
     for figure in figures:
         if not isinstance(figure, PlaneEdges):
             raise TypeError(f"{requirement}, not of {type(figure).__name__}")

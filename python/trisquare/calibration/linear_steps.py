@@ -17,6 +17,7 @@ from trisquare._support.arrays import (
     RebuiltByConstructor,
     not_negative,
     real_array,
+    sequence,
     size_of_image,
     whole_number,
 )
@@ -139,7 +140,8 @@ def fit_distortion(
     a1 0.07
     """
     samples = [
-        real_array(curve, f"curve {i}", (None, 2), LEAVE_OUT) for i, curve in enumerate(curves)
+        real_array(curve, f"curve {i}", (None, 2), LEAVE_OUT)
+        for i, curve in enumerate(sequence(curves, "curves", "arrays, one per curve"))
     ]
     size = size_of_image(image_size)
     count = whole_number(coefficients, "coefficients")
@@ -227,9 +229,10 @@ def camera_matrix_from_homographies(homographies: npt.ArrayLike) -> FloatArray:
     >>> ts.camera_matrix_from_homographies(homographies).round(6).tolist()
     [[900.0, 0.0, 640.0], [0.0, 900.0, 480.0], [0.0, 0.0, 1.0]]
     """
-    if len(homographies) == 0:  # type: ignore[arg-type]
+    given = sequence(homographies, "homographies", "3 x 3 matrices")
+    if not given:
         raise NotEnoughPlanesError("no homographies given")
-    stack = real_array(homographies, "homographies", (None, 3, 3))
+    stack = real_array(given, "homographies", (None, 3, 3))
     return _core.camera_matrix_from_homographies(list(stack))
 
 

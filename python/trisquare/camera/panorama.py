@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 import trisquare._core as _core
 from trisquare._support.arrays import (
+    ComparedByValue,
     FloatArray,
     RebuiltByConstructor,
     real_array,
@@ -29,7 +30,7 @@ STEPS = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Panorama(RebuiltByConstructor):
+class Panorama(RebuiltByConstructor, ComparedByValue):
     """A picture on a cylinder or a sphere about the camera's centre, without distortion.
 
     The pixel ``(cx, cy)`` shows the camera's axis. With the longitude ``atan2(X, Z)`` and the

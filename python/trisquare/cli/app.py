@@ -39,6 +39,7 @@ from trisquare.errors import (
     InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
+    WordedOSError,
     code_members,
     error_members,
     lacks_memory,
@@ -62,8 +63,10 @@ EXIT_CODES: Mapping[type[Exception], int] = {
     UnreadableInputError: 5,
 }
 
-NEGATIVE_NUMBER = re.compile(r"-[0-9.]")
-"""Start of arguments that are negative numbers, which the parser takes for options."""
+LIMIT_OPTIONS = {"--max-pixels", "--max-bytes"}
+
+DASHED = re.compile(r"-[^-]")
+"""Start of a negative number, or of a file's name, which the parser takes for an option."""
 
 OPTIONS_ELSEWHERE = {"--square-size": "--side"}
 """Names of options in other programs, and the options here, for commands that have them."""
@@ -106,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         family = next(kind for kind in EXIT_CODES if isinstance(error, kind))
         is_input = family is UnreadableInputError
         code_name = family.__name__ if is_input else error_members(error)["code"]
-        fail(code_name, _message(error), EXIT_CODES[family])
+        fail(code_name, _message(error, words), EXIT_CODES[family])
     except SystemExit:
         raise
     except BaseException as error:  # a panic of the core is not an Exception
@@ -164,19 +167,27 @@ def _usage_message(error: Any) -> str:
         message = f"No such option: {option}; options of a command come after its name"
     elif suggestion is not None:
         message = f"No such option: {option}. Did you mean {suggestion}?"
-    elif NEGATIVE_NUMBER.match(option):
+    elif DASHED.match(option):
         message = f"{message}; put -- before arguments that begin with a minus"
     elif message.startswith("Missing option '--camera'"):
         message = "Missing option '--camera': the camera's file is named by --camera FILE"
     return f"{message} (see {path} --help)"
 
 
-def _message(error: Exception) -> str:
-    """Return an error's message, for errors of the system without their number."""
-    if isinstance(error, OSError) and error.strerror:
+def _message(error: Exception, words: Sequence[str]) -> str:
+    """Return an error's message, for errors of the system without their number.
+
+    A limit has the name of its option if that is among the words of the command line; most commands
+    have none, and take limits from the environment.
+    """
+    if isinstance(error, OSError) and not isinstance(error, WordedOSError) and error.strerror:
         # An error without a file's name is about standard output.
         return f"{error.filename or 'standard output'}: {error.strerror}"
-    return as_options(str(error)) or type(error).__name__
+    message = as_options(str(error)) or type(error).__name__
+    typed = {word.partition("=")[0] for word in words} & LIMIT_OPTIONS
+    for option in typed:
+        message = message.replace(f"{option[2:].replace('-', '_')} allows", f"{option} allows")
+    return message
 
 
 def _fault_message(error: BaseException) -> str:

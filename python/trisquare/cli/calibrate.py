@@ -186,7 +186,7 @@ def calibrate_command(
     if with_diagnosis and quiet:
         raise ValueError("--diagnose prints, and --quiet does not: give one of them")
     failing = _failing_severities(fail_on)
-    photos = photographs_named(photos, with_videos=frames is not None, with_input=True)
+    photos = photographs_named(photos, with_videos=frames is not None)
     most = _most_pictures(photos, frames)
     files = _Files(output, report, numbered_paths(overlay, most), numbered_paths(debug_image, most))
     # Only a layout's file can have the same name as an output.

@@ -21,9 +21,9 @@ from trisquare.drawing.difference_map import draw_comparison
 from trisquare.images.drawn_mark import encode_drawn
 
 ASSUMED = (
-    "photographs of their own for each camera, and flat targets: printed paper is not flat, and "
-    "results of one camera spread up to twice as much over it as they state; between lens models "
-    "of the same photographs --model auto decides"
+    "photographs of their own for each camera, and flat targets: on printed paper, repeated "
+    "calibrations differ by up to twice their stated standard deviations; to choose a lens model, "
+    "use --model auto"
 )
 
 EXAMPLES = (

@@ -31,7 +31,7 @@ FORMATS_HELP = "; ".join(f"{known.name} is {known.title}" for known in FORMATS)
 
 def convert_command(
     source: Path = argument(..., "IN", "A camera, or trisquare's result, as a file."),
-    target: Path = argument(..., "OUT", "Where to write the camera."),
+    target: Path = argument(..., "OUT", "Where to write the camera.", allows_dash=True),
     from_format: str | None = option(
         None,
         "FORMAT",

@@ -15,6 +15,7 @@ from trisquare.calibration.known_camera import known_camera
 from trisquare.camera.camera import Camera
 from trisquare.camera.camera_of import camera_of
 from trisquare.cli.framework import UnreadableInputError, reading
+from trisquare.cli.options import STANDARD_INPUT
 from trisquare.errors import MissingImageError
 from trisquare.formats import load_camera
 from trisquare.images.drawn_mark import is_drawn
@@ -36,17 +37,14 @@ def camera_alone(path: Path) -> Camera:
         return load_camera(path).camera
 
 
-STANDARD_INPUT = Path("-")
-"""Argument for standard input among photographs, as in other programs."""
+INPUT = Path(STANDARD_INPUT)
 
 
-def photographs_named(
-    paths: Iterable[Path], *, with_videos: bool = False, with_input: bool = False
-) -> list[Path]:
+def photographs_named(paths: Iterable[Path], *, with_videos: bool = False) -> list[Path]:
     """Return the photographs of the arguments: files, contents of folders, matches of patterns.
 
-    Videos in folders are included `with_videos`, and `STANDARD_INPUT` `with_input`. Pictures that
-    trisquare drew on are left out if there are others: shells may have expanded a pattern.
+    Videos in folders are included `with_videos`. Pictures that trisquare drew on are left out if
+    there are others: shells may have expanded a pattern.
 
     Raises
     ------
@@ -55,32 +53,29 @@ def photographs_named(
         not a file, and may be the value of an option.
     """
     paths = list(paths)
-    if with_input and paths.count(STANDARD_INPUT) > 1:
+    if paths.count(INPUT) > 1:
         raise ValueError("- is standard input, which contains one picture: give it once")
     for path in paths:
-        if path == STANDARD_INPUT and with_input:
+        if path == INPUT:
             continue
-        if path == STANDARD_INPUT:
-            raise MissingImageError("- is standard input, which calibrate alone reads: name a file")
         if not (path.suffix or path.name != str(path) or path.exists() or has_magic(path.name)):
             raise MissingImageError(
                 f"{path}: No such file or directory. If it is meant for an option: several values "
                 "are joined by commas (--fix aspect,principal_point), and a value contains no "
-                "space (--side 84mm)"
+                "space (--side 84mm)",
+                path,
             )
-    photograph_paths = [
-        path for path in paths if path == STANDARD_INPUT or not is_drawn(path)
-    ] or paths
+    photograph_paths = [path for path in paths if path == INPUT or not is_drawn(path)] or paths
     photos: list[Path] = []
     for path in photograph_paths:
-        found = [path] if path == STANDARD_INPUT else sources_of(path, with_videos=with_videos)
+        found = [path] if path == INPUT else sources_of(path, with_videos=with_videos)
         photos += [Path(str(path_text)) for path_text in found]
     return photos
 
 
 def with_content_of_input(photos: Iterable[Path], limits: PictureLimits) -> list[ImageSource]:
-    """Return photographs with `STANDARD_INPUT` replaced by its content."""
-    return [photo if photo != STANDARD_INPUT else _content_of_input(limits) for photo in photos]
+    """Return photographs with `INPUT` replaced by its content."""
+    return [photo if photo != INPUT else _content_of_input(limits) for photo in photos]
 
 
 def _content_of_input(limits: PictureLimits) -> bytes:

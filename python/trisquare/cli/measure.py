@@ -66,6 +66,7 @@ def measure_command(
         "[X,Y]...",
         "Pixels on the square's plane: two for a length, three for an angle, in order round a "
         "polygon for its area.",
+        allows_dash=True,
     ),
     camera: Path | None = option(
         None,

@@ -12,6 +12,9 @@ from trisquare._support.arrays import size_of_image
 from trisquare.camera.settings import FIXABLE, FREEABLE
 from trisquare.images.limits import parse_amount
 
+STANDARD_INPUT = "-"
+"""Argument for standard input among photographs, as in other programs."""
+
 KEYWORD = re.compile(r"""\b(fix|free|model|method|targets|tone)=["']([^"'\s]+)["']""")
 """A keyword of `calibrate` with its value; the option has the same name."""
 
@@ -21,10 +24,22 @@ NAME_ALONE = re.compile(
 """A keyword without a value, as it occurs in messages."""
 
 
-def argument(default: Any, metavar: str, text: str) -> Any:
-    """Return the description of an argument, used as a parameter's default; ``...`` for none."""
+def _refuse_input(context: typer.Context, value: Any) -> Any:
+    """Refuse the name ``-`` where it would be a file of that name."""
+    names = value if isinstance(value, list) else [value]
+    if STANDARD_INPUT in map(str, names):
+        raise ValueError(f"-: {context.command_path} does not read standard input: name a file")
+    return value
+
+
+def argument(default: Any, metavar: str, text: str, *, allows_dash: bool = False) -> Any:
+    """Return the description of an argument, used as a parameter's default; ``...`` for none.
+
+    Unless it `allows_dash`, it is a file to be read, which ``-`` is not.
+    """
     # A file that cannot be read is reported as an error of the input, not of the command line.
-    return typer.Argument(default, metavar=metavar, help=text, readable=False)
+    callback = None if allows_dash else _refuse_input
+    return typer.Argument(default, metavar=metavar, help=text, readable=False, callback=callback)
 
 
 def option(default: Any, metavar: str, text: str, *names: str, offer: Iterable[str] = ()) -> Any:
@@ -49,7 +64,7 @@ OF_PHOTOS = (
     "pattern such as '*.jpg' or '**/*.jpg', in the order of names (2.jpg before 10.jpg)"
 )
 PHOTOS = argument(..., "PHOTO", f"{OF_PHOTOS}.")
-PHOTOS_OR_INPUT = argument(..., "PHOTO", f"{OF_PHOTOS}; or - for standard input.")
+PHOTOS_OR_INPUT = argument(..., "PHOTO", f"{OF_PHOTOS}; or - for standard input.", allows_dash=True)
 JSON = flag("Print JSON instead of text, and nothing else.", "--json")
 QUIET = flag("Print nothing but errors.", "--quiet", "-q")
 FIX = option(

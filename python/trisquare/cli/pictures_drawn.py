@@ -32,6 +32,12 @@ def numbered_paths(path: Path | None, photos: int) -> list[Path]:
     return [path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(1, photos + 1)]
 
 
+def check_file_named(path: str | Path) -> None:
+    """Refuse the name ``-`` for a picture: it stands for standard output in other programs."""
+    if str(path) == "-":
+        raise ValueError("-: pictures cannot be written to standard output: name a file")
+
+
 def check_outputs(
     inputs: Iterable[Path | None],
     pictures: Iterable[Path | None],
@@ -40,6 +46,8 @@ def check_outputs(
     """Refuse outputs that cannot be written before anything is computed; None means no file."""
     taken = {os.path.realpath(path) for path in inputs if path is not None}
     drawings = [path for path in pictures if path is not None]
+    for path in drawings:
+        check_file_named(path)
     for path in (*drawings, *(path for path in others if path is not None)):
         check_writable(path)
         if os.path.realpath(path) in taken:

@@ -23,7 +23,12 @@ from trisquare.cli.camera_file import camera_content, camera_format
 from trisquare.cli.console import answer, coded_lines, progress_bar, texts_and_codes
 from trisquare.cli.input_files import photographs_named, read_camera
 from trisquare.cli.options import BALANCE, JSON, PHOTOS, QUIET, flag, option
-from trisquare.cli.pictures_drawn import check_depth, check_outputs, numbered_paths
+from trisquare.cli.pictures_drawn import (
+    check_depth,
+    check_file_named,
+    check_outputs,
+    numbered_paths,
+)
 from trisquare.images.encoding import encode_turned
 from trisquare.images.frame_choice import check_named_video
 from trisquare.images.pixels import picture_size
@@ -147,6 +152,7 @@ def undistort_command(
 
 def _output_paths(output: str, photos: Sequence[Path], *, into_folder: bool) -> list[Path]:
     """Return the output path of each photograph or video."""
+    check_file_named(output)
     if into_folder:
         return [Path(output, photo.name) for photo in photos]
     if not (Path(output).suffix or any(map(is_video, photos))):

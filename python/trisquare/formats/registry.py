@@ -70,7 +70,8 @@ def format_of_document(document: Document) -> Format:
             raise ValueError("the file is empty")
         raise ValueError(
             f"not a camera file of a known format ({', '.join(FORMAT_NAMES)}); if it is one of "
-            "these, name it with format=, or trisquare convert --from"
+            "these, state which: format=, or trisquare convert --from, whose output every command "
+            "reads"
         )
     return promised
 

@@ -73,7 +73,7 @@ def read_photograph(
     try:
         encoded = _limited_bytes(path, limits)
     except FileNotFoundError as error:
-        raise MissingImageError(str(error)) from error
+        raise MissingImageError(str(error), path) from error
     except OSError as error:
         raise ImageError(str(error)) from error
     return decode_photograph(encoded, shown(path), limits)

@@ -117,17 +117,17 @@ def _files(path: str | os.PathLike[str], with_videos: bool) -> Iterable[str | os
     if glob.has_magic(name) and not os.path.lexists(name):
         names = sorted(glob.glob(name, recursive=True), key=natural_order)
         if not names:
-            raise MissingImageError(f"{named}: no file matches")
+            raise MissingImageError(f"{named}: no file matches", path)
         return _without_drawn([Path(entry) for entry in names], name)
     try:  # before other errors: a video is recognised by its content
         os.stat(name)
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:
         if os.path.islink(name):
             text = f"{named}: a link to {shown(os.readlink(name))}, which does not exist"
-            raise MissingImageError(text) from error
+            raise MissingImageError(text, path) from error
         if not name:
-            raise MissingImageError("the name of a picture is empty") from error
-        raise MissingImageError(f"{named}: No such file or directory") from error
+            raise MissingImageError("the name of a picture is empty", path) from error
+        raise MissingImageError(f"{named}: No such file or directory", path) from error
     except OSError as error:
         raise ImageError(f"{named}: {error.strerror or error}") from error
     return [path]

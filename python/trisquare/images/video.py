@@ -95,7 +95,7 @@ class Video:
         _limit_allocations()
         self.name = os.fspath(path)
         if not os.path.exists(path):
-            raise MissingImageError(f"{self.name}: No such file or directory")
+            raise MissingImageError(f"{self.name}: No such file or directory", path)
         # The whole path: FFmpeg may take a name alone for an address or a camera. It may do so with
         # the entries of a playlist, too, which is not a video.
         capture = cv2.VideoCapture(os.path.realpath(path)) if is_video(path) else None

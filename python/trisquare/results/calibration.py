@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -65,6 +66,10 @@ from trisquare.results.scene_line import SceneLine
 __all__ = ["Calibration", "Camera", "Plane"]
 
 RESULT_FORMAT = "trisquare/1"
+
+STD_TOLERANCE = 1e-6
+"""Relative difference between a standard deviation and the root of its variance, as by rounding in
+another program."""
 
 JSON_ORDER = (
     *("software", "method", "stage", "tone", "tone_std", "fixed", "orthogonal", "parallel"),
@@ -495,7 +500,7 @@ class Calibration(Record):
         ------
         ValueError
             If the text is not JSON, is of another format, or a key is missing, of the wrong type
-            or not finite; the message names it.
+            or not finite, or `std` contradicts `covariance`; the message names it.
 
         Examples
         --------
@@ -514,10 +519,17 @@ class Calibration(Record):
             edges = tuple(edges_from_members(figure) for figure in figures)
         except NotEnoughDataError as error:
             raise ValueError(f'"edges": {error}') from error
-        return record_from_members(
+        read = record_from_members(
             cls,
             members,
             camera=camera_from_members(members.object("camera"), image_size),
             covariance=covariance,
             edges=edges,
         )
+        for name, variance in zip(read.parameters, covariance.diagonal(), strict=True):
+            if not math.isclose(read.std[name], math.sqrt(variance), rel_tol=STD_TOLERANCE):
+                raise ValueError(
+                    f'"std.{name}" is {read.std[name]:g}, but "covariance" states '
+                    f"{math.sqrt(variance):g}"
+                )
+        return read

@@ -36,9 +36,9 @@ class FigureResiduals(Record):
     normals: tuple[FloatArray, ...] = field(metadata=member(arrays(None, 2)))
 
     def __post_init__(self) -> None:
+        check_members(self)
         if len(self.distances) != len(self.normals):
             raise ValueError("distances and normals must be of the same lines")
-        check_members(self)
         for normals, distances in zip(self.normals, self.distances, strict=True):
             if len(normals) != len(distances):
                 wanted = (len(distances), 2)

@@ -111,7 +111,9 @@ def _options(text: str | bytes) -> dict[str, Any]:
         options = json.loads(text or "{}")
     except UnicodeDecodeError:
         raise ValueError("the options are neither JSON nor text") from None
-    except (ValueError, RecursionError) as error:
+    except RecursionError as error:
+        raise ValueError("the options are nested too deeply") from error
+    except ValueError as error:
         raise ValueError(f"the options are not valid JSON: {error}") from error
     if not isinstance(options, dict):
         raise ValueError(f"the options must be a JSON object, not {type(options).__name__}")
@@ -119,7 +121,7 @@ def _options(text: str | bytes) -> dict[str, Any]:
     for _ in range(DEEPEST):
         level = [inner for outer in level for inner in _members(outer)]
     if level:
-        raise ValueError(f"the options are nested more than {DEEPEST} deep")
+        raise ValueError("the options are nested too deeply")
     return options
 
 

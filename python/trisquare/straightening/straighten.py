@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trisquare._support.arrays import FloatArray, RebuiltByConstructor, not_negative, real_array
+from trisquare._support.arrays import (
+    FloatArray,
+    RebuiltByConstructor,
+    not_negative,
+    real_array,
+    sequence,
+)
 from trisquare.errors import DegenerateGeometryError, NotEnoughDataError
 from trisquare.images.pixels import Image, ImageSource, picture_size
 from trisquare.images.reading import load_picture
@@ -87,7 +93,7 @@ class Straightened(RebuiltByConstructor):
 
     def __post_init__(self) -> None:
         for name in ("used", "rejected"):
-            lines = getattr(self, name)
+            lines = sequence(getattr(self, name), name, "arrays, one per line")
             checked = tuple(real_array(line, f"each of {name}", (None, 2)) for line in lines)
             object.__setattr__(self, name, checked)
         object.__setattr__(self, "rms", not_negative(self.rms, "rms"))
