@@ -112,6 +112,12 @@ def test_points_beyond_the_valid_radius_are_an_error():
             refuse([[652.0, 471.0], [rim - 1, 471.0], [rim + 1, 471.0]])
 
 
+def test_points_whose_pixels_would_overflow_are_an_error():
+    pinhole = Camera(np.diag([800.0, 800.0, 1.0]), np.zeros(5), (640, 480))
+    with pytest.raises(ValueError, match=r"valid radius: the pixel would not be finite"):
+        pinhole.project([[1e307, 0.0, 1.0]])
+
+
 def test_points_behind_the_camera_are_an_error():
     with pytest.raises(ValueError, match=r"2 points \(the first has index 1\) lie behind"):
         camera().project([[0, 0, 1], [0, 0, -1], [0.1, 0, 0]])

@@ -46,11 +46,9 @@ pub enum Error {
 
     /// Points outside the domain of the lens model.
     #[error(
-        "{} beyond the valid radius: the \
-         distortion is monotonic and invertible only up to a radius of {radius:.6}, {degrees:.2} \
-         degrees from the axis{}",
+        "{} beyond the valid radius: {}",
         points_lie(*.count, *.first),
-        if *degrees > 90.0 { ", and a pinhole sees less than 90" } else { "" }
+        limit_of_lens(*.radius, *.degrees)
     )]
     BeyondValidRadius {
         /// Number of such points.
@@ -295,6 +293,21 @@ fn points_lie(count: usize, first: usize) -> String {
         1 => format!("the point of index {first} lies"),
         _ => format!("{count} points (the first has index {first}) lie"),
     }
+}
+
+/// Why a lens sees no further.
+fn limit_of_lens(radius: f64, degrees: f64) -> String {
+    if radius.is_infinite() {
+        return "the pixel would not be finite".into();
+    }
+    let of_pinhole = match degrees > 90.0 {
+        true => ", and a pinhole sees less than 90",
+        false => "",
+    };
+    format!(
+        "the distortion is monotonic and invertible only up to a radius of {radius:.6}, \
+         {degrees:.2} degrees from the axis{of_pinhole}"
+    )
 }
 
 /// Text about the iterations used, and the residual reached.

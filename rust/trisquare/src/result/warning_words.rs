@@ -142,8 +142,8 @@ pub(super) fn held_phrase(held: &[Cow<'static, str>]) -> String {
 pub(super) fn figure_phrase(figure: usize) -> String {
     match figure {
         0 => String::new(),
-        1 => " of its other outline".into(),
-        _ => format!(" of its figure {figure}"),
+        1 => " (its second outline)".into(),
+        _ => format!(" (its figure {figure})"),
     }
 }
 
@@ -165,7 +165,7 @@ pub(super) fn numbered_sample(samples: usize, [plane, figure, side, sample]: [us
         _ => ("the farthest, ", ", lies"),
     };
     let figure = figure_phrase(figure);
-    format!("{which}sample {sample} of side {side}{figure} of plane {plane}{lies}")
+    format!("{which}sample {sample} of side {side} of plane {plane}{figure}{lies}")
 }
 
 /// Text on rejected planes where the others cannot be checked.
