@@ -115,7 +115,7 @@ pub enum Error {
          whose values are known",
         counted(*found, "plane"),
         match found {
-            0..3 => "show more squares in different directions (three determine them well)",
+            0..3 => "show more targets in different directions (three determine them well)",
             _ => "show more, or state their shape (one of unknown aspect gives one equation, a square two)",
         }
     )]
