@@ -74,7 +74,8 @@ _ADVICE = {
         "interlacing"
     ),
     "chromatic_aberration": (
-        "the lens magnifies the colours differently: the camera is that of green light"
+        "the lens magnifies the colours differently: only green light is measured if the targets "
+        "have enough contrast in it"
     ),
     "overexposed": (
         "the light beside the edges is clipped at white, which displaces them: clipped pixels are "
