@@ -150,7 +150,7 @@ def test_what_lies_beside_a_square_is_told():
     told = rejection_reasons(search(picture, TargetKinds.parse("squares")))
     beside = [c for c in told if np.abs(c.corners.mean(axis=0) - [220, 240]).max() < 10]
     assert [candidate.reason for candidate in beside] == [
-        "something else touches its sides or corners"
+        "something else touches its sides or corners, or a shadow crosses them"
     ]
 
 

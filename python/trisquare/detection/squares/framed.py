@@ -168,7 +168,7 @@ def reasons_against_quads(picture: NDArray[np.float32], quads: Quads) -> list[st
     is_isolated = _are_isolated(picture, quads, ground, figure, _on_ground(quads, ground, figure))
     reasons = np.where(
         ~is_isolated,
-        "something else touches its sides or corners",
+        "something else touches its sides or corners, or a shadow crosses them",
         np.where(
             ~are_uniform(picture, quads),
             "its inside is neither uniform nor that of a frame: squares with anything inside are "
