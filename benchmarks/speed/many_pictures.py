@@ -21,8 +21,9 @@ from trisquare import simulate
 SEED = 14
 SIZE = (1632, 1224)
 PICTURES = 100
-# Number of rendered scenes. The other pictures are copies with other noise, which is faster.
+# Number of rendered scenes. The pictures are copies with different noise, which is faster.
 SCENES = 4
+NOISE = 1.5  # grey levels
 THREADS = 2
 MIN_RATIO = 1.85
 MAX_GROWTH = 30.0  # MB
@@ -106,22 +107,23 @@ def measure() -> list[Row]:
 
 
 def _written(folder: Path) -> list[str]:
-    """Render a few scenes of one camera, and write copies with different noise."""
+    """Render a few scenes of one camera without noise, and write copies with different noise."""
     pictures = []
     camera = None
     for seed in range(SCENES):
         rng = np.random.default_rng([SEED, seed])
         scene = simulate.random_scene(rng, image_size=SIZE, camera=camera)
         camera = scene.camera
-        pictures.append(simulate.render(scene, rng, noise=1.0, tone="srgb", colour=True))
+        picture = simulate.render(scene, rng, noise=0.0, tone="srgb", colour=True, dtype=np.float32)
+        pictures.append(255.0 * picture)
     rng = np.random.default_rng(SEED)
     paths = []
     for index in range(PICTURES):
-        picture = pictures[index % SCENES].astype(np.int16)
-        noisy = picture + rng.integers(-2, 3, picture.shape, dtype=np.int16)
+        picture = pictures[index % SCENES]
+        noisy = picture + NOISE * rng.standard_normal(picture.shape, dtype=np.float32)
         paths.append(str(folder / f"{index}.png"))
         fast = (cv2.IMWRITE_PNG_COMPRESSION, 1)
-        cv2.imwrite(paths[-1], np.clip(noisy, 0, 255).astype(np.uint8), fast)
+        cv2.imwrite(paths[-1], np.clip(noisy.round(), 0, 255).astype(np.uint8), fast)
     return paths
 
 
