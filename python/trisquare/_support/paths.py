@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import IO, Any, TypeAlias
 
 from trisquare._support.terminal_text import printable
-from trisquare.errors import worded
+from trisquare._support.worded_errors import worded
 
 File: TypeAlias = str | os.PathLike[str] | IO[Any]
 """A name, or an open text or binary file."""

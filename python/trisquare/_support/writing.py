@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TypeAlias
 
 from trisquare._support.paths import File, check_open, shown
-from trisquare.errors import WordedOSError, worded
+from trisquare._support.worded_errors import WordedOSError, worded
 
 PathLike: TypeAlias = str | os.PathLike[str]
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from trisquare._support.natural_order import natural_order
 from trisquare._support.paths import naming_failure, shown
+from trisquare._support.worded_errors import worded
 from trisquare.batch.jobs import Job, faulty_job
 from trisquare.batch.manifest import MANIFESTS, manifest_jobs
-from trisquare.errors import worded
 from trisquare.images.drawn_mark import is_drawn
 from trisquare.images.sources import PICTURE_SUFFIXES, VIDEO_SUFFIXES
 

@@ -10,12 +10,12 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from trisquare._support.worded_errors import worded
 from trisquare._support.writing import PathLike, replacing, write_atomically, writing
 from trisquare.batch.jobs import Job
 from trisquare.batch.limits import JobLimits
 from trisquare.batch.records import identity_in, stated_identity
 from trisquare.batch.worker import Answer
-from trisquare.errors import worded
 
 RECORDS, CAMERAS, LOCK = "results.jsonl", "cameras", ".lock"
 

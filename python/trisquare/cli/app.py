@@ -29,6 +29,7 @@ import typer
 from trisquare._core import __version__
 from trisquare._support.suggestions import nearest_name
 from trisquare._support.terminal_text import printable
+from trisquare._support.worded_errors import WordedOSError
 from trisquare.cli.framework import CommandGroup, UnreadableInputError
 from trisquare.cli.options import as_options, flag
 from trisquare.errors import (
@@ -39,7 +40,6 @@ from trisquare.errors import (
     InternalError,
     NotEnoughDataError,
     NotEnoughPlanesError,
-    WordedOSError,
     code_members,
     error_members,
     lacks_memory,
