@@ -74,13 +74,18 @@ impl<L> Failure<L> {
     }
 }
 
+/// The parameters of the normal equations at an optimum over some free parameters.
+fn tested_parameters(free: &FreeParameters) -> FreeParameters {
+    judged_parameters(free).with_free_skew()
+}
+
 impl<'a, L: Lens> JointProblem<'a, L> {
     pub fn new(size: ImageSize, options: &'a Options<L>) -> Self {
         let free = options.free_parameters();
         Self {
             size,
             options,
-            judged: judged_parameters(&free).with_free_skew(),
+            judged: tested_parameters(&free),
             free,
             beginning: None,
             contradicted: None,
@@ -111,7 +116,7 @@ impl<'a, L: Lens> JointProblem<'a, L> {
     /// The problem with other free parameters.
     pub(super) fn with_free(self, free: FreeParameters) -> Self {
         Self {
-            judged: judged_parameters(&free).with_free_skew(),
+            judged: tested_parameters(&free),
             free,
             ..self
         }
