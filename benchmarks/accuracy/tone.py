@@ -16,7 +16,7 @@ from harness.truth import NAMES, by_name, errors
 import trisquare as ts
 from trisquare import simulate
 from trisquare.simulate.render import ToneCurve
-from trisquare_scenes.picture_faults import PictureFault, made_smaller, rolled_off
+from trisquare_scenes.picture_faults import PictureFault, filtered, made_smaller, rolled_off
 
 TONES: tuple[ToneCurve, ...] = (1.0, 1.4, 1.8, 2.2, 2.6, "srgb")
 SCENES = 40
@@ -48,6 +48,12 @@ KNEE, STEEPNESS = 0.6, 1.6
 ROLLED_OFF_QUALITIES = None, 95, 88  # of JPEG
 ROLLED_OFF_TARGET = 1.3  # error / std
 
+FILTERED_SEED = 1208
+FILTERED_SCENES = 20  # of each filter
+FILTER_BLURS = 0.0, 0.5, 0.8  # pixels
+FILTERED_TARGET = 1.3  # error / std
+LENS_BLUR = 0.05  # pixels
+
 PHONE_SEED = 1205
 PHONE_SCENES = 20
 PHONE_TARGET = 1.3
@@ -72,7 +78,13 @@ def measure() -> list[Row]:
         ratios.append(float(np.sqrt(np.mean(ratio**2))))
         error_ratios.append(error_ratio)
         covered.append(inside)
-    further = [*_depth_rows(), *_resized_rows(), *_rolled_off_rows(), _phone_row()]
+    further = [
+        *_depth_rows(),
+        *_resized_rows(),
+        *_rolled_off_rows(),
+        *_filtered_rows(),
+        _phone_row(),
+    ]
     worst = max(biases, key=abs)
     name = f"{len(TONES)} tone curves x {SCENES} pictures"
     return [
@@ -159,6 +171,19 @@ def _rolled_off_rows() -> list[Row]:
         kept = "no JPEG" if quality is None else f"JPEG {quality}"
         name = f"sRGB with compressed highlights, {kept}, {ROLLED_OFF_SCENES} pictures"
         rows.append(_worst_parameter_row(name, ratios, ROLLED_OFF_TARGET))
+    return rows
+
+
+def _filtered_rows() -> list[Row]:
+    """Calibrate pictures whose blur is that of the pixels' boxes, and of a filter on the pixels."""
+    rows = []
+    for blur in FILTER_BLURS:
+        fault = PictureFault(on_light=[filtered(blur)] if blur else [])
+        found = calibrated(fault, FILTERED_SCENES, FILTERED_SEED, noise=1.0, blur=LENS_BLUR)
+        ratios = [errors(result, scene.camera) / by_name(result.std) for scene, result in found]
+        applied = f"a filter of {blur:g} px" if blur else "no filter"
+        name = f"sRGB, blurred by the pixels' boxes and {applied}, {FILTERED_SCENES} pictures"
+        rows.append(_worst_parameter_row(name, ratios, FILTERED_TARGET))
     return rows
 
 

@@ -168,6 +168,16 @@ def styled(slope: float) -> OnCoded:
     return lambda picture: np.rint(curve[picture]).astype(np.uint8)
 
 
+def filtered(blur: float) -> OnLight:
+    """Blur the light by a normal filter on the grid of pixels, `blur` pixels wide (std)."""
+
+    def act(light: Array) -> Array:
+        blurred: Array = np.asarray(cv2.GaussianBlur(light, (0, 0), blur), dtype=np.float64)
+        return blurred.reshape(light.shape)
+
+    return act
+
+
 def rolled_off(knee: float, steepness: float) -> OnLight:
     """Compress coded values above a knee, 1 being white, as cameras do with highlights.
 

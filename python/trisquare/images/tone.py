@@ -59,9 +59,10 @@ class PictureTone:
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
         """Return the curve estimated from the profiles of a picture's edges."""
         shift_std = estimate.shift_std
-        remaining_std = estimate.misfit_shift if shift_std is None else shift_std
+        held_shift = estimate.held_shift if shift_std is None else shift_std
+        remaining_std = estimate.misfit_shift if held_shift is None else held_shift
         return cls(
-            (estimate.gamma, estimate.toe, shift_std is None, remaining_std),
+            (estimate.gamma, estimate.toe, held_shift is None, remaining_std),
             estimate.effective_gamma,
             estimate.std,
             None if shift_std is None else (0.0, shift_std),
@@ -70,7 +71,8 @@ class PictureTone:
     def refined(self, fit: _core.ToneFit) -> PictureTone:
         """Return this tone with the results of the fit to the pixels."""
         std = self.std if fit.std is None else fit.std
-        return replace(self, value=fit.effective_gamma, std=std, shift=fit.shift)
+        shift = None if self.shift is None else fit.shift
+        return replace(self, value=fit.effective_gamma, std=std, shift=shift)
 
     def of_board(self) -> PictureTone:
         """Return this tone for a board, whose own zigzag gives every shift, which is removed."""

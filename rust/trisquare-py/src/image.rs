@@ -168,6 +168,7 @@ pub struct ToneEstimate {
     std: f64,
     misfit_shift: f64,
     shift_std: Option<f64>,
+    held_shift: Option<f64>,
     /// Difference of a stated curve from this one, in standard deviations.
     contradiction: f64,
 }
@@ -297,6 +298,7 @@ fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneE
         std: found.effective_gamma_std(),
         misfit_shift: found.misfit_shift,
         shift_std: found.shift_std,
+        held_shift: found.held_shift,
     }
 }
 

@@ -162,6 +162,12 @@ impl SideModel {
         }
     }
 
+    /// Modelled light at the mirror image of a pixel's position about the edge.
+    pub fn mirrored_light(&self, pixel: &Pixel, prediction: &Prediction) -> f64 {
+        let [base, contrast] = [&self.base, &self.contrast].map(|own| polynomial(own, pixel.s));
+        2.0 * base + contrast - prediction.light
+    }
+
     /// The fraction of the step at a pixel, and its derivative with respect to an offset of the
     /// edge along its normal, recovered from a prediction that is not silent.
     pub fn step_fraction(&self, pixel: &Pixel, prediction: &Prediction) -> (f64, f64) {

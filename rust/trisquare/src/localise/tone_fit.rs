@@ -34,12 +34,12 @@ const CLIPPED_VALUE: f64 = 1.5 / 255.0;
 const MAX_ROUNDS: usize = 10;
 const LAST_STEP: f64 = 0.3;
 /// Maximum step of the logarithm of gamma per round.
-const MAX_STEP: f64 = 0.4;
+pub(super) const MAX_STEP: f64 = 0.4;
 
 /// Number of a side's own parameters, including its spread, which has the effect of a shift by a
 /// tone curve.
 const SIDE_PARAMETERS: usize = PARAMETERS + 1;
-const SPREAD: usize = PARAMETERS;
+pub(super) const SPREAD: usize = PARAMETERS;
 /// Standard deviation (px) of a wide prior on the spread, which keeps the equations regular for a
 /// side without any.
 const SPREAD_STD: f64 = 1.0;
@@ -121,11 +121,11 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
 }
 
 /// Number of the first bin, before any pixel; the side's middle is a boundary of bins.
-const FIRST_BIN: f64 = -1e6;
+pub(super) const FIRST_BIN: f64 = -1e6;
 
 /// Number of columns of a pixel's row: derivatives with respect to height, base, contrast, blur,
 /// spread and the shared parameters, and the residual.
-const COLUMNS: usize = 5 + SHARED + 1;
+pub(super) const COLUMNS: usize = 5 + SHARED + 1;
 
 /// Estimate of the tone curve of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,6 +147,10 @@ pub struct ToneEstimate {
     pub misfit_shift: f64,
     /// That standard deviation if the profiles fit no curve; `None` if they fit one.
     pub shift_std: Option<f64>,
+    /// Standard deviation, in pixels, of a shift of all edges by the curve's uncertainty, if only
+    /// the even part of the profiles fits: a fit to the pixels must then hold the curve, since it
+    /// would attribute the shape of the blur to it.
+    pub held_shift: Option<f64>,
     /// Kurtosis that the lens adds to that of the pixel's box, over 24.
     pub(super) kurtosis: f64,
 }
@@ -179,7 +183,7 @@ impl ToneEstimate {
     /// What later stages assume about the picture's coding.
     #[must_use]
     pub fn picture_tone(&self) -> PictureTone {
-        match self.shift_std {
+        match self.shift_std.or(self.held_shift) {
             Some(std) => PictureTone::Shifted(self.curve, std),
             None if self.misfit_shift > 0.0 => {
                 PictureTone::Approximated(self.curve, self.misfit_shift)
@@ -197,8 +201,8 @@ pub(super) struct ToneShare {
     right: SVector<f64, SIDE_PARAMETERS>,
     information: SharedMatrix,
     gradient: Shared,
-    profile: ResidualProfile,
-    blur: f64,
+    pub profile: ResidualProfile,
+    pub blur: f64,
     /// Whether it is a line of a board, with light and dark in turn on either side.
     is_crossed: bool,
     /// Whether the profile's asymmetry is due to the tone curve only.
@@ -255,7 +259,7 @@ impl ToneShare {
         })
     }
 
-    fn reduced(side: &SideModel, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
+    pub fn reduced(side: &SideModel, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
         let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
         let mut side_block = all
             .fixed_view::<SIDE_PARAMETERS, SIDE_PARAMETERS>(0, 0)
@@ -307,7 +311,7 @@ impl ToneShare {
     }
 }
 
-fn is_sound(side: &SideModel, tone: &ToneCurve, noise: f64) -> bool {
+pub(super) fn is_sound(side: &SideModel, tone: &ToneCurve, noise: f64) -> bool {
     let margin = CLIPPED_VALUE.max(CLIPPED_DEVIATIONS * noise);
     let is_whole = |light| (margin..=1.0 - margin).contains(&tone.encode_with_slope(light).0);
     !side.has_far_edge && side.plateaus().into_iter().all(is_whole)
@@ -394,6 +398,7 @@ pub(super) fn pool<'a>(
         hidden_shift,
         misfit_shift,
         shift_std: (!has_fit).then_some(misfit_shift),
+        held_shift: None,
         kurtosis: step[SHARED_KURTOSIS],
     };
     Pooled {
@@ -453,6 +458,11 @@ fn undetermined_shift(curve: &PowerCurve) -> f64 {
     (USUAL_SHIFT * (1.0 - part.clamp(0.0, 1.0))).max(MIN_UNDETERMINED_SHIFT)
 }
 
+/// Standard deviation of the shift of all edges by an uncertain gamma, px.
+pub(super) fn gamma_shift(gamma_std: f64, blur: f64) -> f64 {
+    USUAL_SHIFT / USUAL_EXCESS * gamma_std * blur
+}
+
 /// Additional shift of all edges towards the dark, compared with a curve below the usual ones, if
 /// the picture was blurred or made smaller after it was coded.
 ///
@@ -461,7 +471,7 @@ fn undetermined_shift(curve: &PowerCurve) -> f64 {
 /// of a fraction `(b0 / b)^3` of the usual excess of gamma, which at `b` moves the edge by only
 /// `c b (b0 / b)^3`. A picture's gamma alone does not show whether its curve is another one or was
 /// blurred.
-fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
+pub(super) fn hidden_shift(blur: f64, curve: &PowerCurve, gamma_std: f64) -> f64 {
     // A deficit within the uncertainty of the estimate is not attributed to a later blur.
     let excess = curve.effective_gamma() - 1.0 + GAMMA_DEVIATIONS * gamma_std;
     let coded_blur = (excess / USUAL_EXCESS).clamp(0.0, 1.0).cbrt();
@@ -566,6 +576,19 @@ impl SideModel {
             .copy_from(&old_step.fixed_rows::<{ BLUR - BASE }>(BASE));
         self.advance(&side_step.fixed_rows::<PARAMETERS>(0).into_owned());
         self.spread = self.spread.map(|spread| spread + side_step[SPREAD]);
+        self.recode(old, new);
+    }
+
+    /// Makes the side's own step with the shared parameters held.
+    pub(super) fn step_alone(&mut self, share: &ToneShare) {
+        let step = share.side_step(&Shared::zeros());
+        self.advance(&step.fixed_rows::<PARAMETERS>(0).into_owned());
+        self.spread = self.spread.map(|spread| spread + step[SPREAD]);
+    }
+
+    /// Replaces the light on both sides of the edge by that which has the same coded values with
+    /// another curve.
+    pub(super) fn recode(&mut self, old: Tone, new: Tone) {
         let translated = |light: f64| new.decode(old.encode(light));
         // At both ends of the side and in its middle, for both plateaus.
         let base = PLACES.map(|s| polynomial(&self.base, s));

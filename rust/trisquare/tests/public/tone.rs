@@ -1,7 +1,7 @@
 //! The tone curve of a picture, estimated from its edges.
 
-use crate::edge_scene::{ANGLES, CAMERA, Camera, Statistics, offsets, spans, square};
-use trisquare::{Picture, SpanEdges, Tone, ToneEstimate, localise_with_unknown_tone};
+use crate::edge_scene::{ANGLES, CAMERA, Camera, SIZE, Statistics, offsets, spans, square};
+use trisquare::{Picture, PictureTone, SpanEdges, Tone, ToneEstimate, localise_with_unknown_tone};
 
 fn measured(picture: &Picture, degrees: f64) -> (Vec<SpanEdges>, ToneEstimate) {
     let shape = square(degrees);
@@ -87,10 +87,11 @@ fn clipped_sides_tell_nothing() {
     }
 }
 
-/// The effect of sharpening on an edge is not attributed to a tone curve.
+/// The effect of sharpening on a coded edge is not attributed to a tone curve.
 #[test]
 fn overshoot_is_not_taken_for_a_tone_curve() {
     let camera = Camera {
+        tone: Tone::Srgb,
         noise: 1.0 / 255.0,
         ..CAMERA
     };
@@ -108,4 +109,57 @@ fn overshoot_is_not_taken_for_a_tone_curve() {
         .collect();
     let (_, estimate) = measured(&camera.bytes(&overshot, 2), 17.0);
     assert!(estimate.shift_std.is_some(), "{estimate:?}");
+}
+
+/// Light after a filter of three pixels along rows and columns; values at the border are kept.
+fn filtered(light: &[f64]) -> Vec<f64> {
+    let along = |values: &[f64], step: usize| -> Vec<f64> {
+        let mean = |i: usize| 0.25 * values[i - step] + 0.5 * values[i] + 0.25 * values[i + step];
+        let inside = step..values.len() - step;
+        let indices = 0..values.len();
+        indices
+            .map(|i| {
+                if inside.contains(&i) {
+                    mean(i)
+                } else {
+                    values[i]
+                }
+            })
+            .collect()
+    };
+    along(&along(light, 1), SIZE)
+}
+
+/// A filter on the grid of pixels is symmetric, but its shape depends on the direction of an edge.
+/// The even part of the profiles determines the curve of half of the pictures of one square.
+#[test]
+fn a_filter_on_the_grid_of_pixels_keeps_the_curve() {
+    let camera = Camera {
+        blur: 0.3,
+        noise: 1.0 / 255.0,
+        ..CAMERA
+    };
+    let mut found = 0;
+    for (tone, gamma) in [(Tone::Linear, 1.0), (Tone::Gamma(2.2), 2.2)] {
+        for (seed, degrees) in (0..).zip(ANGLES) {
+            let light = filtered(&camera.exposure(&square(degrees)));
+            let coded: Vec<f64> = light.iter().map(|light| tone.encode(*light)).collect();
+            let (edges, estimate) = measured(&camera.bytes(&coded, seed), degrees);
+            let Some(shift) = estimate.held_shift else {
+                continue;
+            };
+            found += 1;
+            let error = estimate.curve.effective_gamma() - gamma;
+            assert!(
+                error.abs() < 4.0 * estimate.effective_gamma_std(),
+                "{estimate:?}"
+            );
+            let bias = Statistics::of(&offsets(&square(degrees), &edges)).bias;
+            assert!(bias.abs() < 4.0 * shift, "{bias}, {estimate:?}");
+            assert!(
+                matches!(estimate.picture_tone(), PictureTone::Shifted(_, std) if std == shift)
+            );
+        }
+    }
+    assert!(found >= 4, "{found} of 8");
 }
