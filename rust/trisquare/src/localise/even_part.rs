@@ -31,8 +31,9 @@ const LAST_STEP: f64 = 0.2;
 /// Minimum ratio of the change of a step to the change of the curve: below it the even part hardly
 /// depends on the curve.
 const MIN_SLOPE: f64 = 0.3;
-/// Number of standard deviations of gamma by which a curve is below usual ones if the picture was
-/// blurred after it was coded.
+/// Number of standard deviations of gamma by which a curve differs from linear light and is below
+/// usual curves if it is neither: the picture was then blurred after it was coded, or it passed
+/// through JPEG.
 const UNUSUAL_DEVIATIONS: f64 = 3.0;
 /// Number of rounds in which a side is fitted to the even part of its profile under one curve.
 const SIDE_ROUNDS: usize = 3;
@@ -129,11 +130,12 @@ impl Trial {
         let covariance = Matrix2::from_diagonal(&Vector2::new(self.variance / slope.powi(2), 0.0));
         let gamma_std = curve.effective_gamma_std(&covariance);
         let Self { estimate, blur, .. } = *self;
-        // Of linear light, or of a usual curve.
-        let is_coded_last = [1.0, UNUSUAL_DEVIATIONS]
-            .iter()
-            .any(|deviations| hidden_shift(blur, &curve, deviations * gamma_std) == 0.0);
-        let is_clear = estimate.sides > 0 && estimate.misfit < MAX_MISFIT && is_coded_last;
+        let margin = UNUSUAL_DEVIATIONS * gamma_std;
+        // A curve below that of linear light is due to JPEG or to a shoulder of the curve.
+        let is_linear = (curve.effective_gamma() - 1.0).abs() < margin;
+        let is_usual = !curve.is_like_linear() && hidden_shift(blur, &curve, margin) == 0.0;
+        let is_clear =
+            estimate.sides > 0 && estimate.misfit < MAX_MISFIT && (is_linear || is_usual);
         let hidden = hidden_shift(blur, &curve, gamma_std);
         let held_shift = gamma_shift(gamma_std, blur)
             .hypot(estimate.misfit_shift)

@@ -30,7 +30,7 @@ const MIN_MARGIN_BLURS: f64 = 1.5;
 const LAST_ROUGH_STEP: f64 = 0.1;
 const PREVIEW_STEPS: usize = 12;
 /// Maximum number of rounds of fitting a crossed line's spread, and everything else with it.
-const SPREAD_ROUNDS: usize = 3;
+const SPREAD_ROUNDS: usize = 12;
 const FINAL_STEPS: usize = 6;
 /// Number of rounds for the two edges of a thin bar, each of which is fitted with the last result
 /// for the other.

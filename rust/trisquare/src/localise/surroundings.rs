@@ -39,7 +39,7 @@ const MIN_WIDTH_BLURS: f64 = 4.5;
 
 /// Distance from a side's curve within which pixels show its edge, pixels.
 pub(super) fn near(side: &SideModel) -> f64 {
-    MIN_NEAR.max(NEAR_BLURS * side.mean_blur())
+    MIN_NEAR.max(NEAR_BLURS * side.mean_blur()) + side.spread.unwrap_or(0.0).abs()
 }
 
 /// Same, limited to the wider margin.
