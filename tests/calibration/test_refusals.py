@@ -105,7 +105,7 @@ CASES = {
         placed([30] * 3, DIRECTIONS, sides=(60, 60, 60)),
         0.3,
         {},
-        r"the squares are small \(the largest spans \d+ pixels\)",
+        r"the targets are small \(the largest spans \d+ pixels\)",
     ),
     "huddled": (
         placed(
@@ -113,7 +113,7 @@ CASES = {
         ),
         0.6,
         {},
-        "the squares cover only",
+        "the targets cover only",
     ),
     "two planes": (
         placed([35, 35], [70, 70], at=[(0.27, 0.5), (0.73, 0.5)]),

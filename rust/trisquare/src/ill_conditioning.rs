@@ -189,12 +189,12 @@ impl fmt::Display for Cause {
             Self::Small { pixels } => {
                 write!(
                     f,
-                    "the squares are small (the largest spans {pixels:.0} pixels)"
+                    "the targets are small (the largest spans {pixels:.0} pixels)"
                 )
             }
             Self::Huddled { width, height } => write!(
                 f,
-                "the squares cover only {:.0} % of the picture's width and {:.0} % of its height",
+                "the targets cover only {:.0} % of the picture's width and {:.0} % of its height",
                 100.0 * width,
                 100.0 * height
             ),
@@ -231,14 +231,14 @@ impl fmt::Display for Remedy {
             }
             Self::Tilt { degrees } => write!(
                 f,
-                "tilt the squares by at least {degrees:.0} degrees, each in its own direction"
+                "tilt the targets by at least {degrees:.0} degrees, each in its own direction"
             ),
             Self::Enlarge { factor } => {
-                write!(f, "show the squares at least {factor} times larger")
+                write!(f, "show the targets at least {factor} times larger")
             }
             Self::TiltAndEnlarge { degrees, factor } => write!(
                 f,
-                "show the squares at least {factor} times larger and tilt them by at least \
+                "show the targets at least {factor} times larger and tilt them by at least \
                  {degrees:.0} degrees, each in its own direction"
             ),
         }

@@ -227,7 +227,10 @@ pub(super) fn causes_of_variation(one_picture: bool) -> &'static str {
             "Are all flat, and exactly square (or of the stated shape), and did nothing move while \
              the picture was taken?"
         }
-        false => "Did focus or zoom change, or did something move while a picture was taken?",
+        false => {
+            "Did focus or zoom change, did something move while a picture was taken, or are the \
+             targets not flat or stretched?"
+        }
     }
 }
 
