@@ -49,12 +49,14 @@ struct SidePixels {
 
 /// What the even part of all profiles says about one curve.
 struct Trial {
-    /// Logarithm of gamma.
+    /// Logarithm of its gamma.
     log_gamma: f64,
-    /// Step of it, and its variance, according to a normal blur.
+    /// Step of that to the best curve and its variance, according to a normal blur.
     step: f64,
     variance: f64,
+    /// The estimate according to a normal blur.
     estimate: ToneEstimate,
+    /// Median of the sides' blurs, px.
     blur: f64,
 }
 
@@ -87,6 +89,7 @@ pub(super) fn tone_of_even_part(
             return next.accepted(curve, slope);
         }
         change = (next.step / slope).clamp(-MAX_STEP, MAX_STEP);
+        // If even the largest gamma that is likely is not usual, the search ends in vain.
         let margin = UNUSUAL_DEVIATIONS * next.variance.sqrt() / slope.abs();
         let most = PowerCurve {
             gamma: (next.log_gamma + change + margin).exp(),
@@ -131,15 +134,12 @@ impl Trial {
         let gamma_std = curve.effective_gamma_std(&covariance);
         let Self { estimate, blur, .. } = *self;
         let margin = UNUSUAL_DEVIATIONS * gamma_std;
-        // A curve below that of linear light is due to JPEG or to a shoulder of the curve.
+        // Below linear light there is no camera: JPEG changed the profiles of a curve with a shoulder.
         let is_linear = (curve.effective_gamma() - 1.0).abs() < margin;
         let is_usual = !curve.is_like_linear() && hidden_shift(blur, &curve, margin) == 0.0;
         let is_clear =
             estimate.sides > 0 && estimate.misfit < MAX_MISFIT && (is_linear || is_usual);
-        let hidden = hidden_shift(blur, &curve, gamma_std);
-        let held_shift = gamma_shift(gamma_std, blur)
-            .hypot(estimate.misfit_shift)
-            .hypot(hidden);
+        let held_shift = gamma_shift(gamma_std, blur).hypot(estimate.misfit_shift);
         is_clear.then_some(ToneEstimate {
             curve,
             covariance,

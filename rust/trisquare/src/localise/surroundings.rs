@@ -37,7 +37,8 @@ const BOUND_CLEARANCE: f64 = 2.5;
 /// contrast.
 const MIN_WIDTH_BLURS: f64 = 4.5;
 
-/// Distance from a side's curve within which pixels show its edge, pixels.
+/// Distance from a side's curve within which pixels show its edge, pixels: where ink has spread,
+/// the edges of a crossed line lie beside the curve.
 pub(super) fn near(side: &SideModel) -> f64 {
     MIN_NEAR.max(NEAR_BLURS * side.mean_blur()) + side.spread.unwrap_or(0.0).abs()
 }
