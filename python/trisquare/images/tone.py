@@ -59,10 +59,8 @@ class PictureTone:
     def estimated(cls, estimate: _core.ToneEstimate) -> PictureTone:
         """Return the curve estimated from the profiles of a picture's edges."""
         shift_std = estimate.shift_std
-        held_shift = estimate.held_shift if shift_std is None else shift_std
-        remaining_std = estimate.misfit_shift if held_shift is None else held_shift
         return cls(
-            (estimate.gamma, estimate.toe, held_shift is None, remaining_std),
+            (estimate.gamma, estimate.toe, estimate.is_free, estimate.remaining_std),
             estimate.effective_gamma,
             estimate.std,
             None if shift_std is None else (0.0, shift_std),

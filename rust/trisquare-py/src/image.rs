@@ -166,9 +166,12 @@ pub struct ToneEstimate {
     toe: f64,
     effective_gamma: f64,
     std: f64,
-    misfit_shift: f64,
+    /// Whether later stages estimate the curve further.
+    is_free: bool,
+    /// Standard deviation of the remaining shift of all edges, pixels.
+    remaining_std: f64,
+    /// That standard deviation if the profiles fit no curve.
     shift_std: Option<f64>,
-    held_shift: Option<f64>,
     /// Difference of a stated curve from this one, in standard deviations.
     contradiction: f64,
 }
@@ -290,15 +293,16 @@ pub fn localise<'py>(
 }
 
 fn tone_estimate(found: &trisquare::ToneEstimate, stated: Option<Tone>) -> ToneEstimate {
+    let held = found.shift_with_held_curve();
     ToneEstimate {
         contradiction: stated.map_or(0.0, |tone| found.deviations_from(tone)),
         gamma: found.curve.gamma,
         toe: found.curve.toe,
         effective_gamma: found.curve.effective_gamma(),
         std: found.effective_gamma_std(),
-        misfit_shift: found.misfit_shift,
+        is_free: held.is_none(),
+        remaining_std: held.unwrap_or(found.misfit_shift),
         shift_std: found.shift_std,
-        held_shift: found.held_shift,
     }
 }
 

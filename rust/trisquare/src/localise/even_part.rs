@@ -13,12 +13,11 @@ use super::prediction::Prediction;
 use super::preview::Preview;
 use super::profile::ResidualProfile;
 use super::side::SideModel;
-use super::side_sums::{BIN_LENGTH, SideSums};
 use super::span::NoEdge;
 use super::thinning::subset;
 use super::tone_fit::{
-    COLUMNS, FIRST_BIN, MAX_STEP, Pooled, ToneEstimate, ToneShare, Trust, gamma_shift,
-    hidden_shift, is_sound, pool, stride,
+    MAX_STEP, Pooled, ToneEstimate, ToneShare, Trust, gamma_shift, hidden_shift, is_sound, pool,
+    stride,
 };
 use crate::image::{PowerCurve, Tone, ToneCurve};
 use crate::numeric::median;
@@ -49,9 +48,9 @@ struct SidePixels {
 
 /// What the even part of all profiles says about one curve.
 struct Trial {
-    /// Logarithm of its gamma.
-    log_gamma: f64,
-    /// Step of that to the best curve and its variance, according to a normal blur.
+    curve: PowerCurve,
+    /// Step of the logarithm of its gamma to the best curve, and its variance, according to a normal
+    /// blur.
     step: f64,
     variance: f64,
     /// The estimate according to a normal blur.
@@ -74,27 +73,21 @@ pub(super) fn tone_of_even_part(
     let mut sides: Vec<SidePixels> = found
         .map(|preview| SidePixels::of(preview, count))
         .collect();
-    let mut curve = start;
-    let mut last = trial(&mut sides, [start, curve])?;
+    let mut last = trial(&mut sides, [start, start])?;
     let mut change = FIRST_STEP.copysign(last.step);
     for _ in 1..MAX_TRIALS {
-        let old = curve;
-        curve.gamma = (last.log_gamma + change).exp();
-        let next = trial(&mut sides, [old, curve])?;
-        let slope = (last.step - next.step) / (next.log_gamma - last.log_gamma);
+        let next = trial(&mut sides, [last.curve, last.curve_at(change)])?;
+        let slope = (last.step - next.step) / (next.log_gamma() - last.log_gamma());
         if slope.abs() < MIN_SLOPE {
             return None;
         }
         if next.step.powi(2) < LAST_STEP * LAST_STEP * next.variance {
-            return next.accepted(curve, slope);
+            return next.accepted(slope);
         }
         change = (next.step / slope).clamp(-MAX_STEP, MAX_STEP);
         // If even the largest gamma that is likely is not usual, the search ends in vain.
         let margin = UNUSUAL_DEVIATIONS * next.variance.sqrt() / slope.abs();
-        let most = PowerCurve {
-            gamma: (next.log_gamma + change + margin).exp(),
-            ..start
-        };
+        let most = next.curve_at(change + margin);
         if !most.is_like_linear() && hidden_shift(next.blur, &most, 0.0) > 0.0 {
             return None;
         }
@@ -119,7 +112,7 @@ fn trial(sides: &mut [SidePixels], [old, new]: [PowerCurve; 2]) -> Option<Trial>
     // The step with the toe held.
     let by_toe = covariance[(0, 1)] / covariance[(1, 1)];
     Some(Trial {
-        log_gamma: new.gamma.ln(),
+        curve: new,
         step: step[0] - by_toe * step[1],
         variance: covariance[(0, 0)] - by_toe * covariance[(0, 1)],
         estimate,
@@ -128,13 +121,30 @@ fn trial(sides: &mut [SidePixels], [old, new]: [PowerCurve; 2]) -> Option<Trial>
 }
 
 impl Trial {
+    fn log_gamma(&self) -> f64 {
+        self.curve.gamma.ln()
+    }
+
+    /// The curve whose logarithm of gamma differs by `change`.
+    fn curve_at(&self, change: f64) -> PowerCurve {
+        PowerCurve {
+            gamma: (self.log_gamma() + change).exp(),
+            ..self.curve
+        }
+    }
+
     /// The estimate of this curve, given the slope of its step.
-    fn accepted(&self, curve: PowerCurve, slope: f64) -> Option<ToneEstimate> {
+    fn accepted(self, slope: f64) -> Option<ToneEstimate> {
+        let Self {
+            curve,
+            estimate,
+            blur,
+            ..
+        } = self;
         let covariance = Matrix2::from_diagonal(&Vector2::new(self.variance / slope.powi(2), 0.0));
         let gamma_std = curve.effective_gamma_std(&covariance);
-        let Self { estimate, blur, .. } = *self;
         let margin = UNUSUAL_DEVIATIONS * gamma_std;
-        // Below linear light there is no camera: JPEG changed the profiles of a curve with a shoulder.
+        // No camera's gamma is below 1: JPEG changed the profiles of a curve with a shoulder.
         let is_linear = (curve.effective_gamma() - 1.0).abs() < margin;
         let is_usual = !curve.is_like_linear() && hidden_shift(blur, &curve, margin) == 0.0;
         let is_clear =
@@ -166,7 +176,7 @@ impl SidePixels {
         for _ in 0..SIDE_ROUNDS {
             self.side.predict_all(tone, &self.pixels, &mut predictions);
             let share = share(&self.side, tone, (&self.pixels, &predictions), self.noise)?;
-            self.side.step_alone(&share);
+            self.side.apply_own_step(&share);
         }
         self.side.predict_all(tone, &self.pixels, &mut predictions);
         share(&self.side, tone, (&self.pixels, &predictions), self.noise)
@@ -216,9 +226,7 @@ fn share(
         ];
         (pixel.s, weight, row)
     });
-    let bins_per_s = side.curve.half_length / BIN_LENGTH;
-    let sums = SideSums::<COLUMNS>::of(rows, bins_per_s, FIRST_BIN);
-    let mut share = ToneShare::reduced(side, sums, is_sound(side, tone, noise))?;
+    let mut share = ToneShare::of_rows(side, rows, is_sound(side, tone, noise))?;
     share.profile = profile.relative_to(side.contrast[0]);
     Some(share)
 }

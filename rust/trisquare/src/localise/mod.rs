@@ -223,7 +223,7 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
         let previews = Localiser::new(picture, Tone::Power(curve)).previews(&mut sought);
         (ToneEstimate { curve, ..first }, previews)
     });
-    let shift_std = estimate.shift_std.or(estimate.held_shift);
+    let shift_std = estimate.shift_with_held_curve();
     let measured =
         Localiser::new(picture, Tone::Power(estimate.curve)).measure_all(&sought.spans, &previews);
     let edges = displacement::with_shift_std(measured, shift_std.unwrap_or_default());

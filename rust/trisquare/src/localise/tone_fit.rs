@@ -39,7 +39,7 @@ pub(super) const MAX_STEP: f64 = 0.4;
 /// Number of a side's own parameters, including its spread, which has the effect of a shift by a
 /// tone curve.
 const SIDE_PARAMETERS: usize = PARAMETERS + 1;
-pub(super) const SPREAD: usize = PARAMETERS;
+const SPREAD: usize = PARAMETERS;
 /// Standard deviation (px) of a wide prior on the spread, which keeps the equations regular for a
 /// side without any.
 const SPREAD_STD: f64 = 1.0;
@@ -121,7 +121,7 @@ pub(super) fn stride(pixels: usize, sides: usize) -> usize {
 }
 
 /// Number of the first bin, before any pixel; the side's middle is a boundary of bins.
-pub(super) const FIRST_BIN: f64 = -1e6;
+const FIRST_BIN: f64 = -1e6;
 
 /// Number of columns of a pixel's row: derivatives with respect to height, base, contrast, blur,
 /// spread and the shared parameters, and the residual.
@@ -180,10 +180,17 @@ impl ToneEstimate {
         self.sides > 0 && self.curve.is_like_linear()
     }
 
+    /// Standard deviation, in pixels, of a common shift of all edges if later stages hold the curve;
+    /// `None` if they estimate it further.
+    #[must_use]
+    pub fn shift_with_held_curve(&self) -> Option<f64> {
+        self.shift_std.or(self.held_shift)
+    }
+
     /// What later stages assume about the picture's coding.
     #[must_use]
     pub fn picture_tone(&self) -> PictureTone {
-        match self.shift_std.or(self.held_shift) {
+        match self.shift_with_held_curve() {
             Some(std) => PictureTone::Shifted(self.curve, std),
             None if self.misfit_shift > 0.0 => {
                 PictureTone::Approximated(self.curve, self.misfit_shift)
@@ -220,7 +227,6 @@ impl ToneShare {
         noise: f64,
     ) -> Option<Self> {
         let inverse_variance = 1.0 / (noise * noise);
-        let bins_per_s = side.curve.half_length / BIN_LENGTH;
         let mut profile = ResidualProfile::default();
         let blur = side.mean_blur();
         let pixel_kurtosis = box_kurtosis(&side.curve.along, blur);
@@ -250,16 +256,21 @@ impl ToneShare {
             let weight = robust_weight(p.residual * p.residual * inverse_variance);
             (pixel.s, weight * inverse_variance, row)
         });
-        let sums = SideSums::of(rows, bins_per_s, FIRST_BIN);
-        let share = Self::reduced(side, sums, is_sound(side, tone, noise))?;
+        let mut share = Self::of_rows(side, rows, is_sound(side, tone, noise))?;
         let [before, after] = side.plateaus().map(|light| tone.encode_with_slope(light).0);
-        Some(Self {
-            profile: profile.relative_to(after - before),
-            ..share
-        })
+        share.profile = profile.relative_to(after - before);
+        Some(share)
     }
 
-    pub fn reduced(side: &SideModel, sums: SideSums<COLUMNS>, is_sound: bool) -> Option<Self> {
+    /// The share of a side, without its profile, from the rows of its pixels, each with its `s` and
+    /// a weight.
+    pub fn of_rows(
+        side: &SideModel,
+        rows: impl Iterator<Item = (f64, f64, [f64; COLUMNS])>,
+        is_sound: bool,
+    ) -> Option<Self> {
+        let bins_per_s = side.curve.half_length / BIN_LENGTH;
+        let sums = SideSums::of(rows, bins_per_s, FIRST_BIN);
         let (all, direct) = sums.assembled::<TOTAL>(side.degrees());
         let mut side_block = all
             .fixed_view::<SIDE_PARAMETERS, SIDE_PARAMETERS>(0, 0)
@@ -296,6 +307,11 @@ impl ToneShare {
         self.information
             .cholesky()
             .map_or(0.0, |factor| gradient.dot(&factor.solve(&gradient)))
+    }
+
+    /// The step of the side's own parameters with the shared ones held.
+    fn own_step(&self) -> SVector<f64, SIDE_PARAMETERS> {
+        self.factor.solve(&self.right)
     }
 
     /// The step of the side's own parameters for a step of the shared ones.
@@ -569,19 +585,21 @@ impl SideModel {
     /// The effect of the curve's change on base and contrast is far from linear where there is
     /// little light, but their coded values hardly change: these are kept instead.
     fn apply_shared_step(&mut self, share: &ToneShare, step: &Shared, [old, new]: [Tone; 2]) {
-        let old_step = share.factor.solve(&share.right);
+        let old_step = share.own_step();
         let mut side_step = share.side_step(step);
         side_step
             .fixed_rows_mut::<{ BLUR - BASE }>(BASE)
             .copy_from(&old_step.fixed_rows::<{ BLUR - BASE }>(BASE));
-        self.advance(&side_step.fixed_rows::<PARAMETERS>(0).into_owned());
-        self.spread = self.spread.map(|spread| spread + side_step[SPREAD]);
+        self.advance_with_spread(&side_step);
         self.recode(old, new);
     }
 
     /// Makes the side's own step with the shared parameters held.
-    pub(super) fn step_alone(&mut self, share: &ToneShare) {
-        let step = share.side_step(&Shared::zeros());
+    pub(super) fn apply_own_step(&mut self, share: &ToneShare) {
+        self.advance_with_spread(&share.own_step());
+    }
+
+    fn advance_with_spread(&mut self, step: &SVector<f64, SIDE_PARAMETERS>) {
         self.advance(&step.fixed_rows::<PARAMETERS>(0).into_owned());
         self.spread = self.spread.map(|spread| spread + step[SPREAD]);
     }
