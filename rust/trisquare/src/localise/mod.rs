@@ -44,7 +44,7 @@ mod tag_cells;
 mod thinning;
 mod tone_fit;
 
-use crate::image::{Picture, SRGB, Tone, USUAL};
+use crate::image::{Picture, PowerCurve, SRGB, Tone, USUAL};
 use even_part::tone_of_even_part;
 pub use faults::PictureFaults;
 use localiser::Localiser;
@@ -164,12 +164,8 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     let mut sought = Sought::of(localiser.reader(), spans);
     let mut previews = localiser.previews(&mut sought);
     let faults = PictureFaults::of(localiser.reader(), &previews);
-    let with_common_error = |estimate: ToneEstimate| ToneEstimate {
-        shift_std: estimate.shift_std.map(|std| std.max(faults.common_error)),
-        held_shift: estimate.held_shift.map(|std| std.max(faults.common_error)),
-        ..estimate
-    };
-    let mut first = with_common_error(tone_fit::estimate_tone(USUAL, &mut previews));
+    let mut first =
+        tone_fit::estimate_tone(USUAL, &mut previews).with_common_error(faults.common_error);
     if picture.has_two_levels() {
         first.shift_std = Some(TWO_LEVEL_SHIFT_STD);
     }
@@ -179,7 +175,7 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
                 return (sought.joined(edges), estimate, faults);
             }
             // All pixels show a misfit that a subset of them did not.
-            (_, estimate) => first = with_common_error(estimate),
+            (_, estimate) => first = estimate.with_common_error(faults.common_error),
         }
     }
     if faults.blur > WIDE_BLUR && !picture.has_two_levels() {
@@ -206,23 +202,7 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
             first.shift_std = Some(std.max(UNSURE_SHIFT * faults.blur));
         }
     }
-    let may_be_linear = first.misfit > LARGE_MISFIT || first.is_like_linear();
-    let even = match (picture.has_two_levels(), may_be_linear) {
-        (true, _) => None,
-        (false, true) => even_estimate(picture, &mut sought, &[Tone::Srgb, Tone::Linear]),
-        (false, false) => even_estimate(picture, &mut sought, &[Tone::Srgb]),
-    };
-    let even = even.map(|(estimate, previews)| (with_common_error(estimate), previews));
-    let (estimate, previews) = even.unwrap_or_else(|| {
-        let is_linear =
-            first.is_like_linear() && (first.misfit < LINEAR_MISFIT || faults.blur > WIDE_BLUR);
-        let curve = match is_linear {
-            true => Tone::Linear.power(),
-            false => SRGB,
-        };
-        let previews = Localiser::new(picture, Tone::Power(curve)).previews(&mut sought);
-        (ToneEstimate { curve, ..first }, previews)
-    });
+    let (estimate, previews) = with_held_curve(picture, &mut sought, first, &faults);
     let shift_std = estimate.shift_with_held_curve();
     let measured =
         Localiser::new(picture, Tone::Power(estimate.curve)).measure_all(&sought.spans, &previews);
@@ -230,21 +210,36 @@ fn with_best_curve(picture: &Picture, spans: &[EdgeSpan]) -> Localised {
     (sought.joined(edges), estimate, faults)
 }
 
-/// The curve that the even part of the profiles determines, and the previews with the curve that
-/// the search started from: the first of these for which there is one near it.
-fn even_estimate(
+/// The estimate for profiles that fit no curve with a normal blur, of which there is a `first`
+/// estimate, and the previews with a curve near it: the curve that their even part determines, or
+/// else linear light or sRGB.
+fn with_held_curve(
     picture: &Picture,
     sought: &mut Sought<'_>,
-    starts: &[Tone],
-) -> Option<(ToneEstimate, Vec<Result<Preview, NoEdge>>)> {
-    starts.iter().find_map(|start| {
-        let start = start.power();
-        let previews = Localiser::new(picture, Tone::Power(start)).previews(sought);
-        let estimate = tone_of_even_part(start, &previews)?;
+    first: ToneEstimate,
+    faults: &PictureFaults,
+) -> (ToneEstimate, Vec<Result<Preview, NoEdge>>) {
+    let mut previews_with = |curve| Localiser::new(picture, Tone::Power(curve)).previews(sought);
+    let linear = Tone::Linear.power();
+    let may_be_linear = first.misfit > LARGE_MISFIT || first.is_like_linear();
+    let starts: &[PowerCurve] = match (picture.has_two_levels(), may_be_linear) {
+        (true, _) => &[],
+        (false, true) => &[SRGB, linear],
+        (false, false) => &[SRGB],
+    };
+    for &start in starts {
+        let previews = previews_with(start);
         // From far away the previews are not those of the estimated curve.
-        let is_near = estimate.is_like_linear() == start.is_like_linear();
-        is_near.then_some((estimate, previews))
-    })
+        let is_near = |even: &ToneEstimate| even.is_like_linear() == start.is_like_linear();
+        if let Some(even) = tone_of_even_part(start, &previews).filter(is_near) {
+            return (even.with_common_error(faults.common_error), previews);
+        }
+    }
+    let is_linear =
+        first.is_like_linear() && (first.misfit < LINEAR_MISFIT || faults.blur > WIDE_BLUR);
+    let curve = if is_linear { linear } else { SRGB };
+    // Not those of the start: each pass brings the crossings of a board's lines nearer.
+    (ToneEstimate { curve, ..first }, previews_with(curve))
 }
 
 /// Measures all spans with an estimated curve, and moves the samples to their positions under the

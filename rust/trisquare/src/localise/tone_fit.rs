@@ -175,6 +175,16 @@ impl ToneEstimate {
         }
     }
 
+    /// The same estimate with a common shift of at least this standard deviation, px, unless the
+    /// curve is to be estimated further.
+    pub(super) fn with_common_error(self, std: f64) -> Self {
+        Self {
+            shift_std: self.shift_std.map(|own| own.max(std)),
+            held_shift: self.held_shift.map(|own| own.max(std)),
+            ..self
+        }
+    }
+
     /// Whether the estimated curve is closer to linear light than any usual one.
     pub(super) fn is_like_linear(&self) -> bool {
         self.sides > 0 && self.curve.is_like_linear()
