@@ -36,6 +36,7 @@ BOARD_CODES = (
     "planes_contradict",
     "plane_disagrees",
     "plane_rejected",
+    "plane_stretched",
     "side_rejected",
 )
 WRONG_STDS, WRONG_SHARE = 4.0, 0.003

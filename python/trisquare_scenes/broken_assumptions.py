@@ -317,6 +317,7 @@ NO_SQUARES = (
     "planes_contradict",
     "plane_disagrees",
     "plane_rejected",
+    "plane_stretched",
     "choice_uncertain",
     "pixels_not_square",
     "principal_point_off_centre",

@@ -32,6 +32,7 @@ CAUSES = {
     "tone_contradicted": "the tone curve is another than stated",
     "plane_disagrees": "a plane disagrees with the rest",
     "planes_vary": "the pictures disagree",
+    "plane_stretched": "the targets are stretched",
     "correlated_residuals": "the samples of a side have a common error",
     UNCHECKED: "the targets cannot be checked",
     "no_tone_curve": "the edge profiles fit no tone curve",

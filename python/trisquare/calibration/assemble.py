@@ -37,6 +37,7 @@ INCONSISTENCY_CODES = {
     "periodic_pattern",
     "pixels_not_square",
     "plane_rejected",
+    "plane_stretched",
     "planes_contradict",
 }
 """Codes of warnings about targets that are not consistent with one camera."""

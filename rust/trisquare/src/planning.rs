@@ -299,7 +299,7 @@ fn photographed<L: Lens>(
     Ok(ObservedPlane {
         image: 0,
         figures,
-        board_relief: None,
+        deformation: None,
         side_error: 0.0,
         relations: Vec::new(),
     })

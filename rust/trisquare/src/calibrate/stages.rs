@@ -152,8 +152,8 @@ impl<'a, L: Lens> CheckedInput<'a, L> {
             problem.check_reach(&solution.refined.view.lens)?;
         }
         let verdict = problem.lens_verdict(&solution);
-        if let Some(LensVerdict::NotFlat) = verdict
-            && let Some(found) = problem.with_relief(&self.planes, &solution)
+        if let Some(LensVerdict::Deformed) = verdict
+            && let Some(found) = problem.with_deformation(&self.planes, &solution)
         {
             solution = found;
         }

@@ -58,17 +58,17 @@ pub fn warn_of_fisheye<L: Lens>(
     }
     let wide = WeighedModels::of(&subset, size, &wide_options);
     let pinhole = WeighedModels::of(&subset, size, options);
-    // Sheets with relief explain such residuals as well, and a fisheye would partly fit them.
-    let has_height = |warning: &Warning| {
+    // Deformed sheets explain such residuals as well, and a fisheye would partly fit them.
+    let is_deformation = |warning: &Warning| {
         matches!(
             warning,
             Warning::SidesErrTogether {
                 height: Some(_),
                 ..
-            }
+            } | Warning::PlaneStretched { .. }
         )
     };
-    let is_relief = calibration.warnings.iter().any(has_height);
+    let is_deformed = calibration.warnings.iter().any(is_deformation);
     let (Some(wide), Some(pinhole)) = (wide, pinhole) else {
         return;
     };
@@ -76,9 +76,9 @@ pub fn warn_of_fisheye<L: Lens>(
     let (model, fit) = best.wide;
     let pinhole_fit = pinhole.fit_with(options.model);
     let pinhole_rms = pinhole_fit.map_or(calibration.rms, |fit| fit.rms);
-    let follows_relief =
-        is_relief && !is_clean(fit) && fit.rms > MAX_RATIO_WITH_SQUARES * pinhole_rms;
-    if best.odds > 0.0 && !follows_relief {
+    let follows_deformation =
+        is_deformed && !is_clean(fit) && fit.rms > MAX_RATIO_WITH_SQUARES * pinhole_rms;
+    if best.odds > 0.0 && !follows_deformation {
         let warning = Warning::LensOfAnotherFamily {
             model: model.name(),
             rms: fit.rms,
@@ -106,6 +106,7 @@ fn is_symptom(warning: &Warning) -> bool {
                 | Warning::Sheared { .. }
                 | Warning::PrincipalPointOffCentre { .. }
                 | Warning::SidesErrTogether { .. }
+                | Warning::PlaneStretched { .. }
                 | Warning::PixelsNotUsed { .. }
         )
 }

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::side_errors::SideErrors;
 use crate::numeric::{BlockEquations, Reduced, chi_square_tail};
+use crate::observations::DeformationPrior;
 
 /// Ratio of successive variances tried, and their number: up to errors of pixels.
 const VARIANCE_RATIO: f64 = 3.0;
@@ -63,8 +64,8 @@ impl Part {
 /// Assumptions besides the sides' errors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Assumption<'a> {
-    /// Variance of the planes' relief.
-    pub relief: f64,
+    /// Prior of the targets' deformations.
+    pub deformation: DeformationPrior,
     /// Standard deviations of the picture's fields, if there are any.
     pub fields: &'a [f64],
 }
@@ -112,7 +113,7 @@ impl SideErrors {
     }
 
     /// The likeliest common variance of the sides and its criterion for every assumption, in their
-    /// order. The variance is at most `largest`, if given, since a relief reduces the sides'
+    /// order. The variance is at most `largest`, if given, since a deformation reduces the sides'
     /// errors. Computations common to several assumptions are done once.
     pub fn likeliest_under(
         &mut self,
@@ -127,20 +128,18 @@ impl SideErrors {
             }
             let open_indices = (0..assumptions.len()).filter(|i| open[*i]);
             let open_indices: Vec<usize> = open_indices.collect();
-            let relief_groups =
-                || open_indices.chunk_by(|a, b| assumptions[*a].relief == assumptions[*b].relief);
-            let reliefs: Vec<f64> = relief_groups()
-                .map(|group| assumptions[group[0]].relief)
-                .collect();
-            for (group, all) in relief_groups().zip(self.sums(&reliefs, variance)) {
+            let prior = |index: usize| assumptions[index].deformation;
+            let groups = || open_indices.chunk_by(|a, b| prior(*a) == prior(*b));
+            let priors: Vec<DeformationPrior> = groups().map(|group| prior(group[0])).collect();
+            for (group, all) in groups().zip(self.sums(&priors, variance)) {
                 for &i in group {
                     self.set_field_priors(assumptions[i].fields);
                     let criterion = all.clone().and_then(|all| self.restricted(all));
                     let lowest = best[i].map_or(f64::INFINITY, |(_, lowest)| lowest);
                     match criterion {
                         Some(found) if found < lowest => best[i] = Some((variance, found)),
-                        // With a relief that explains a part there are two optima: one of the
-                        // sides' errors, one of the relief.
+                        // With a deformation that explains a part there are two optima: one of
+                        // the sides' errors, one of the deformation.
                         Some(found) => open[i] = largest.is_some() || found <= lowest + HOPELESS,
                         None => open[i] = false,
                     }
@@ -150,16 +149,16 @@ impl SideErrors {
         best
     }
 
-    /// Sum of all planes' parts at a common variance of their sides, for each variance of their
-    /// relief.
-    fn sums(&self, reliefs: &[f64], variance: f64) -> Vec<Option<Part>> {
-        let mut sums = vec![Some(self.empty_part()); reliefs.len()];
+    /// Sum of all planes' parts at a common variance of their sides, for each prior of their
+    /// deformation.
+    fn sums(&self, priors: &[DeformationPrior], variance: f64) -> Vec<Option<Part>> {
+        let mut sums = vec![Some(self.empty_part()); priors.len()];
         for plane in 0..self.system.blocks.len() {
-            let unfinished = self.before_relief(plane, variance);
-            for (relief, all) in reliefs.iter().zip(&mut sums) {
+            let unfinished = self.before_deformation(plane, variance);
+            for (prior, all) in priors.iter().zip(&mut sums) {
                 let part = unfinished
                     .clone()
-                    .and_then(|part| self.finished(plane, *relief, part));
+                    .and_then(|part| self.finished(plane, *prior, part));
                 match (&mut *all, part) {
                     (Some(all), Some(part)) => all.add(&part, 1.0),
                     _ => *all = None,
@@ -216,7 +215,7 @@ impl SideErrors {
                 let tried = common_hypotheses
                     .get(index + 1)
                     .map(|tried| tried.parts[plane].clone());
-                let computed = || self.part(plane, self.relief_variance(plane), variance);
+                let computed = || self.part(plane, self.deformation_prior(plane), variance);
                 let Some(plane_part) = tried.or_else(computed) else {
                     continue;
                 };
@@ -249,29 +248,29 @@ impl SideErrors {
 
     fn parts(&self, variances: &[f64]) -> Option<Vec<Part>> {
         let part = |(plane, variance): (usize, &f64)| {
-            self.part(plane, self.relief_variance(plane), *variance)
+            self.part(plane, self.deformation_prior(plane), *variance)
         };
         variances.iter().enumerate().map(part).collect()
     }
 
     /// Information of one plane on the shared parameters, and its criterion.
-    fn part(&self, plane: usize, board_relief: f64, variance: f64) -> Option<Part> {
-        let unfinished = self.before_relief(plane, variance)?;
-        self.finished(plane, board_relief, unfinished)
+    fn part(&self, plane: usize, deformation: DeformationPrior, variance: f64) -> Option<Part> {
+        let unfinished = self.before_deformation(plane, variance)?;
+        self.finished(plane, deformation, unfinished)
     }
 
-    /// `part` from the plane's equations without its relief.
+    /// `part` from the plane's equations without its deformation.
     fn finished(
         &self,
         plane: usize,
-        board_relief: f64,
+        deformation: DeformationPrior,
         (mut equations, criterion): (BlockEquations, f64),
     ) -> Option<Part> {
-        let relief_criterion = self.add_relief_prior(plane, board_relief, &mut equations);
+        let deformation_criterion = self.add_deformation_prior(plane, deformation, &mut equations);
         let (reduced, plane_criterion) = equations.reduced()?;
         Some(Part {
             reduced,
-            criterion: criterion + relief_criterion + plane_criterion,
+            criterion: criterion + deformation_criterion + plane_criterion,
         })
     }
 

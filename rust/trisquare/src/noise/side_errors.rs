@@ -17,7 +17,9 @@ use super::side_basis::ORDERS;
 use super::side_families::{Family, SharedColumns, families_of, spectrum};
 use crate::lens::Lens;
 use crate::numeric::{ArrowSystem, Block, BlockEquations};
-use crate::observations::{BoardRelief, FreeParameters, ObservedPlane, TERMS, View};
+use crate::observations::{
+    Deformation, DeformationPrior, FreeParameters, ObservedPlane, TERMS, View,
+};
 
 /// The first variance tried, as a fraction of the variance of a side's mean by noise alone.
 const FIRST_VARIANCE: f64 = 0.2;
@@ -34,8 +36,8 @@ pub(crate) struct SideErrors {
     families: Vec<Family>,
     /// The first variance tried, px^2.
     pub(super) first_variance: f64,
-    /// Relief of the boards, by plane.
-    board_reliefs: Vec<Option<BoardRelief>>,
+    /// Deformations of the targets, by plane.
+    deformations: Vec<Option<Deformation>>,
 }
 
 impl SideErrors {
@@ -55,7 +57,7 @@ impl SideErrors {
             fields,
         };
         let plane_parameters = |p: usize| {
-            view.planes[p].parameter_count() + planes[p].board_relief.map_or(0, |_| TERMS)
+            view.planes[p].parameter_count() + planes[p].deformation.map_or(0, |_| TERMS)
         };
         let mut system = ArrowSystem::zeros(camera.len(), (0..planes.len()).map(plane_parameters));
         camera.free.add_prior(&view.lens, &mut system);
@@ -75,7 +77,7 @@ impl SideErrors {
                         let place = (state, f, index, side);
                         family.add(
                             place,
-                            plane.board_relief.as_ref(),
+                            plane.deformation.as_ref(),
                             moments,
                             camera,
                             white,
@@ -95,7 +97,7 @@ impl SideErrors {
             system,
             first_variance: first_variance(&families),
             families,
-            board_reliefs: planes.iter().map(|plane| plane.board_relief).collect(),
+            deformations: planes.iter().map(|plane| plane.deformation).collect(),
         })
     }
 
@@ -121,23 +123,16 @@ impl SideErrors {
         self.system.blocks.len()
     }
 
-    /// Sets the variance of every board's relief.
-    pub fn set_relief_variance(&mut self, variance: f64) {
-        for relief in self.board_reliefs.iter_mut().flatten() {
-            relief.variance = variance;
+    /// Sets the prior of every target's deformation.
+    pub fn set_deformation_prior(&mut self, prior: DeformationPrior) {
+        for deformation in self.deformations.iter_mut().flatten() {
+            deformation.prior = prior;
         }
     }
 
-    /// Sets the steepness of all reliefs: how fast their variances decrease with the order.
-    pub fn set_steepness(&mut self, steepness: i32) {
-        for relief in self.board_reliefs.iter_mut().flatten() {
-            relief.steepness = steepness;
-        }
-    }
-
-    /// Whether any plane is a board that may not be flat.
-    pub fn has_board_relief(&self) -> bool {
-        self.board_reliefs.iter().any(Option::is_some)
+    /// Whether any plane may be deformed.
+    pub fn has_deformation(&self) -> bool {
+        self.deformations.iter().any(Option::is_some)
     }
 
     /// Contribution of displacements of unit variance on each plane to the covariance of the shared
@@ -165,7 +160,7 @@ impl SideErrors {
     pub fn marginal(&self, variances: &[f64]) -> Option<ArrowSystem> {
         let block = |(plane, variance): (usize, &f64)| {
             let (mut found, _) = self.marginalise(plane, *variance)?;
-            self.add_relief_prior(plane, self.relief_variance(plane), &mut found);
+            self.add_deformation_prior(plane, self.deformation_prior(plane), &mut found);
             Some(self.system.blocks[plane].with_equations(&found))
         };
         let blocks: Option<Vec<Block>> = variances.iter().enumerate().map(block).collect();
@@ -178,7 +173,7 @@ impl SideErrors {
     }
 
     /// The equations of one plane marginalised over the displacements of its sides, and their
-    /// contribution to minus twice the log likelihood. They do not include the prior of the relief
+    /// contribution to minus twice the log likelihood. They do not include the prior of the
     /// yet.
     fn marginalise(&self, plane: usize, variance: f64) -> Option<(BlockEquations, f64)> {
         let mut equations = self.system.blocks[plane].equations();
@@ -197,15 +192,15 @@ impl SideErrors {
         Some((equations, criterion))
     }
 
-    /// The marginalised equations with the plane's pose eliminated if it has a relief: the pose
-    /// does not depend on the relief's prior.
-    pub(super) fn before_relief(
+    /// The marginalised equations with the plane's pose eliminated if it may be deformed: the
+    /// pose does not depend on the deformation's prior.
+    pub(super) fn before_deformation(
         &self,
         plane: usize,
         variance: f64,
     ) -> Option<(BlockEquations, f64)> {
         let (equations, sides_criterion) = self.marginalise(plane, variance)?;
-        if self.board_reliefs[plane].is_none() {
+        if self.deformations[plane].is_none() {
             return Some((equations, sides_criterion));
         }
         let pose = self.system.blocks[plane].hessian.nrows() - TERMS;
@@ -213,21 +208,21 @@ impl SideErrors {
         Some((equations, sides_criterion + pose_criterion))
     }
 
-    /// Adds the prior of a plane's relief to its equations; returns its contribution to minus twice
+    /// Adds the prior of a plane's deformation to its equations; returns its contribution to minus twice
     /// the log likelihood.
-    pub(super) fn add_relief_prior(
+    pub(super) fn add_deformation_prior(
         &self,
         plane: usize,
-        variance: f64,
+        prior: DeformationPrior,
         equations: &mut BlockEquations,
     ) -> f64 {
-        let relief = self.board_reliefs[plane].as_ref();
-        relief.map_or(0.0, |relief| relief.add_prior(variance, equations))
+        let deformation = self.deformations[plane].as_ref();
+        deformation.map_or(0.0, |deformation| deformation.add_prior(prior, equations))
     }
 
-    /// Variance of a plane's relief; 0 if it has none.
-    pub(super) fn relief_variance(&self, plane: usize) -> f64 {
-        self.board_reliefs[plane].map_or(0.0, |board_relief| board_relief.variance)
+    /// Prior of a plane's deformation.
+    pub(super) fn deformation_prior(&self, plane: usize) -> DeformationPrior {
+        self.deformations[plane].map_or(DeformationPrior::EXACT, |deformation| deformation.prior)
     }
 }
 

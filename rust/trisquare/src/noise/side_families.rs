@@ -8,7 +8,7 @@ use super::side_moments::{Gram, SideMoments};
 use crate::lens::{Lens, MAX_LENS_COLUMNS};
 use crate::numeric::{Block, BlockEquations};
 use crate::observations::{
-    BoardRelief, Figure, FreeParameters, PlaneState, Side, TERMS, directions,
+    Deformation, Figure, FreeParameters, PlaneState, Side, TERMS, directions,
 };
 
 /// Distance, as a fraction of a figure's extent, over which the displacements of parallel sides
@@ -151,14 +151,14 @@ impl Family {
     pub fn add<L: Lens>(
         &mut self,
         (state, figure, index, side): (&PlaneState, usize, usize, &Side),
-        board_relief: Option<&BoardRelief>,
+        deformation: Option<&Deformation>,
         moments: &SideMoments,
         camera: &SharedColumns<'_, L>,
         white: f64,
         block: &mut Block,
     ) -> Option<()> {
         let place = self.sides.iter().position(|side| *side == index)?;
-        let jacobian = SideJacobian::of((state, figure, side), board_relief, moments, camera)?;
+        let jacobian = SideJacobian::of((state, figure, side), deformation, moments, camera)?;
         self.add_at(place, &jacobian, moments, white, block);
         Some(())
     }
@@ -272,7 +272,7 @@ impl SideJacobian {
     /// Fits samples spread over the side by least squares; `None` if the lens sees none.
     fn of<L: Lens>(
         (state, figure, side): (&PlaneState, usize, &Side),
-        board_relief: Option<&BoardRelief>,
+        deformation: Option<&Deformation>,
         moments: &SideMoments,
         camera: &SharedColumns<'_, L>,
     ) -> Option<Self> {
@@ -281,7 +281,7 @@ impl SideJacobian {
         let mut gram = Gram::identity() * UNSEEN;
         let mut line_derivatives = Vec::new();
         let mut shared = SMatrix::<f64, ORDERS, MAX_SHARED>::zeros();
-        let mut heights = SMatrix::<f64, ORDERS, TERMS>::zeros();
+        let mut terms = SMatrix::<f64, ORDERS, TERMS>::zeros();
         let nodes = nodes(&moments.places);
         for found in state.model_lines(lens, figure, side) {
             let (model, range) = found?;
@@ -297,13 +297,13 @@ impl SideJacobian {
                 wrt_line.ger(1.0, row, &distance.wrt_line, 1.0);
                 let mut used = shared.columns_mut(0, count);
                 used.ger(1.0, row, &columns.rows(0, count), 1.0);
-                if let Some(board_relief) = board_relief {
+                if let Some(deformation) = deformation {
                     let sample = &side.samples[index];
                     let of = (lens, state);
-                    // A positive height displaces the sample: the residual is reduced by that.
-                    let height_displacements =
-                        board_relief.displacements(of, &line, &distance.wrt_line, sample)?;
-                    heights.ger(-1.0, row, &height_displacements, 1.0);
+                    // A positive term displaces the sample: the residual is reduced by that.
+                    let displacements =
+                        deformation.displacements(of, &line, &distance.wrt_line, sample)?;
+                    terms.ger(-1.0, row, &displacements, 1.0);
                 }
             }
             line_derivatives.push((model, wrt_line));
@@ -313,12 +313,12 @@ impl SideJacobian {
             .iter()
             .map(|(model, wrt_line)| factor.solve(wrt_line) * state.line_jacobian(figure, model));
         let plane = plane.reduce(|a, b| a + b)?;
-        let heights = factor.solve(&heights);
-        let columns = plane.ncols() + board_relief.map_or(0, |_| TERMS);
+        let terms = factor.solve(&terms);
+        let columns = plane.ncols() + deformation.map_or(0, |_| TERMS);
         Some(Self {
             plane: DMatrix::from_fn(ORDERS, columns, |k, i| match i.checked_sub(plane.ncols()) {
                 None => plane[(k, i)],
-                Some(term) => heights[(k, term)],
+                Some(term) => terms[(k, term)],
             }),
             shared: factor.solve(&shared.columns(0, count)),
         })

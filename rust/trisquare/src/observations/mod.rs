@@ -3,6 +3,7 @@
 mod chessboard;
 mod coinciding;
 mod curve;
+mod deformation;
 mod edge_checks;
 mod edge_shift;
 mod families;
@@ -13,13 +14,15 @@ mod placement;
 mod plane_edges;
 mod relation;
 mod relations;
-mod relief;
 mod sample_checks;
 mod side_order;
 mod view;
 
 pub use chessboard::Chessboard;
 pub(crate) use curve::{Curve, ModelLine, Radius};
+pub(crate) use deformation::{
+    Deformation, DeformationKind, DeformationPrior, SHEAR, STRETCH, TERMS, Terms,
+};
 pub(crate) use edge_checks::samples_outside;
 pub use edge_shift::{CellSample, GridLineSamples, remove_edge_shift};
 pub(crate) use free_parameters::{FreeParameters, PRIOR_SLACK};
@@ -35,6 +38,5 @@ pub(crate) use relation::Related;
 pub use relation::Relation;
 pub use relations::relate_planes;
 pub(crate) use relations::{check_relations, relations_of};
-pub(crate) use relief::{BoardRelief, Heights, TERMS};
 pub(crate) use sample_checks::check_samples;
 pub(crate) use view::{POSE_PARAMETERS, PlaneState, View};

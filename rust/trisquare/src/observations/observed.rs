@@ -6,10 +6,10 @@ use nalgebra::Vector2;
 
 use super::coinciding::{check_duplicates, check_place};
 use super::curve::{Curve, Radius};
+use super::deformation::Deformation;
 use super::families::outermost_lines;
 use super::plane_edges::{Freedom, PlaneEdges, rectangle_lines};
 use super::relation::Relation;
-use super::relief::BoardRelief;
 use crate::error::Error;
 use crate::geometry::Line;
 
@@ -81,7 +81,7 @@ pub(crate) struct ObservedPlane {
     pub image: usize,
     pub figures: Vec<Figure>,
     /// Out-of-plane shape of a board that is not flat; it has been removed from the samples.
-    pub board_relief: Option<BoardRelief>,
+    pub deformation: Option<Deformation>,
     /// Prior standard deviation (px) of an error that the samples of a side share.
     pub side_error: f64,
     /// Known relations to the planes of other figures, by the indices of these figures.
@@ -236,7 +236,7 @@ pub(crate) fn lines_of_scene(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>,
         Ok(ObservedPlane {
             image: figure_edges.image,
             figures: vec![figure(index, figure_edges)],
-            board_relief: None,
+            deformation: None,
             side_error: figure_edges.side_error,
             relations: Vec::new(),
         })
@@ -289,7 +289,7 @@ pub(crate) fn sort_by_plane(edges: &[PlaneEdges]) -> Result<Vec<ObservedPlane>, 
                 planes.push(ObservedPlane {
                     image: figure_edges.image,
                     figures,
-                    board_relief: None,
+                    deformation: None,
                     side_error: figure_edges.side_error,
                     relations: figure_edges.relations.clone(),
                 });

@@ -24,9 +24,13 @@ pub struct ResidualCorrelation {
     /// Variance between groups of planes (the pictures, or the planes of one), relative to that
     /// expected from all the above; 1 where they agree, or are too few to tell.
     pub group_variance_ratio: f64,
-    /// Height difference between the lowest and the highest place of every plane's relief, over its
+    /// Height difference between the lowest and the highest place of every plane's sheet, over its
     /// extent; 0 for planes that are taken as flat.
     pub heights: Vec<f64>,
+    /// Ratio of width to height of every plane's targets, relative to the stated one, minus 1; 0 for
+    /// planes that are taken as exact.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub stretches: Vec<f64>,
     /// Covariance that all of this adds to that of the free parameters.
     pub added: DMatrix<f64>,
     /// Variance of the samples, relative to that from pixels with independent noise, if the
@@ -45,6 +49,7 @@ impl ResidualCorrelation {
             line_displacement: 0.0,
             group_variance_ratio: 1.0,
             heights: vec![0.0; planes],
+            stretches: vec![0.0; planes],
             added: DMatrix::zeros(parameters, parameters),
             pixels: 1.0,
         }

@@ -182,9 +182,31 @@ pub enum Warning {
         plane: usize,
         /// Root mean square error of a side there, px.
         displacement: f64,
-        /// Height difference between the lowest and the highest place of its relief, over its
-        /// extent, if it has a relief.
+        /// Height difference between the lowest and the highest place of its sheet, over its
+        /// extent, if it is bent.
         height: Option<f64>,
+        /// The parameter whose standard deviation is raised most.
+        parameter: Text,
+        /// Its standard deviation relative to that under independent noise alone.
+        factor: f64,
+        /// Largest standard deviation of the camera, as in [`Warning::PlanesContradict`].
+        #[cfg_attr(feature = "serde", serde(default))]
+        known_to: Option<f64>,
+    },
+    /// Flat targets do not have the stated ratio of width to height; the camera is estimated with
+    /// the ratio of each.
+    #[error(
+        "plane {plane} is stretched: the ratio of its width to its height is {:.2} % {} than \
+         stated{}. The camera is estimated with that; was the target printed to the same scale in \
+         both directions?",
+        100.0 * .stretch.abs(), if *.stretch > 0.0 { "larger" } else { "smaller" },
+        std_increase(.parameter, *.factor)
+    )]
+    PlaneStretched {
+        /// The plane that is stretched most.
+        plane: usize,
+        /// Its ratio of width to height, relative to the stated one, minus 1.
+        stretch: f64,
         /// The parameter whose standard deviation is raised most.
         parameter: Text,
         /// Its standard deviation relative to that under independent noise alone.
@@ -484,6 +506,7 @@ impl Warning {
             Self::PlanesContradict { .. } | Self::NoSquares { .. } => "planes_contradict",
             Self::PlanesVary { .. } => "planes_vary",
             Self::SidesErrTogether { .. } => "correlated_residuals",
+            Self::PlaneStretched { .. } => "plane_stretched",
             Self::LensBeyondModel { .. } | Self::LensOfAnotherFamily { .. } => "lens_beyond_model",
             Self::PixelsNotUsed { .. } => "pixels_not_used",
             Self::LinesNotUsed { .. } => "lines_not_used",
@@ -558,9 +581,13 @@ impl Warning {
             }
             | Self::SidesErrTogether {
                 factor, known_to, ..
+            }
+            | Self::PlaneStretched {
+                factor, known_to, ..
             } if *factor > NOTABLE_FACTOR && !is_harmless(*known_to) => Severity::Medium,
             Self::PlanesVary { .. }
             | Self::SidesErrTogether { .. }
+            | Self::PlaneStretched { .. }
             | Self::PlaneRejected { is_other: true, .. }
             | Self::StraySamples { .. }
             | Self::PixelsNotUsed { .. }
@@ -574,7 +601,8 @@ impl Warning {
     pub(crate) fn with_camera_known_to(mut self, part: Option<f64>) -> Self {
         if let Self::PlanesContradict { known_to, .. }
         | Self::PlanesVary { known_to, .. }
-        | Self::SidesErrTogether { known_to, .. } = &mut self
+        | Self::SidesErrTogether { known_to, .. }
+        | Self::PlaneStretched { known_to, .. } = &mut self
         {
             *known_to = part;
         }
@@ -599,6 +627,7 @@ impl Warning {
             | Self::StraySamples { plane, .. }
             | Self::PlaneRejected { plane, .. }
             | Self::SidesErrTogether { plane, .. }
+            | Self::PlaneStretched { plane, .. }
             | Self::PartlyHidden { plane, .. } => Some(*plane),
             _ => None,
         }

@@ -80,7 +80,7 @@ impl<L: Lens> JointProblem<'_, L> {
     ) -> Option<LensDoubt> {
         let mut change = match verdict {
             LensVerdict::Held
-            | LensVerdict::NotFlat
+            | LensVerdict::Deformed
             | LensVerdict::Unclear { is_evident: false } => {
                 return None;
             }

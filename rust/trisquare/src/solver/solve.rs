@@ -9,7 +9,7 @@ use super::starts::Starts;
 use crate::error::Error;
 use crate::lens::Lens;
 use crate::linear::view_by_lens;
-use crate::noise::{Noise, Sheets, account_for_drift, account_for_relief};
+use crate::noise::{Noise, Sheets, account_for_deformation, account_for_drift};
 use crate::observations::{FreeParameters, Method, ObservedPlane, View};
 use crate::refine::{Refined, Search, finish, search};
 use crate::result::ResidualCorrelation;
@@ -110,14 +110,18 @@ impl<L: Lens> JointProblem<'_, L> {
 
     /// A solution of the same planes in which the sheets of squares are not flat either; `planes`
     /// are those given.
-    pub fn with_relief(&self, planes: &[ObservedPlane], flat: &Solution<L>) -> Option<Solution<L>> {
+    pub fn with_deformation(
+        &self,
+        planes: &[ObservedPlane],
+        flat: &Solution<L>,
+    ) -> Option<Solution<L>> {
         let planes = flat.with_outliers_marked(planes);
         let refined = self.refit(&planes, &flat.refined)?;
         let found = self.converge_with(&planes, refined.into(), Sheets::All);
         let mut found = found.ok()?;
         let flat = &flat.correlated.residual_correlation;
         let correlation = &mut found.correlated.residual_correlation;
-        // A relief that the fit removes is still an error of the sides.
+        // A deformation that the fit removes is still an error of the sides.
         correlation.displacements.clone_from(&flat.displacements);
         correlation.probability = flat.probability;
         Some(found)
@@ -141,7 +145,7 @@ impl<L: Lens> JointProblem<'_, L> {
             (planes, refined) = (weighted, refitted);
         }
         // Sheets that are not flat would be mistaken for an error of the tone curve.
-        let found = account_for_relief(&planes, &self.free, &self.judged, &refined, sheets)
+        let found = account_for_deformation(&planes, &self.free, &self.judged, &refined, sheets)
             .or_else(|| account_for_drift(&planes, &self.free, &self.judged, &refined));
         if let Some(found) = found {
             (planes, refined) = found;

@@ -13,7 +13,7 @@ use crate::noise::{
     Misfit, Noise, SideErrors, Strength, displacement_variance, rms_displacement, white_variance,
 };
 use crate::numeric::ArrowSystem;
-use crate::observations::{FreeParameters, ObservedPlane};
+use crate::observations::{Deformation, FreeParameters, ObservedPlane};
 use crate::refine::{Refined, residuals};
 use crate::result::{Disagreement, NOTABLE_FACTOR, ResidualCorrelation, Warning};
 
@@ -95,6 +95,16 @@ impl ResidualCorrelation {
             });
         }
         let (parameter, factor) = (free.names()[worst], factors[worst]);
+        if let Some((plane, stretch)) = largest(&self.stretches).filter(|entry| entry.1 != 0.0) {
+            warnings.push(Warning::PlaneStretched {
+                plane,
+                stretch,
+                parameter: parameter.into(),
+                factor: factor.max(1.0),
+                known_to: None,
+            });
+            return warnings;
+        }
         // NaN where the fit to the pixels is so much better that there is no such part.
         if !(factor > NOTABLE_FACTOR) {
             return warnings;
@@ -115,10 +125,16 @@ impl ResidualCorrelation {
     }
 }
 
-/// Returns the first of the largest values, and its index.
+/// Returns a value of every plane's deformation; 0 for planes that are taken as exact.
+fn of_deformations(planes: &[ObservedPlane], value: impl Fn(&Deformation) -> f64) -> Vec<f64> {
+    let value = |plane: &ObservedPlane| plane.deformation.as_ref().map_or(0.0, &value);
+    planes.iter().map(value).collect()
+}
+
+/// Returns the first of the values that are farthest from zero, and its index.
 fn largest(values: &[f64]) -> Option<(usize, f64)> {
     let values = values.iter().copied().enumerate().rev();
-    values.max_by(|a, b| a.1.total_cmp(&b.1))
+    values.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }
 
 /// Returns the planes with the samples of each weighted by its own noise; `None` if all have the
@@ -153,7 +169,7 @@ struct FittedEquations {
 }
 
 impl FittedEquations {
-    /// Equations with weights for white noise, by which planes without a relief are fitted.
+    /// Equations with weights for white noise, by which planes without a deformation are fitted.
     fn with_white_weights(
         (system, white): (ArrowSystem, f64),
         independent: &DMatrix<f64>,
@@ -173,7 +189,8 @@ impl FittedEquations {
         })
     }
 
-    /// Equations marginalised over the displacements: planes with a relief are fitted by generalised
+    /// Equations marginalised over the displacements: planes with a deformation are fitted by
+    /// generalised
     /// least squares. `drift` is the covariance from the errors of the tone curves.
     fn marginalised(system: &ArrowSystem, drift: DMatrix<f64>) -> Option<Self> {
         Some(Self {
@@ -268,7 +285,7 @@ pub(crate) fn correlated_covariance<L: Lens>(
     let misfit = Misfit::of(planes, &refined.view, free, noise);
     let between_plane_variance_ratio = misfit.between_plane_variance_ratio();
     let system = errors.marginal(&strength.mean)?;
-    let fitted = match planes.iter().any(|plane| plane.board_relief.is_some()) {
+    let fitted = match planes.iter().any(|plane| plane.deformation.is_some()) {
         true => {
             let (fit, noise) = ((planes, free), (noise, white));
             let drift = tone_drift_covariance(fit, refined, noise, &strength, &system)?;
@@ -297,10 +314,8 @@ pub(crate) fn correlated_covariance<L: Lens>(
         between_plane_variance_ratio,
         line_displacement: misfit.displacement(),
         group_variance_ratio,
-        heights: planes
-            .iter()
-            .map(|plane| plane.board_relief.map_or(0.0, |relief| relief.height()))
-            .collect(),
+        heights: of_deformations(planes, Deformation::height),
+        stretches: of_deformations(planes, Deformation::stretch),
         neighbours: noise.correlation,
         pixels: noise.correlation * noise.scale.powi(2),
         probability: strength.probability,

@@ -2,8 +2,9 @@
 //! same places in the picture, are due to the lens; residuals of single sides and boards are due to
 //! these.
 //!
-//! Two explanations of the residuals are compared: sides with errors and boards with bends of their
-//! own, or squares that are not square; and, in addition, further fields that displace the picture
+//! Two explanations of the residuals are compared: sides with errors and sheets with bends or
+//! stretches of their own, or squares that are not square; and, in addition, further fields that
+//! displace the picture
 //! ([`crate::noise::PictureFields`]). The fields have a normal prior of the strength that lenses
 //! have, so that the restricted likelihoods compare as marginal ones do: fields that explain the
 //! sides' own errors by chance cost more than they gain. A few bent planes always resemble some
@@ -13,9 +14,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::covariance::covariance;
 use crate::lens::Lens;
-use crate::noise::{Assumption, FIELDS, FLAT, Noise, PictureFields, SideErrors, white_variance};
+use crate::noise::{Assumption, FIELDS, Noise, PictureFields, SideErrors, white_variance};
 use crate::numeric::{ArrowSystem, chi_square_tail};
-use crate::observations::{BoardRelief, FreeParameters, ObservedPlane};
+use crate::observations::{
+    Deformation, DeformationKind, DeformationPrior, FreeParameters, ObservedPlane,
+};
 use crate::refine::Refined;
 use crate::result::{Calibration, Warning};
 
@@ -26,12 +29,13 @@ const CHANCE: f64 = 1e-3;
 /// Twice the logarithm of the odds by which an explanation has to be better than the others.
 const CLEARLY: f64 = 12.0;
 
-/// Variances of the planes' relief that are tried: none, and heights from a thousandth of half the
-/// extent to a tenth.
-const RELIEFS: [f64; 5] = [FLAT, NEARLY_FLAT, 1e-5, 1e-4, 1e-2];
+/// Kinds of deformation, and variances of them, that are tried: heights from a thousandth of half the
+/// extent to a tenth, or such stretches.
+const KINDS: [DeformationKind; 2] = [DeformationKind::Bent, DeformationKind::Stretched];
+const VARIANCES: [f64; 4] = [NEARLY_EXACT, 1e-5, 1e-4, 1e-2];
 
-/// The smallest of them, which absorbs the little that a model leaves.
-const NEARLY_FLAT: f64 = 1e-6;
+/// The smallest variance, which absorbs the little that a model leaves.
+const NEARLY_EXACT: f64 = 1e-6;
 
 /// Variances (px^2) that are tried of the positions of the sides of squares that are not square,
 /// each `LINES_RATIO` times the one before.
@@ -40,10 +44,10 @@ const LINES_RATIO: f64 = 10.0;
 
 /// Conclusion from the residuals about the lens.
 pub(crate) enum LensVerdict {
-    /// The residuals do not require another lens, and no plane is bent.
+    /// The residuals do not require another lens, and no plane is deformed.
     Held,
-    /// Sheets that are not flat explain the residuals best.
-    NotFlat,
+    /// Sheets that are bent or stretched explain the residuals best.
+    Deformed,
     /// Fields alone explain the residuals: the change of the free parameters with a lens that has
     /// them, to first order.
     Beyond(DVector<f64>),
@@ -84,46 +88,49 @@ pub(crate) fn beyond_lens<L: Lens>(
         SideErrors::gather(planes, (free, Some(fields)), view, noise, white)
     };
     let deviations = [false, true].map(|any| PictureFields::deviations(free, any));
-    let mut flat = gather(planes)?;
-    if !flat.has_board_relief() {
-        flat.set_field_priors(&deviations[1]);
-        let system = flat.marginal(&vec![0.0; planes.len()])?;
+    let mut exact = gather(planes)?;
+    if !exact.has_deformation() {
+        exact.set_field_priors(&deviations[1]);
+        let system = exact.marginal(&vec![0.0; planes.len()])?;
         let gain = 2.0 * system.freeing_gain(FIELDS)?;
         if chi_square_tail(gain, PictureFields::count(free)) > CHANCE {
             return Some(LensVerdict::Held);
         }
     }
-    // A square may be bent like a board, but its samples show less of the bend.
+    // A square may be deformed like a board, but its samples show less of a bend.
     let mut planes = planes.to_vec();
     for (plane, state) in planes.iter_mut().zip(&view.planes) {
-        if plane.board_relief.is_none() && !plane.is_outlier() {
-            plane.board_relief = Some(BoardRelief::flat(plane, view, state)?);
+        if plane.deformation.is_none() && !plane.is_outlier() {
+            plane.deformation = Some(Deformation::none(plane, view, state)?);
         }
     }
     let mut errors = gather(&planes)?;
-    let [bent, beyond] = Explanation::bent(&mut errors, deviations)?;
-    let misshapen = Explanation::misshapen(&mut flat, deviations[0]);
+    let [deformed, beyond] = Explanation::deformed(&mut errors, deviations)?;
+    let misshapen = Explanation::misshapen(&mut exact, deviations[0]);
     let misshapen_criterion = misshapen
         .as_ref()
         .map_or(f64::INFINITY, |explanation| explanation.criterion);
-    if bent.relief > NEARLY_FLAT && bent.criterion + CLEARLY < beyond.flat.min(misshapen_criterion)
+    if deformed.is_notable() && deformed.criterion + CLEARLY < beyond.exact.min(misshapen_criterion)
     {
-        return Some(LensVerdict::NotFlat);
+        return Some(LensVerdict::Deformed);
     }
-    if beyond.criterion + CLEARLY < bent.criterion.min(misshapen_criterion) {
-        let needs_relief = beyond.flat + CLEARLY >= bent.criterion.min(misshapen_criterion);
-        return Some(match beyond.relief > FLAT && needs_relief {
-            true => LensVerdict::Unclear { is_evident: true },
-            false => LensVerdict::Beyond(beyond.change(&mut errors, free)?),
-        });
+    if beyond.criterion + CLEARLY < deformed.criterion.min(misshapen_criterion) {
+        let needs_deformation =
+            beyond.exact + CLEARLY >= deformed.criterion.min(misshapen_criterion);
+        return Some(
+            match beyond.deformation != DeformationPrior::EXACT && needs_deformation {
+                true => LensVerdict::Unclear { is_evident: true },
+                false => LensVerdict::Beyond(beyond.change(&mut errors, free)?),
+            },
+        );
     }
     if let Some(misshapen) =
-        misshapen.filter(|explanation| explanation.criterion + CLEARLY < bent.flat)
+        misshapen.filter(|explanation| explanation.criterion + CLEARLY < deformed.exact)
     {
-        let is_lens_off = beyond.flat < misshapen_criterion + CLEARLY;
+        let is_lens_off = beyond.exact < misshapen_criterion + CLEARLY;
         return Some(LensVerdict::NoSquares(NoSquares {
-            change: misshapen.change(&mut flat, free)?,
-            covariance: misshapen.covariance(&mut flat, free)?,
+            change: misshapen.change(&mut exact, free)?,
+            covariance: misshapen.covariance(&mut exact, free)?,
             displacement: misshapen.line_variance.sqrt(),
             lens: match is_lens_off {
                 true => Some(beyond.change(&mut errors, free)?),
@@ -131,10 +138,12 @@ pub(crate) fn beyond_lens<L: Lens>(
             },
         }));
     }
-    if beyond.flat + CLEARLY < bent.flat && beyond.flat < bent.criterion.min(misshapen_criterion) {
+    if beyond.exact + CLEARLY < deformed.exact
+        && beyond.exact < deformed.criterion.min(misshapen_criterion)
+    {
         return Some(LensVerdict::Likely(beyond.change(&mut errors, free)?));
     }
-    Some(match bent.relief > NEARLY_FLAT {
+    Some(match deformed.is_notable() {
         true => LensVerdict::Unclear { is_evident: false },
         false => LensVerdict::Held,
     })
@@ -144,47 +153,51 @@ pub(crate) fn beyond_lens<L: Lens>(
 struct Explanation {
     /// Standard deviations of the picture's fields.
     fields: [f64; FIELDS],
-    /// Variance of the planes' relief.
-    relief: f64,
+    deformation: DeformationPrior,
     /// Variance of the positions of squares' sides (px^2).
     line_variance: f64,
     /// Variance of the own errors of each plane's sides.
     variances: Vec<f64>,
     /// Minus twice the logarithm of the likelihood.
     criterion: f64,
-    /// The same without a relief.
-    flat: f64,
+    /// The same without a deformation.
+    exact: f64,
 }
 
 impl Explanation {
-    /// Explanations by bent or flat planes, with fields of either strength.
-    fn bent(errors: &mut SideErrors, fields: [[f64; FIELDS]; 2]) -> Option<[Self; 2]> {
-        let assumptions = |relief| {
-            fields
-                .each_ref()
-                .map(|fields| Assumption { relief, fields })
+    /// Explanations by deformed or exact planes, with fields of either strength.
+    fn deformed(errors: &mut SideErrors, fields: [[f64; FIELDS]; 2]) -> Option<[Self; 2]> {
+        let of_kind = |kind| VARIANCES.map(|variance| DeformationPrior { kind, variance });
+        let exact = std::iter::once(DeformationPrior::EXACT);
+        let priors: Vec<DeformationPrior> =
+            exact.chain(KINDS.into_iter().flat_map(of_kind)).collect();
+        let assumptions = |deformation: &DeformationPrior| {
+            let deformation = *deformation;
+            let under = |fields| Assumption {
+                deformation,
+                fields,
+            };
+            fields.each_ref().map(|fields| under(fields))
         };
-        let tried: Vec<Assumption<'_>> = RELIEFS.into_iter().flat_map(assumptions).collect();
+        let tried: Vec<Assumption<'_>> = priors.iter().flat_map(assumptions).collect();
         let found = errors.likeliest_under(&tried, None);
         let mut likeliest = |index: usize| {
-            let (_, flat) = found[index]?; // FLAT comes first
+            let (_, exact) = found[index]?; // the first prior
             let found = found.iter().skip(index).step_by(fields.len());
-            let criteria = RELIEFS.into_iter().zip(found);
-            let criteria = criteria.filter_map(|(relief, found)| Some((relief, (*found)?)));
-            let by_criterion =
-                |a: &(f64, (f64, f64)), b: &(f64, (f64, f64))| a.1.1.total_cmp(&b.1.1);
-            let (relief, common) = criteria.min_by(by_criterion)?;
+            let found = priors.iter().zip(found);
+            let found = found.filter_map(|(prior, found)| Some((*prior, (*found)?)));
+            let (deformation, common) = found.min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
             let fields = fields[index];
             errors.set_field_priors(&fields);
-            errors.set_relief_variance(relief);
+            errors.set_deformation_prior(deformation);
             let (variances, criterion) = errors.likeliest(common)?;
             Some(Self {
                 fields,
-                relief,
+                deformation,
                 line_variance: 0.0,
                 variances,
                 criterion: criterion + prior_norm(&fields),
-                flat: flat + prior_norm(&fields),
+                exact: exact + prior_norm(&fields),
             })
         };
         Some([likeliest(0)?, likeliest(1)?])
@@ -192,13 +205,13 @@ impl Explanation {
 
     /// Explanation by squares that are not square, with fields; `None` without squares.
     fn misshapen(errors: &mut SideErrors, fields: [f64; FIELDS]) -> Option<Self> {
-        let flat = Assumption {
-            relief: FLAT,
+        let exact = Assumption {
+            deformation: DeformationPrior::EXACT,
             fields: &fields,
         };
         let tried = LINES.iter().filter_map(|line_variance| {
             errors.set_line_variance(*line_variance).then_some(())?;
-            let (variance, criterion) = errors.likeliest_under(&[flat], None)[0]?;
+            let (variance, criterion) = errors.likeliest_under(&[exact], None)[0]?;
             Some((*line_variance, variance, criterion + prior_norm(&fields)))
         });
         let tried: Vec<(f64, f64, f64)> = tried.collect();
@@ -216,12 +229,17 @@ impl Explanation {
         });
         Some(Self {
             fields,
-            relief: FLAT,
+            deformation: DeformationPrior::EXACT,
             line_variance,
             variances: vec![variance; errors.plane_count()],
             criterion,
-            flat: criterion,
+            exact: criterion,
         })
+    }
+
+    /// Whether targets are deformed by more than a model may leave.
+    fn is_notable(&self) -> bool {
+        self.deformation.variance > NEARLY_EXACT
     }
 
     /// Returns the change of the free parameters, to first order.
@@ -240,13 +258,13 @@ impl Explanation {
     /// Returns the normal equations under this explanation.
     fn system(&self, errors: &mut SideErrors) -> Option<ArrowSystem> {
         errors.set_field_priors(&self.fields);
-        errors.set_relief_variance(self.relief);
+        errors.set_deformation_prior(self.deformation);
         errors.set_line_variance(self.line_variance);
         errors.marginal(&self.variances)
     }
 }
 
-/// Normalisation of the fields' prior, as those of the relief and of the sides have it.
+/// Normalisation of the fields' prior, as those of the deformations and of the sides have it.
 fn prior_norm(fields: &[f64]) -> f64 {
     fields.iter().map(|std| 2.0 * std.ln()).sum()
 }

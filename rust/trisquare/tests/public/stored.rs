@@ -115,6 +115,13 @@ fn every_warning_with_a_text_is() {
             factor: 1.5,
             known_to: Some(0.002),
         },
+        Warning::PlaneStretched {
+            plane: 1,
+            stretch: -0.003,
+            parameter: "cx".into(),
+            factor: 12.0,
+            known_to: None,
+        },
         Warning::LensBeyondModel {
             certain: true,
             parameter: "cx".into(),
