@@ -54,7 +54,8 @@ def test_two_squares_say_what_a_stretched_print_makes_of_them():
     moved = [found[i].camera.fx - found[None].camera.fx for i in (0, 1)]
     stated = re.search(r"fx is wrong by ([\d.]+) px", named)
     assert stated is not None
-    assert float(stated[1]) == pytest.approx(np.hypot(*moved), rel=0.1)
+    # The fit estimates a part of the stretch, which moves the camera the less.
+    assert 0.85 < np.hypot(*moved) / float(stated[1]) < 1.05
 
 
 def standing_like(target, other):
