@@ -286,7 +286,7 @@ def test_ten_thousand_unreadable_files(run, folder):
 
 @pytest.mark.slow
 def test_ctrl_c_is_one_line_and_the_next_run_goes_on(folder):
-    make_pictures(folder, [f"in/cam{number}.png" for number in range(60)])
+    make_pictures(folder, [f"in/cam{number}.png" for number in range(200)])
     command = [*COMMAND, "batch", "in", "-o", "out", "--json"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
@@ -301,7 +301,7 @@ def test_ctrl_c_is_one_line_and_the_next_run_goes_on(folder):
     assert json.loads(err)["error"]["text"] == "interrupted"
     there = journal.read_bytes().count(b"\n")
     answer = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
-    assert (answer["cameras"], answer["done_now"]) == (62, 62 - there)
+    assert (answer["cameras"], answer["done_now"]) == (202, 202 - there)
 
 
 @pytest.mark.slow

@@ -205,8 +205,7 @@ impl fmt::Display for Cause {
             ),
             Self::Open { planes, degrees } => write!(
                 f,
-                "the {planes} planes, of which no two differ by more than {degrees:.1} degrees, \
-                 determine too few parameters"
+                "the {planes} planes, at most {degrees:.1} degrees apart, determine too few parameters"
             ),
         }
     }
