@@ -13,6 +13,7 @@ use crate::lens::{DistortionModel, INTRINSICS, Lens};
 use crate::result::Calibration;
 
 /// A model, its fit to the edge samples, and the logarithm of its evidence up to a constant.
+#[derive(Clone)]
 pub(crate) struct WeighedModel<L: Lens> {
     pub model: L::Model,
     pub fit: Calibration<L>,

@@ -23,6 +23,9 @@ use crate::uncertainty::widen;
 /// Penalty on the log evidence of a model whose valid radius ends inside the picture, as no real
 /// camera's does. One unit is too little evidence to prefer such a model.
 const ENDS_IN_PICTURE: f64 = 1.0;
+/// Loss of log evidence of the models that are too poor for the lens according to the residuals at
+/// one place of the picture, which the evidence does not use: these have odds of 400 for it.
+const CONTRADICTED: f64 = 6.0;
 
 /// A model that was considered and not chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -193,6 +196,43 @@ impl<L: Lens> WeighedModels<L> {
         options: &Options<L>,
         photographs: Option<&Photographs<'_>>,
     ) -> Result<ModelChoice<L>, Error> {
+        let found = self.answer_with_chosen(edges, size, options, photographs)?;
+        match self.without_contradicted(&found.calibration) {
+            Some(others) => others.answer_with_chosen(edges, size, options, photographs),
+            None => Ok(found),
+        }
+    }
+
+    /// The models with less evidence for those that the residuals of the chosen one contradict;
+    /// `None` if the choice remains.
+    fn without_contradicted(&self, found: &Calibration<L>) -> Option<Self> {
+        let cure = found.warnings.iter().find_map(|warning| match warning {
+            Warning::LensBeyondModel { cure, .. } => cure.as_ref(),
+            _ => None,
+        });
+        let (cure, _) = cure?;
+        let mut models = self.models.clone();
+        let contradicted = models
+            .iter()
+            .position(|other| other.model.name() == *cure)?;
+        for poorer in &mut models[..contradicted] {
+            poorer.log_evidence -= CONTRADICTED;
+        }
+        let chosen = best(&models)?;
+        (chosen != self.chosen).then(|| Self {
+            models,
+            chosen,
+            nested: self.nested.clone(),
+        })
+    }
+
+    fn answer_with_chosen(
+        &self,
+        edges: &[PlaneEdges],
+        size: ImageSize,
+        options: &Options<L>,
+        photographs: Option<&Photographs<'_>>,
+    ) -> Result<ModelChoice<L>, Error> {
         let WeighedModel {
             model,
             log_evidence: reference,
@@ -304,6 +344,26 @@ mod tests {
             camera: scene.camera.with_parameters(&parameters),
             ..scene.clone()
         }
+    }
+
+    #[test]
+    fn a_model_that_residuals_contradict_yields_to_its_cure() {
+        let lens = bent(&scene(false), [-0.15, 0.0, 0.0, 0.0, 0.0]);
+        let edges = lens.edges(3, 0.05, 6.0);
+        let weighed = WeighedModels::of(&edges, lens.size, &Options::<Brown>::default()).unwrap();
+        let (model, fit) = weighed.chosen();
+        assert_eq!(model, BrownModel::Radial1);
+        let mut found = fit.clone();
+        assert!(weighed.without_contradicted(&found).is_none());
+        found.warnings.push(Warning::LensBeyondModel {
+            certain: false,
+            parameter: "k1".into(),
+            factor: 2.0,
+            cure: Some(("radial2".into(), 900.0)),
+            held: Vec::new(),
+        });
+        let others = weighed.without_contradicted(&found).unwrap();
+        assert_eq!(others.chosen().0, BrownModel::Radial2);
     }
 
     #[test]

@@ -226,3 +226,55 @@ fn plane_point<L: Lens>(
     let is_seen = point.iter().all(|v| v.is_finite()) && distance > 0.0;
     is_seen.then(|| (point.xy(), distance, pose.rotation.tr_mul(&ray)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::Columns;
+    use crate::observations::{Placement, TERMS, sort_by_plane};
+    use crate::synthetic::{Scene, SceneOptions};
+
+    /// Small enough for one step of a finite difference.
+    const STEP: f64 = 1e-6;
+
+    #[test]
+    fn the_effects_of_the_terms_are_the_derivatives_of_the_displacement() {
+        let truth = Scene::random(4, SceneOptions::default());
+        let planes = sort_by_plane(&truth.edges(1, 0.0, 25.0)).unwrap();
+        let lens = truth.camera;
+        let state = |pose: &crate::geometry::Pose| PlaneState {
+            pose: *pose,
+            figures: vec![Placement::IDENTITY],
+        };
+        let view = View {
+            lens,
+            planes: truth.poses.iter().map(state).collect(),
+            relations: Vec::new(),
+        };
+        for (plane, state) in planes.iter().zip(&view.planes) {
+            let none = Deformation::none(plane, &view, state).unwrap();
+            for side in plane.sides() {
+                let line = state.line(0, &side.line().unwrap());
+                let sample = &side.samples[side.samples.len() / 3];
+                let ray = lens.unproject_with_jacobian(&sample.pixel).unwrap();
+                let wrt_line = lens
+                    .line_distance_jacobian(&ray, &line, Columns::NONE)
+                    .wrt_line;
+                let found = none
+                    .displacements((&lens, state), &line, &wrt_line, sample)
+                    .unwrap();
+                for term in 0..TERMS {
+                    let [more, less] = [STEP, -STEP].map(|change| {
+                        let mut changed = none;
+                        changed.terms[term] += change;
+                        let of = (&lens, state);
+                        changed.displacement(of, &line, &wrt_line, sample).unwrap()
+                    });
+                    let expected = (more - less) / (2.0 * STEP);
+                    let scale = found.amax();
+                    assert!((found[term] - expected).abs() < 1e-6 * scale, "term {term}");
+                }
+            }
+        }
+    }
+}

@@ -174,7 +174,7 @@ impl SideErrors {
 
     /// The equations of one plane marginalised over the displacements of its sides, and their
     /// contribution to minus twice the log likelihood. They do not include the prior of the
-    /// yet.
+    /// deformation yet.
     fn marginalise(&self, plane: usize, variance: f64) -> Option<(BlockEquations, f64)> {
         let mut equations = self.system.blocks[plane].equations();
         let mut criterion = 0.0;
@@ -208,8 +208,8 @@ impl SideErrors {
         Some((equations, sides_criterion + pose_criterion))
     }
 
-    /// Adds the prior of a plane's deformation to its equations; returns its contribution to minus twice
-    /// the log likelihood.
+    /// Adds the prior of a plane's deformation to its equations; returns its contribution to minus
+    /// twice the log likelihood.
     pub(super) fn add_deformation_prior(
         &self,
         plane: usize,
