@@ -53,17 +53,20 @@ def test_a_picture_without_squares_is_named_and_left_out(run, tmp_path, paths):
 
 def test_files_are_named_where_pictures_are_counted(run, tmp_path, paths):
     """A user looks for a photograph on the disk, not for an index."""
-    code, out, err = run("calibrate", paths["b"], paths["c"], paths["a"], "--tone", "1.1", "-v")
-    assert code == 0
-    assert "\npictures: 0 b.png, 1 c.png, 2 a.png\n" in out
-    # The estimate from profiles under a wrong curve is rough.
-    for index, name in ((0, "b"), (2, "a")):
-        assert re.search(rf"picture {index} \({name}\.png\): a gamma of about (1\.[6-9]|2\.)", err)
     result = ts.calibrate([paths["a"], PICTURES[1]])
     assert result.pictures == ("a.png", "")
     assert ts.Calibration.from_json(result.to_json()).pictures == result.pictures
     assert result == ts.calibrate(PICTURES)
     assert hash(result) == hash(ts.calibrate(PICTURES))
+    # Under a wrong curve the estimate of gamma is rough: that of the first scene is 1.8.
+    third = squares(54, camera=FIRST.camera)
+    picture = simulate.render(third, np.random.default_rng(2), noise=2.0, tone="srgb")
+    cv2.imwrite(str(paths["a"]), picture)
+    code, out, err = run("calibrate", paths["b"], paths["c"], paths["a"], "--tone", "1.1", "-v")
+    assert code == 0
+    assert "\npictures: 0 b.png, 1 c.png, 2 a.png\n" in out
+    assert "picture 0 (b.png): a gamma of about 2." in err
+    assert "picture 2 (a.png): a gamma of about 2." in err
 
 
 def test_a_warning_about_a_plane_says_in_which_file_it_is():

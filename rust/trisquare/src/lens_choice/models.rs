@@ -210,12 +210,10 @@ impl<L: Lens> WeighedModels<L> {
             Warning::LensBeyondModel { cure, .. } => cure.as_ref(),
             _ => None,
         });
-        let (cure, _) = cure?;
+        let (name, _) = cure?;
         let mut models = self.models.clone();
-        let contradicted = models
-            .iter()
-            .position(|other| other.model.name() == *cure)?;
-        for poorer in &mut models[..contradicted] {
+        let cure = models.iter().position(|own| own.model.name() == *name)?;
+        for poorer in &mut models[..cure] {
             poorer.log_evidence -= CONTRADICTED;
         }
         let chosen = best(&models)?;
@@ -226,6 +224,7 @@ impl<L: Lens> WeighedModels<L> {
         })
     }
 
+    /// The calibration with the chosen model, whatever its residuals say about the lens.
     fn answer_with_chosen(
         &self,
         edges: &[PlaneEdges],

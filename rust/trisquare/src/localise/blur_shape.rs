@@ -2,8 +2,8 @@
 //!
 //! A camera that moves while the shutter is open spreads light over a box, and a lens out of focus
 //! over a disc. A tone curve turns the difference from a normal blur, though symmetric, into a
-//! shift of the edge: with a motion of 14 pixels and sRGB, fx is wrong by 0.2 %. The curve itself
-//! was lost by a normal shape under discs of 1.2 to 1.6 pixels and hardly any other blur.
+//! shift of the edge: with a motion of 14 pixels and sRGB, fx is wrong by 0.2 %. With a normal
+//! shape, the estimate of the tone curve failed for discs of 1.2 to 1.6 pixels and little other blur.
 
 use super::band::Pixel;
 use super::blur::{BlurShape, MAX_BOX_SQUARE};

@@ -190,8 +190,7 @@ impl FittedEquations {
     }
 
     /// Equations marginalised over the displacements: planes with a deformation are fitted by
-    /// generalised
-    /// least squares. `drift` is the covariance from the errors of the tone curves.
+    /// generalised least squares. `drift` is the covariance from the errors of the tone curves.
     fn marginalised(system: &ArrowSystem, drift: DMatrix<f64>) -> Option<Self> {
         Some(Self {
             covariance: covariance(system, 1.0)? + drift,

@@ -4,9 +4,8 @@
 //!
 //! Two explanations of the residuals are compared: sides with errors and sheets with bends or
 //! stretches of their own, or squares that are not square; and, in addition, further fields that
-//! displace the picture
-//! ([`crate::noise::PictureFields`]). The fields have a normal prior of the strength that lenses
-//! have, so that the restricted likelihoods compare as marginal ones do: fields that explain the
+//! displace the picture ([`crate::noise::PictureFields`]). The fields have a normal prior of the
+//! strength that lenses have, so that the restricted likelihoods compare as marginal ones do: fields that explain the
 //! sides' own errors by chance cost more than they gain. A few bent planes always resemble some
 //! lens a little; but if a lens is the only cause, no bend is left beside its fields.
 
@@ -29,7 +28,7 @@ const CHANCE: f64 = 1e-3;
 /// Twice the logarithm of the odds by which an explanation has to be better than the others.
 const CLEARLY: f64 = 12.0;
 
-/// Kinds of deformation, and variances of them, that are tried: heights from a thousandth of half the
+/// Kinds of deformation and their variances that are tried: heights from a thousandth of half the
 /// extent to a tenth, or such stretches.
 const KINDS: [DeformationKind; 2] = [DeformationKind::Bent, DeformationKind::Stretched];
 const VARIANCES: [f64; 4] = [NEARLY_EXACT, 1e-5, 1e-4, 1e-2];
@@ -171,13 +170,11 @@ impl Explanation {
         let exact = std::iter::once(DeformationPrior::EXACT);
         let priors: Vec<DeformationPrior> =
             exact.chain(KINDS.into_iter().flat_map(of_kind)).collect();
-        let assumptions = |deformation: &DeformationPrior| {
-            let deformation = *deformation;
-            let under = |fields| Assumption {
+        let assumptions = |&deformation: &DeformationPrior| {
+            fields.each_ref().map(|fields| Assumption {
                 deformation,
                 fields,
-            };
-            fields.each_ref().map(|fields| under(fields))
+            })
         };
         let tried: Vec<Assumption<'_>> = priors.iter().flat_map(assumptions).collect();
         let found = errors.likeliest_under(&tried, None);
